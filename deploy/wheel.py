@@ -15,7 +15,8 @@ from pathlib import Path
 TOP = Path(__file__).parents[1]
 DOCS = TOP / "gateway" / "docs_site"  # of `make site`
 UPLOT = TOP / "gateway" / "web" / "static" / "vendor" / "uPlot.iife.min.js"  # of `make web`
-_LEFT_OUT = ("__pycache__", "deb", "get-*.sh", "npm", "wheel.py")  # what only builders need
+BACKEND = TOP / "deploy" / "backend"
+_LEFT_OUT = ("__pycache__", "backend", "deb", "get-*.sh", "npm", "wheel.py")  # what only builders need
 
 
 def project_version() -> str:
@@ -55,6 +56,7 @@ def build_wheel(out: Path) -> Path:
         kit = tree / "gateway" / "deploy_kit"
         shutil.copytree(TOP / "deploy", kit, ignore=shutil.ignore_patterns(*_LEFT_OUT))
         shutil.copytree(TOP / "config", kit / "config")
+        shutil.copytree(BACKEND, tree / BACKEND.relative_to(TOP))
         for name in ("pyproject.toml", "README.md", "LICENSE"):
             shutil.copyfile(TOP / name, tree / name)
         _same_modes(tree)

@@ -185,7 +185,7 @@ async def running(
     )
     past = here.history if has_past else None
     # Seldom: it would look at the same instant as what is tested.
-    services = StarterServices(policy, may_write=True, monitor_every_s=3600.0, past=past, records=records)
+    services = StarterServices(monitor_every_s=3600.0, past=past)
     here.services = services
     bus.connect(policy, services, here.history, here.sink)
     plant = here.plant = Plant(

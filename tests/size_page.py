@@ -1,7 +1,7 @@
 """Measures the size of the code, and writes docs/size.md: run it with `python -m tests.size_page`.
 
 Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`).
-`python -m tests.size_page build/times.xml` writes the time of the tests by folder, as `make times` has measured it.
+`python -m tests.size_page build/times.xml` writes the time of the tests by folder, as `make times` measured.
 A code line is a line that is neither blank, docstring, comment nor import.
 """
 

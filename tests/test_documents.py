@@ -24,7 +24,6 @@ _OF_USERS = {
     "es.csv",
     "pt.csv",
     "parameters.csv",
-    "clock.json",
     "mosquitto.conf",  # of a kit
     "bridge.conf",
 }

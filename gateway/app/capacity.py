@@ -1,7 +1,4 @@
-"""What a configuration asks of its lines, which watchdogs would trip on them, and what would help.
-
-Also what `fast_words` would spare a line.
-"""
+"""What a configuration asks of its lines, which watchdogs would trip on them, and what would help."""
 
 from __future__ import annotations
 
@@ -17,15 +14,13 @@ from gateway.config.schema import Baud, Config, LineTable, StarterTable
 from gateway.families.diagnosis.identify import identify_requests
 from gateway.line.capacity import deadline_check
 from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, with_deadlines
-from gateway.line.capacity.forecast import Forecast, PollForecast, forecast, longest_gap_s
+from gateway.line.capacity.forecast import Forecast, forecast
 from gateway.line.capacity.outage import first_requests_s, start_order
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
-from gateway.starters.setup import StarterSetup, fast_polls_of, polls_of
-from gateway.starters.telemetry.polling import IDLE_FACTOR
+from gateway.starters.setup import StarterSetup, polls_of
 
 LONGEST_EVERY_S = 3600.0
-VALUES, STANDING = "values", "values_standing"  # a group, and its age while the motor stands
 
 Holds = Callable[[Sequence[Poll], LineTiming], bool]
 
@@ -35,7 +30,6 @@ class StarterCapacity:
     """One starter's share of a line."""
 
     table: StarterTable
-    ages_s: dict[str, float]  # by group of values, STANDING beside them: an estimate of the oldest they get
     gap_s: float  # an estimate of the longest time between two requests to it without commands
     first_poll_s: float  # at the latest until it gets its first request after the line's port is open
     margin_s: (
@@ -56,15 +50,6 @@ class LineCapacity:
         return replace(self, forecast=replace(self.forecast, polls=()))
 
 
-@dataclass(frozen=True, slots=True)
-class FastGain:
-    """One starter's status and values, read as they stand in the starter and by mapped words."""
-
-    starter: str
-    requests: tuple[int, int]  # before and after
-    sweep_s: tuple[float, float]  # to ask for all of them once
-
-
 def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
     """Return what every line of a configuration will be like."""
     return tuple(_line(line) for line in config.lines)
@@ -73,15 +58,10 @@ def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
 def computed_of(line: LineCapacity) -> dict[str, Any]:
     """Return a line's computed worst-case statistics, for `B/gateway/line/{line}`."""
     margins_s = [each.margin_s for each in line.starters if each.margin_s is not None]
-    ages_s: dict[str, float] = {}
-    for starter in line.starters:
-        for group, age_s in starter.ages_s.items():
-            ages_s[group] = round(max(age_s, ages_s.get(group, 0.0)), 4)
     return {
         "load": round(line.forecast.load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
-        "age_s": ages_s,
         "watchdog_margin_s": round(min(margins_s), 4) if margins_s else None,
         "is_paced": all(each.table.every_s for each in line.starters),  # else it is to be always full
     }
@@ -137,26 +117,6 @@ def relief_of(line: LineTable) -> str:
     return ", or ".join(found)
 
 
-def fast_gains(line: LineTable) -> tuple[FastGain, ...]:
-    """Return what the starters of a line with `fast_words` gain by them."""
-    gains = []
-    for setup in setups_of(line):
-        if setup.has_fast_words and setup.is_enabled:
-            before, after = _often(polls_of(setup)), _often(fast_polls_of(setup))
-            sweeps_s = _sweep_s(line, before), _sweep_s(line, after)
-            gains.append(FastGain(setup.name, (len(before), len(after)), sweeps_s))
-    return tuple(gains)
-
-
-def fast_lines(line: LineTable) -> tuple[str, ...]:
-    """Return the same in words, a line for each starter."""
-    return tuple(
-        f"  fast words: {gain.starter}'s status and values take {gain.requests[1]} of {gain.requests[0]}"
-        f" requests, {gain.sweep_s[1]:.3f} s of {gain.sweep_s[0]:.3f} s (once they are mapped)"
-        for gain in fast_gains(line)
-    )
-
-
 def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
     limit_s, margin_s = starter.table.watchdog_s, starter.margin_s
     if limit_s is None or margin_s is None or isinf(margin_s):
@@ -189,30 +149,10 @@ def _line(line: LineTable) -> LineCapacity:
 def _starter(
     table: StarterTable, setup: StarterSetup, whole: Forecast, *, first_poll_s: float
 ) -> StarterCapacity:
-    own = [each for each in whole.polls if each.poll.unit == setup.address]
-    ages_s: dict[str, float] = {}
-    for each in own:
-        ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
-    values = [each for each in own if each.poll.group == VALUES]
-    if values:
-        ages_s[STANDING] = max(_ages_standing_s(values))
-    gap_s = longest_gap_s(whole, setup.address)
+    gap_s = whole.gaps_s[setup.address]
     promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
     margin_s = table.watchdog_s - promised_s if table.watchdog_s else None
-    return StarterCapacity(table, ages_s, gap_s, first_poll_s, margin_s)
-
-
-def _ages_standing_s(values: Sequence[PollForecast]) -> Iterable[float]:
-    """Return the ages that a starter's values reach while its motor stands and all others run."""
-    spared = sum(each.cost_s / each.poll.every_s for each in values if each.poll.every_s)
-    spared *= 1.0 - 1.0 / IDLE_FACTOR
-    for each in values:
-        every_s = each.poll.every_s
-        if not every_s:
-            yield each.age_s
-            continue
-        factor = max(each.period_s / every_s - spared, 1.0)
-        yield each.age_s - each.period_s + IDLE_FACTOR * every_s * factor
+    return StarterCapacity(table, gap_s, first_poll_s, margin_s)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:
@@ -287,11 +227,3 @@ def _least(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> fl
         middle = (low + high) // 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return float(high)
-
-
-def _often(polls: Sequence[Poll]) -> list[Poll]:
-    return [poll for poll in polls if poll.group != "slow"]
-
-
-def _sweep_s(line: LineTable, polls: Sequence[Poll]) -> float:
-    return forecast(polls, timing_of(line), allowance_s=line.adapter_allowance_s).sweep_s

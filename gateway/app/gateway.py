@@ -13,7 +13,7 @@ from collections.abc import Awaitable
 from gateway import __version__
 from gateway.app.parts import Parts
 from gateway.app.reload import newly_missed
-from gateway.app.restart.gaps import announcement
+from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.config.convert import policy_of, rights_of, setups_in
 from gateway.config.diff import ConfigChanges, changes_of, fixed
@@ -47,8 +47,6 @@ class App:
                 ("history", parts.uplink.disk_sync.pace),
                 ("incoming", parts.incoming.run),
                 ("capture", parts.capture.run),
-                ("clock", parts.clock_memory.run),
-                ("restart", parts.restart.run),
                 *((each.name, each.run) for each in parts.integrations),
             )
         ]
@@ -74,27 +72,24 @@ class App:
         log.info("ending: %s", reason)
         await self._announce_end(reason)
         await parts.dispatcher.close()
-        lines_ended_s = parts.clock.now_s()
         await parts.host.stop()
         parts.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
         await parts.plant.close()
         await parts.services.close()
         await parts.history.close()
         await parts.policy.identities.close()
-        await parts.clock_memory.close()
         await parts.watchdogs.close()
         await parts.policy.published_faults.close()
         await parts.state_dir.settle()
         await parts.uplink.close(reason)
         await asyncio.gather(parts.uplink.end(), parts.state_dir.close(reason))
-        await parts.restart.ended(parts.clock.now_s() - lines_ended_s)
 
     async def _announce_end(self, reason: str) -> None:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""
         parts = self._parts
         limits_s = {setup.name: parts.watchdogs.limit_s(setup) for setup in setups_in(parts.site.config)}
         text, data = await asyncio.to_thread(
-            announcement, reason, parts.site.prospects, parts.restart.times, limit_of=limits_s.get
+            announcement, reason, parts.site.prospects, limit_of=limits_s.get
         )
         parts.publish_event("stopping", Severity.WARNING if data["too_short"] else Severity.INFO, text, data)
 
@@ -132,8 +127,6 @@ class App:
             parts.plant.starters[name].republish_state()
         parts.dispatcher.apply_rights(rights_of(config))
         parts.state_dir.apply(is_read_only=not has_operators)
-        if not has_operators:
-            parts.services.forbid_writing()
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
         parts.watch_lines()

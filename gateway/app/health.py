@@ -111,7 +111,7 @@ class Health:
         self._cables: dict[str, CableHealth] = {}
         self._port_troubles: dict[str, str] = {}
         self._starter_troubles: dict[str, str] = {}
-        self._link_trouble = ""
+        self._link_trouble: str | None = ""
         self._is_ready = False
         self._is_changed = False
 
@@ -161,8 +161,8 @@ class Health:
             self._starter_troubles.pop(starter, None)
         self._publish_status()
 
-    def note_link(self, trouble: str) -> None:
-        """Record what is wrong with the connection to the broker; empty for nothing."""
+    def note_link(self, trouble: str | None) -> None:
+        """Record what is wrong with the connection to the broker; empty for nothing, None: still starting."""
         self._link_trouble = trouble
         self._publish_status()
 
@@ -217,7 +217,10 @@ class Health:
         troubles = [f"line {line}: {trouble}" for line, trouble in self._port_troubles.items()]
         troubles += [f"starter {name}: {trouble}" for name, trouble in self._starter_troubles.items()]
         troubles += [self._link_trouble] if self._link_trouble else []
-        self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
+        if self._link_trouble is None:
+            self._publisher.set_status("starting")
+        else:
+            self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
         self._notifier.status("; ".join(troubles) or "polling")
 
     def _check_load(self, now_s: float) -> None:

@@ -13,6 +13,7 @@ from gateway.records import PublishEvent, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.clock import Clock, ClockWatch
+from gateway.system.clock_steps import SETTLED_S
 from gateway.system.rate_limits import Damped
 from gateway.system.stalls import SuspendWatch
 
@@ -45,6 +46,7 @@ class IncomingCommands:
         self._publish_event = publish_event
         self._suspend_watch = suspend_watch
         suspend_watch.on_suspended = self._note_suspension
+        clock_watch.on_change = self._note_clock
         self._malformed = Damped(self._publish_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
     async def run(self) -> None:
@@ -98,3 +100,11 @@ class IncomingCommands:
         self._restate()
         text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
         self._publish_event("stood_still", Severity.WARNING, text)
+
+    def _note_clock(self, step: str | None) -> None:
+        """Publish a step of the clock, and that it counts again."""
+        if step is None:
+            self._publish_event("clock_trusted", Severity.INFO, "the clock is steady: issued_at counts again")
+        else:
+            text = f"{step}: issued_at does not count for {SETTLED_S:g} s"
+            self._publish_event("clock_stepped", Severity.WARNING, text)

@@ -24,9 +24,8 @@ from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.app.restart.watch import RestartWatch
 from gateway.app.site import Site
-from gateway.app.state_files import ClockMemory, StateFiles
+from gateway.app.state_files import StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
 from gateway.line.thread import LineHost
@@ -34,7 +33,6 @@ from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
 from gateway.records import RecordBus, RecordWriter, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.commands.ledger import Proofs
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -66,8 +64,6 @@ class Parts:
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
         self.latest = LatestRecords(self.uplink.publisher.values)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
-        self.clock_memory = ClockMemory(self.clock_watch, self.files.clock, publish_event=self.publish_event)
-        self.restart = RestartWatch(self.files.restart)
         self.state_dir = self._build_state_dir()
         self.watchdogs = self._build_watchdogs()
         self.policy = self._build_policy()
@@ -96,6 +92,7 @@ class Parts:
 
     def _connect(self) -> None:
         self.uplink.outbox.on_delivered = self._note_delivered
+        self.health.note_link(None)
         self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
         self._bus.connect(
             self.state_dir,  # the audit has a decision before any client can read of it
@@ -106,7 +103,7 @@ class Parts:
             self.uplink.publisher,
             self._page,  # what it plots has been published
             self.latest,
-            self.restart,
+            self.uplink.leftovers,
             *self.integrations,
         )
 
@@ -174,12 +171,7 @@ class Parts:
         )
 
     def _build_services(self) -> StarterServices:
-        return StarterServices(
-            self.policy,
-            records=self._records,
-            may_write=bool(self.site.config.operators),
-            past=self.history,
-        )
+        return StarterServices(past=self.history)
 
     def _build_plant(self) -> Plant:
         return Plant(
@@ -215,7 +207,7 @@ class Parts:
             stood_still_s=self._suspend_watch.ended_s,
             set_baseline=self.history.set_baseline,
             on_stop=self.uplink.renew_token,
-            proofs=Proofs(HOLD_S, boot=lambda: self._boot.token, renew=self.uplink.renew_boot),
+            provable_s=HOLD_S,
         )
 
     def _build_incoming(self) -> IncomingCommands:

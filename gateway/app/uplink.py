@@ -22,7 +22,8 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
-from gateway.mqtt.contract.topics import Topics
+from gateway.mqtt.contract.topics import LINE, RetainedTopic, Topics
+from gateway.mqtt.leftovers import Leftovers
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -56,7 +57,8 @@ class Uplink:
         publish_event: PublishEvent,
     ) -> None:
         self._on_incoming: Callable[[Incoming], None]
-        self._on_link: Callable[[str], None]
+        self._on_link: Callable[[str | None], None]
+        self._trouble: str | None = None  # with the connection; None: there is none yet
         self._connection: BrokerConnection
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
@@ -78,6 +80,15 @@ class Uplink:
             wake=self.publisher.wake,
         )
         self._config = site.config
+        self.leftovers = Leftovers(
+            self.topics,
+            tokens,
+            is_current=self._is_configured,
+            is_published=self.outbox.latest.__contains__,
+            clear=self.publisher.clear,
+            publish_event=publish_event,
+            on_read=self._note_read,
+        )
         self.publish_info(site.config)
         self._serving: asyncio.Task[None] | None = None
         self._moved = asyncio.Event()
@@ -86,11 +97,13 @@ class Uplink:
             lambda *_: self._connection.beat(), clock=clock, every_s=RENEWED_EVERY_S
         )
 
-    def connect(self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str], None]) -> None:
+    def connect(
+        self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str | None], None]
+    ) -> None:
         """Make the connection, which `run` opens; once, before anything else is called.
 
         `on_incoming` gets every message on a command topic, `on_link` what is wrong with the connection at
-        every change of it; empty for nothing.
+        every change of it: empty for nothing, None while what earlier runs left retained is being read.
         """
         self._on_incoming, self._on_link = on_incoming, on_link
         self._connection = self._made()
@@ -131,11 +144,6 @@ class Uplink:
             "outbox/oldest_s": float(statistics["oldest_s"]),
             "outbox/dropped": statistics["dropped"],
         }
-
-    def renew_boot(self) -> None:
-        """Invalidate the present run token and publish the next one."""
-        self._tokens.boot.renew()
-        self.publisher.restate()
 
     def renew_token(self) -> None:
         """Publish a new token now: a stop has come, and who starts after it must have read one since."""
@@ -206,20 +214,32 @@ class Uplink:
             pulse=self._fresh,
             on_version=self._note_version,
             listeners=self._listeners,
+            on_read=self.leftovers.take,
         )
         self.publisher.wake_with(connection.wake)
         return connection
 
     def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
         """Publish that the connection came or went; its run token comes and goes with it."""
+        self._trouble = trouble
         if is_connected:
             self._tokens.boot.connected(self._clock.now_s())
             self._publish_event("broker_connected", Severity.INFO, "connected to the broker")
+            self.leftovers.connected(self._connection)
         else:
+            self.leftovers.disconnected()
             self._tokens.boot.disconnected()
             self.publisher.restate()  # with the run token of the next connection
             self._publish_event("broker_away", Severity.WARNING, trouble)
-        self._on_link(trouble)
+        self._on_link(trouble if trouble or self.leftovers.is_read else None)
+
+    def _note_read(self) -> None:
+        self._on_link(self._trouble)
+
+    def _is_configured(self, found: RetainedTopic) -> bool:
+        """Return whether the starter or line of a retained topic is in the present configuration."""
+        tables = self._config.lines if found.kind == LINE else self._config.starters
+        return any(table.name == found.name for table in tables)
 
     def _fresh(self) -> Message:
         """Return the proof of freshness of this moment, for the live connection only."""

@@ -10,34 +10,27 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 from collections.abc import Iterator
-from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from gateway.app.capacity import (
-    STANDING,
-    VALUES,
     LineCapacity,
     StarterCapacity,
-    fast_gains,
-    fast_lines,
     prospects_of,
     relief_of,
 )
-from gateway.app.restart.gaps import planned_gaps
+from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
 from gateway.cli.doctor.machine import dated_remark
-from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
 from gateway.cli.scan.scan import stable_name
 from gateway.config.schema import Config, LineTable
-from gateway.errors import ConfigError, Problem, StartError
+from gateway.errors import ConfigError, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
 from gateway.line.capacity.outage import FEEDS, LOOK_S, WIDE_FACTOR, Gaps, Restart, gaps_of
-from gateway.storage.upkeep.versions import pending_in, refuse_newer
+from gateway.storage.upkeep.versions import refuse_newer
 from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
@@ -85,9 +78,7 @@ def _shorter(limit_s: float, gaps: Gaps) -> str:
 
 
 RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
-ROOM_FACTOR = 2  # a copy, and what SQLite writes while it converts
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
-_AGES = ("status", VALUES, STANDING, "slow")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,9 +106,7 @@ def run(args: argparse.Namespace) -> int:
     if args.upgrade:
         return _check_upgrade(args.config, site, as_json=args.json)
     config, prospects = site.config, prospects_of(site.config)
-    speed, demands = BoxSpeed.load(site.state_dir), demands_of(prospects)
-    too_much = "" if speed is None else excess(speed, demands)
-    overloads = [*_overloads(prospects), *([too_much] if too_much else [])]
+    overloads = list(_overloads(prospects))
     warnings = [
         *_line_warnings(prospects),
         *tight_watchdogs(prospects),
@@ -129,7 +118,6 @@ def run(args: argparse.Namespace) -> int:
             args.config,
             is_valid=True,
             language=language_line(config),
-            machine=None if speed is None else asdict(speed),
             lines=lines,
             warnings=[*overloads, *warnings],
         )
@@ -138,8 +126,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {overload}")
     print(f"{args.config}: valid, {_site(config)}")
     print(language_line(config))
-    if speed is not None:
-        print(f"this machine, as `doctor` measured it on {speed.day}, {capacity(speed, demands)}")
     for line in prospects:
         _print_line(line)
     for warning in warnings:
@@ -151,8 +137,6 @@ def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
     """Print what a restart with this version would do; NewerError, ConfigError, StartError."""
     _require_sight(site.state_dir)
     refuse_newer(site.state_dir)
-    pending = pending_in(site.state_dir)
-    _require_room(path, site.state_dir, sum(each.octets for each in pending))
     is_running = is_locked(site.state_dir, if_unseen=True)
     gaps = planned_gaps(site)
     tight = [gap for gap in gaps if not gap.is_safe] if is_running else []
@@ -161,25 +145,18 @@ def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
             path,
             is_valid=True,
             is_running=is_running,
-            converts=[{"file": p.format.name, "from": p.version, "to": p.format.version} for p in pending],
             starters=[gap.to_dict() for gap in gaps],
             is_restart_safe=not tight,
         )
         return RESTART_LATER if tight else 0
     print(f"{path}: accepted, and so is the state in {site.state_dir}")
-    for each in pending:
-        print(
-            f"{each.format.name}: the next start converts it from format {each.version} to "
-            f"{each.format.version}; {each.format.name}.{each.version} stays as the copy of before"
-        )
     if not is_running:
         print("no gateway runs with this state_dir: a start interrupts nothing")
     for gap in tight:
         print(
             f"{gap.starter}: a restart may leave it without a request for {gap.gap_s:.1f} s "
-            f"({'measured' if gap.is_measured else 'computed, never measured'}); "
-            f"its watchdog of "
-            f"{gap.limit_s:g} s is {gap.wanted_s - (gap.limit_s or 0.0):.1f} s too short to be safe"
+            f"at the worst; its watchdog of {gap.limit_s:g} s is "
+            f"{gap.wanted_s - (gap.limit_s or 0.0):.1f} s too short to be safe"
         )
     if tight:
         print("stop these motors first, or make their watchdogs longer; then restart the service")
@@ -199,13 +176,6 @@ def _require_sight(state_dir: Path) -> None:
         raise StartError(what, "run this as the gateway's user, or as root") from error
     except OSError:  # there is none yet
         return
-
-
-def _require_room(path: str, state_dir: Path, octets: int) -> None:
-    """Raise ConfigError when the copies of files that are to be converted have no room."""
-    if octets and shutil.disk_usage(state_dir).free < ROOM_FACTOR * octets:
-        what = f"has no room for the copies of what is to be converted, {octets / 2**20:.0f} MiB"
-        raise ConfigError(path, [Problem("gateway.state_dir", f"{state_dir} {what}", "make some room there")])
 
 
 def _print_json(path: str, **content: Any) -> None:
@@ -242,23 +212,16 @@ def _print_line(line: LineCapacity) -> None:
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'starter':{width}}  addr  family    about  status   values  standing     slow   watchdog")
+    print(f"  {'starter':{width}}  addr  family   watchdog")
     for starter in line.starters:
         each = starter.table
-        ages = "  ".join(_age(starter.ages_s.get(key)) for key in _AGES)
-        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
-    for text in fast_lines(table):
-        print(text)
+        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}   {_watchdog(starter)}")
     print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
     print(f"  {'starter':{width}}     works   crashes     hangs")
     for starter in line.starters:
         gaps = gaps_of_starter(starter)
         times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
         print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
-
-
-def _age(age_s: float | None) -> str:
-    return "       -" if age_s is None else f"{age_s:6.2f} s"
 
 
 def _watchdog(starter: StarterCapacity) -> str:
@@ -338,13 +301,11 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
         "watchdog_load": round(line.forecast.watchdog_load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
-        "fast_words": [asdict(gain) for gain in fast_gains(line.table)],
         "starters": [
             {
                 "starter": starter.table.name,
                 "address": starter.table.address,
                 "family": starter.table.family,
-                "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
                 "crash_gap_s": round(gaps.crash_s, 4),

@@ -7,7 +7,6 @@ import json
 
 from gateway.cli.command import whole_number
 from gateway.errors import CommandError, UsageError
-from gateway.families.mapped_registers import decode_mapped
 from gateway.families.profile.decode import decode_words
 from gateway.families.profile.load import ENGLISH, FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.parameters import find
@@ -26,11 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="address of the first word on the wire, zero-based, or its code: P003, S1.1.4, R13, COIL5",
     )
     parser.add_argument("words", metavar="WORD", nargs="+", help="decimal or 0x..; 0 or 1 for coils")
-    parser.add_argument(
-        "--map",
-        metavar="ID,..",
-        help="ssw900: the net ids or codes that are mapped onto the words (C8.1.1.5 and on), in their order",
-    )
     parser.add_argument("--model", help='e.g. "SSW-06 820A": some values hang on the rated current')
     parser.add_argument("--firmware", help="e.g. 1.42: some bits exist from a version on")
     parser.add_argument("--language", default=ENGLISH, help=f"of the names: {', '.join(LANGUAGES)}")
@@ -49,11 +43,7 @@ def run(args: argparse.Namespace) -> int:
     if start + len(words) > 0x10000:
         raise UsageError(f"{len(words)} words do not fit behind START {start} (the last address is 65535)")
     variant = Variant(model=args.model, firmware=args.firmware)
-    if args.map is None:
-        found = decode_words(profile, variant, table, start, words)
-    else:
-        _check_mapped(profile, table, start, len(words))
-        found = decode_mapped(profile, variant, args.map.split(","), words)
+    found = decode_words(profile, variant, table, start, words)
     print(json.dumps(found, indent=2, ensure_ascii=False))
     return 0
 
@@ -69,14 +59,3 @@ def _start(profile: Profile, table: Table, text: str) -> int:
     if row.table is not table:
         raise UsageError(f"{row.code} is in the table {row.table}, not {table}")
     return row.address
-
-
-def _check_mapped(profile: Profile, table: Table, start: int, count: int) -> None:
-    """Raise UsageError unless these are registers that others are mapped onto."""
-    layout = profile.fast_words
-    if layout is None:
-        raise UsageError(f"{profile.title} has no registers that others are mapped onto (leave --map out)")
-    spans = (range(layout.read, layout.read + layout.words), layout.written)
-    if table is not Table.HOLDING or not any(start in span and start + count - 1 in span for span in spans):
-        where = " and ".join(f"{span[0]}-{span[-1]}" for span in spans)
-        raise UsageError(f"--map is for the holding registers {where}")

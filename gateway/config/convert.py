@@ -134,8 +134,6 @@ def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetu
         response_time_s=starter.response_time_s,
         is_enabled=starter.enabled,
         watchdog_s=starter.watchdog_s,
-        learns_response_times=line.learn_response_times,
         timing=timing_of(line),
         allowance_s=line.adapter_allowance_s,
-        has_fast_words=starter.fast_words,
     )

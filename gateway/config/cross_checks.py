@@ -117,9 +117,6 @@ def _families(document: Document) -> Iterator[Mistake]:
             profile = load_profile(starter["family"]) if _is_family(starter) else None
             if profile and "slot" in starter and len(profile.command_word) < 2:
                 yield Mistake((*starter_key, "slot"), f"{profile.family} has no slots", "leave it out")
-            if profile and starter.get("fast_words") is True and profile.fast_words is None:
-                what = f"{profile.family} has no words to map"
-                yield Mistake((*starter_key, "fast_words"), what, "leave it out")
 
 
 def _is_family(starter: Document) -> bool:

@@ -80,6 +80,8 @@ def _words(kind: str, key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str
     header = ".".join(str(part) for part in key if not isinstance(part, int))
     is_repeated = header in REPEATED_TABLES
     some = f"at least one [[{header}]] is needed"
+    if remedy := _REMOVED.get(header if kind == "extra_forbidden" else f"{header} = {value}"):
+        return "was removed in 0.3.0", remedy
     match kind:
         case "missing":
             table = f"a table [{header}] is needed" if len(key) == 1 else ""
@@ -108,6 +110,12 @@ def _words(kind: str, key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str
             return f"is {short(value)}", demand_of(kind, ctx)
 
 
+# Keys, and values of keys, that earlier versions knew, with the remedy.
+_REMOVED = {
+    "operator.freshness = boot": "leave it out; the client sends the token of B/gateway/fresh, or issued_at",
+    "line.learn_response_times": "leave it out; where replies are sure to be sooner, set response_time_s",
+    "line.starter.fast_words": "leave it out: all points are read where they are",
+}
 _MISSING_HINTS = {
     "web.user.operator": "name the client of an [[operator]]: the login has its rights",
     "web.user.password": "paste the line that starter-gateway web-password prints",

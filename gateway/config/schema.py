@@ -97,7 +97,10 @@ class MqttTable(ConfigTable):
         default="auto", description="The version of MQTT; auto: 5, and 3.1.1 where the broker refuses that."
     )
     keepalive_s: int = Field(
-        default=15, ge=5, le=3600, description="Without traffic for so long the broker is pinged."
+        default=6,
+        ge=3,
+        le=3600,
+        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
     )
     refresh_s: float = Field(
         default=300.0, ge=1, le=86400, description="After so long an unchanged value is published again."
@@ -261,10 +264,6 @@ class StarterTable(ConfigTable):
         le=1000,
         description="Communication timeout set in the starter, 0: off; what the line cannot keep is refused.",
     )
-    fast_words: bool = Field(
-        default=False,
-        description="SSW900: maps its points onto 1500-1549, at standstill, so that one request reads all.",
-    )
     enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
     rules: RulesTable | None = Field(default=None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(
@@ -281,9 +280,6 @@ class LineTable(ConfigTable):
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
     adapter_allowance_s: float = Field(
         default=0.02, ge=0, le=1, description="What adapter and driver add to the way of a reply."
-    )
-    learn_response_times: bool = Field(
-        default=False, description="Waits no longer than starters have shown, though manuals allow more."
     )
     deaf_after_s: float = Field(
         default=15.0,
@@ -313,10 +309,10 @@ class OperatorTable(ConfigTable):
     starters: tuple[Glob, ...] = Field(
         strict=False, min_length=1, description="Starters and groups: names, with * and ? as in a shell."
     )
-    freshness: Literal["token", "issued_at", "boot"] = Field(
+    freshness: Literal["token", "issued_at"] = Field(
         default="token",
         description="What proves a command fresh: token or issued_at; issued_at alone, for commands over a "
-        "bridge; boot: boot alone will do, for old clients.",
+        "bridge.",
     )
 
 

@@ -7,7 +7,7 @@ A block joins rows where a gap costs the line less than another request (`plan_b
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import groupby
@@ -84,11 +84,8 @@ class Block:
         """The first address that is read."""
         return self.rows[0].address
 
-    def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
-        """Return the raw words by code from what its request decoded, aliases of its rows included.
-
-        None when the answer shows that it is not of these rows.
-        """
+    def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]]:
+        """Return the raw words by code from what its request decoded, aliases of its rows included."""
         found: dict[str, tuple[int, ...]] = {}
         first = self.address
         for row in self.rows:
@@ -99,27 +96,23 @@ class Block:
         return found
 
 
-def plan_blocks(
-    profile: Profile, variant: Variant, *, without: Collection[str] = (), timing: LineTiming | None = None
-) -> tuple[Block, ...]:
+def plan_blocks(profile: Profile, variant: Variant, *, timing: LineTiming | None = None) -> tuple[Block, ...]:
     """Return the reads that cover every point of this starter, in the order of `GROUPS`.
 
-    Rows `without` which it is planned are read in another way. On a line of this timing reads are joined over
-    registers that are not wanted where those take less time than another request.
+    On a line of this timing reads are joined over registers that are not wanted where those take less time
+    than another request.
 
     A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
     unknown register refuses a read, it must not take known ones with it.
     """
-    return _planned(profile, variant.firmware, frozenset(without), timing)
+    return _planned(profile, variant.firmware, timing)
 
 
 @lru_cache(maxsize=512)
-def _planned(
-    profile: Profile, firmware: str | None, without: frozenset[str], timing: LineTiming | None
-) -> tuple[Block, ...]:
+def _planned(profile: Profile, firmware: str | None, timing: LineTiming | None) -> tuple[Block, ...]:
     variant = Variant(firmware=firmware)
     planned: list[Block] = []
-    seen: set[str] = set(without)
+    seen: set[str] = set()
     for group in GROUPS:
         codes = {
             point.code
@@ -275,7 +268,7 @@ def is_setting(profile: Profile, row: Parameter) -> bool:
 
 
 def is_set_by_people(profile: Profile, row: Parameter) -> bool:
-    """Return whether a row changes only when somebody sets it: not by itself, not by the gateway."""
+    """Return whether a row changes only when somebody sets it: not by itself."""
     return is_setting(profile, row) and not row.code.startswith(profile.rows.automatic)
 
 

@@ -16,7 +16,7 @@ from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.late_replies import LateReplies
-from gateway.line.rtu.outcome import Silent
+from gateway.line.rtu.outcome import TOO_LATE, Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.line.rtu.request import Alternates, Forms
 from gateway.line.rtu.transaction import RtuMaster
@@ -96,7 +96,9 @@ class Line:
             raise
 
     def submit(self, job: Job) -> None:
-        """Queue a job; without a port it ends at once."""
+        """Queue a job; without a port it ends at once, and when it waits for longer than it may."""
+        if job.until_s < inf:
+            asyncio.get_running_loop().call_at(job.until_s, self._expire, job)
         if self._is_reopening:
             self._scheduler.jobs.submit(job, self._time())
         elif self._service is None:
@@ -110,6 +112,12 @@ class Line:
         if self._is_reopening:
             return self._scheduler.jobs.withdraw(job)
         return self._service is not None and self._service.withdraw(job)
+
+    def _expire(self, job: Job) -> None:
+        """End a job that still waits."""
+        if self._service.take_out(job) if self._service else self._scheduler.jobs.withdraw(job):
+            self.events.job_done(job, Silent(TOO_LATE, is_sent=False))
+            self.events.flush()
 
     def change(self, change: Callable[[Scheduler, float], object]) -> None:
         """Change what is asked, and how often; given the time."""

@@ -77,12 +77,16 @@ class LineService:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back that has not been sent; False when it is too late: then it is not repeated."""
-        if self._slot is not None and job in self._slot.jobs:
-            self._slot = self._slot.without(job)
-            return True
         if self._sent is not None and job in self._sent.jobs:
             self._sent = self._sent.without(job)
             return False
+        return self.take_out(job)
+
+    def take_out(self, job: Job) -> bool:
+        """Take out a job that waits; False when it does not."""
+        if self._slot is not None and job in self._slot.jobs:
+            self._slot = self._slot.without(job)
+            return True
         return self._scheduler.jobs.withdraw(job)
 
     def wake(self) -> None:
@@ -184,7 +188,7 @@ class LineService:
                 await self.master.find_gap(GAP_WITHIN_S)
             outcome = await self.master.exchange(
                 encoded,
-                response_time_s=self._statistics.response_time_s(slot),
+                response_time_s=slot.response_time_s,
                 until_s=until_s,
                 meanwhile=self._events.flush,
             )

@@ -8,8 +8,8 @@ from math import inf
 from typing import Any, NamedTuple
 
 from gateway.line.rtu.bus_faults import whole_frame
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
-from gateway.line.rtu.reply_times import ResponseTimeEstimator
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome
+from gateway.line.rtu.reply_times import UnitResponseTimes
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.system.stalls import DelayCounts
 
@@ -37,7 +37,7 @@ class Statistics:
         self._units: dict[int, _UnitStatistics] = {}
         self._changed: set[int] = set()  # units of which `_shown` is out of date
         self._shown: dict[int, dict[str, Any]] = {}  # what is published of each unit; never changed in place
-        self._response_times = ResponseTimeEstimator()
+        self._response_times = UnitResponseTimes()
         self._polls: Sequence[Poll] = ()  # that are asked, and what the latest slot of each took
         self._took_s: dict[str, float] = {}
         self._times = LineTimes()
@@ -50,18 +50,6 @@ class Statistics:
         """Measure utilisation afresh: the port has just been opened."""
         self._samples.clear()
         self._samples.append((now_s, self._times))
-
-    def response_time_s(self, slot: Slot) -> float:
-        """Return how long to wait for a reply's first byte, by what was learnt as far as that is allowed."""
-        poll = slot.poll
-        if poll is None or poll.shortest_response_s is None:
-            return slot.response_time_s
-        return self._response_times.response_time_s(
-            slot.unit,
-            slot.request.function,
-            limit_s=slot.response_time_s,
-            least_s=poll.shortest_response_s,
-        )
 
     def note(
         self,
@@ -100,8 +88,6 @@ class Statistics:
             unit.corrupted += 1
         if isinstance(outcome, Answered):
             self._response_times.note_answer(slot.unit, slot.request.function, outcome.response_time_s)
-        elif not isinstance(outcome, Refused) and outcome.is_sent:
-            self._response_times.note_miss(slot.unit)
         if slot.poll is not None:
             self._took_s[slot.poll.key] = took_s
 

@@ -85,6 +85,10 @@ class Publisher:
         for starter in starters:
             self._on_message(cleared(topics.starter(starter)))
 
+    def clear(self, topic: str) -> None:
+        """Make the broker forget what an earlier run left retained."""
+        self._put(cleared(topic))
+
     def forget_line(self, line: str) -> None:
         """Clear the retained statistics of a line that is no longer configured."""
         self._put(cleared(self._payloads.topics.line(line)))

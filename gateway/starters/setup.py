@@ -9,9 +9,8 @@ from math import inf
 
 from gateway.families.alternates import alternates
 from gateway.families.devices.device import Identity
-from gateway.families.mapped_registers import fast_block, plan_with
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import Block
+from gateway.families.reading import Block, plan_blocks
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.reply_times import ALLOWANCE_S
@@ -25,8 +24,6 @@ Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is w
 
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
-LEARNT_MINIMUM_S = 0.005
-UNSTATED_MINIMUM_S = 0.030  # where the manual names no time, ours is a guess on the long side
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +41,6 @@ class StarterSetup:
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
-    has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
-    learns_response_times: bool = False  # waits for it follow what it has shown
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored
 
     def response_time_of(self, request: Request) -> float:
@@ -57,15 +52,6 @@ class StarterSetup:
         if isinstance(request, WriteRegisters):  # its time is per register (ssw07 5.3.1, ssw06-es 5.3.1)
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
-
-    def shortest_response_of(self, request: Request) -> float | None:
-        """Return down to what the wait for a reply may be learnt; None where the manual's time stands."""
-        if request.is_write:
-            return None
-        if self.learns_response_times:
-            return LEARNT_MINIMUM_S
-        is_ours = not self.profile.timing.is_stated and self.response_time_s is None
-        return UNSTATED_MINIMUM_S if is_ours else None
 
     def period_of(self, block: Block) -> float:
         """Return how often a block is read, whatever the state of the motor."""
@@ -84,7 +70,6 @@ class StarterSetup:
             request=block.request,
             every_s=every_s,
             response_time_s=self.response_time_of(block.request),
-            shortest_response_s=self.shortest_response_of(block.request),
             deadline_s=self.watchdog_s,
             group=block.group,
             is_urgent=block.group == "status",
@@ -94,19 +79,12 @@ class StarterSetup:
 
 def blocks_of(setup: StarterSetup) -> tuple[Block, ...]:
     """Return what is read of a starter at first, status first; nothing of a disabled one."""
-    return plan_with(setup.profile, setup.variant, None, timing=setup.timing) if setup.is_enabled else ()
+    return plan_blocks(setup.profile, setup.variant, timing=setup.timing) if setup.is_enabled else ()
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
     return tuple(setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup))
-
-
-def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
-    """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
-    fast = fast_block(setup.profile, setup.variant)
-    blocks = plan_with(setup.profile, setup.variant, fast, timing=setup.timing)
-    return tuple(setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks)
 
 
 @once_per_profile

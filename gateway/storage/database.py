@@ -12,14 +12,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.formats.catalogue import FIRST, FileKind, Format, copy_path, format_of, require_known
-from gateway.storage.formats.copies import (
-    NEW,
-    forget_other_copies,
-    put_in_place,
-    sync_file,
-    without_waiting,
-)
+from gateway.storage.formats import FORMAT, require_known
+from gateway.system.whole_files import NEW, put_in_place, sync_file, without_waiting
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +60,6 @@ class Database:
     ) -> None:
         self.path = path
         self._cache_kib = cache_kib
-        self._format = format_of(path, FileKind.SQLITE)
         self.lost_s: float | None = None
         self._tables = tables
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
@@ -159,11 +152,9 @@ class Database:
         """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
         connection.text_factory = lambda octets: octets.decode("utf-8", "replace")
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
-            version = _known_version(connection, self.path, self._format)
+            _require_ours(connection, self.path)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
                 raise DamagedError(f"{self.path} is damaged")
-            if version < self._format.version:
-                self._migrate(connection, version)
         else:
             is_lost = is_lost or is_there
             _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
@@ -176,7 +167,7 @@ class Database:
         _ask(connection, f"PRAGMA journal_size_limit = {2**20}")
         connection.execute("BEGIN IMMEDIATE")
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {self._format.version}")
+        connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(_CREATE_META)
         is_lost = connection.execute(_FORGET_RESTORED).rowcount > 0 or is_lost
         keys = ("opened_s", "lost_s") if is_lost else ("opened_s",)
@@ -187,23 +178,8 @@ class Database:
         lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
         self.lost_s = lost_s if isinstance(lost_s, float) else None
 
-    def _migrate(self, connection: Connection, version: int) -> None:
-        """Store a copy of the file beside it, then convert the file in one transaction.
 
-        Whatever ends the process meanwhile, the file is of the old version or of the new one, and the copy
-        whole or not there; the next run does what is left.
-        """
-        snapshot(self.path, copy_path(self.path, version), connection)
-        connection.execute("BEGIN IMMEDIATE")
-        for step in self._format.steps_from(version):
-            step(connection)
-        connection.execute(f"PRAGMA user_version = {self._format.version}")
-        connection.execute("COMMIT")
-        forget_other_copies(self.path, version)
-        log.info("store=%s converted from format %d to %d", self.path, version, self._format.version)
-
-
-def snapshot(path: Path, copy: Path, connection: Connection | None = None) -> None:
+def snapshot(path: Path, copy: Path) -> None:
     """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
 
     The copy appears whole and on the disk, or not at all. A gateway that runs by it later takes the file for
@@ -213,21 +189,18 @@ def snapshot(path: Path, copy: Path, connection: Connection | None = None) -> No
     for end in _COMPANIONS:
         Path(f"{new}{end}").unlink(missing_ok=True)
     try:
-        _write_snapshot(path, new, connection)
+        _write_snapshot(path, new)
     except FullError as error:
         raise FullError(f"{copy}: {error.__cause__}") from error
     with _translated(copy):
         put_in_place(new, copy)
 
 
-def _write_snapshot(path: Path, new: Path, connection: Connection | None) -> None:
+def _write_snapshot(path: Path, new: Path) -> None:
     with _translated(path), closing(sqlite3.connect(new, isolation_level=None)) as target:
         os.chmod(new, 0o600)
-        if connection is not None:
-            _copy_pages(connection, target)
-        else:
-            with closing(_reader(path)) as source:
-                _copy_pages(source, target)
+        with closing(_reader(path)) as source:
+            _copy_pages(source, target)
         _ask(target, "PRAGMA journal_mode = DELETE")
         mark_restored(target)
         sync_file(new)
@@ -250,15 +223,6 @@ def mark_restored(connection: Connection) -> None:
     connection.execute("COMMIT")
 
 
-def empty_log(path: Path) -> None:
-    """Move what SQLite's log still has into the file, so that the file alone is whole; StoreError."""
-    with (
-        _translated(path),
-        closing(sqlite3.connect(path, timeout=LOCKED_WITHIN_S, isolation_level=None)) as connection,
-    ):
-        _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
-
-
 def stored_version(path: Path) -> int | None:
     """Return the version of a database as it is; None when there is none, or none that can be read.
 
@@ -277,7 +241,7 @@ def stored_version(path: Path) -> int | None:
 
 
 def _ours(application: int, version: int) -> int | None:
-    return version if application == APPLICATION_ID and version >= FIRST else None
+    return version if application == APPLICATION_ID and version >= FORMAT else None
 
 
 def read_file(path: Path, work: Callable[[Connection], T]) -> T:
@@ -285,9 +249,7 @@ def read_file(path: Path, work: Callable[[Connection], T]) -> T:
     with _translated(path):
         os.stat(path)
         with closing(_reader(path)) as connection:
-            known = format_of(path, FileKind.SQLITE)
-            if _known_version(connection, path, known) < known.version:
-                raise StoreError(f"{path} has an earlier format (the gateway converts it when it starts)")
+            _require_ours(connection, path)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             return work(connection)
 
@@ -306,13 +268,12 @@ def _marks(connection: Connection) -> tuple[int, int]:
     return _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
 
 
-def _known_version(connection: Connection, path: Path, known: Format) -> int:
-    """Return the version of a file of ours; DamagedError for another program's, NewerError."""
+def _require_ours(connection: Connection, path: Path) -> None:
+    """Raise DamagedError for another program's file, NewerError for one of a later version."""
     application, version = _marks(connection)
-    if application != APPLICATION_ID or version < FIRST:
+    if application != APPLICATION_ID or version < FORMAT:
         raise DamagedError(f"{path} is another program's")
-    require_known(path, version, known)
-    return version
+    require_known(path, version)
 
 
 @contextmanager

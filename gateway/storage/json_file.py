@@ -12,14 +12,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.formats.catalogue import FIRST, KEY, FileKind, format_of, require_known
-from gateway.storage.formats.copies import (
-    forget_other_copies,
-    without_waiting,
-    write_copy,
-    write_whole,
-)
+from gateway.storage.formats import FORMAT, KEY, require_known
 from gateway.system.rate_limits import ChangeDetector
+from gateway.system.whole_files import without_waiting, write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -64,8 +59,6 @@ class JsonFile(JsonStore):
     def __init__(self, path: Path, *, is_on: bool = True) -> None:
         self.is_on = is_on
         self._path = path
-        self._format = format_of(path, FileKind.JSON)
-        self._earlier: tuple[int, bytes] | None = None  # version and content, until the next save
 
     def version(self) -> int | None:
         """Return the version of the file as it is; None when there is none, or none that can be read."""
@@ -76,21 +69,14 @@ class JsonFile(JsonStore):
             return None
 
     def load(self) -> Mapping[str, Any] | None:
-        """Return the document of the file, converted to the present version; NewerError.
-
-        The file itself is converted when it is saved, and a copy of it as it was stays beside it.
-        """
+        """Return the document of the file; NewerError."""
         content = self._content()
         return None if content is None else self.understood(content)
 
     def understood(self, content: bytes) -> Mapping[str, Any]:
-        """Return the document in a content, which need not be the file's, in the present version."""
+        """Return the document in a content, which need not be the file's."""
         document = _parsed(self._path, content)
-        version = _version_in(self._path, document)
-        require_known(self._path, version, self._format)
-        if version < self._format.version:
-            self._earlier = version, content
-            document = self._converted(document, version)
+        require_known(self._path, _version_in(self._path, document))
         document.pop(KEY, None)
         return document
 
@@ -103,16 +89,8 @@ class JsonFile(JsonStore):
         except OSError as error:
             raise DamagedError(f"{self._path} cannot be read: {error.strerror}") from error
 
-    def _converted(self, document: dict[str, Any], version: int) -> dict[str, Any]:
-        try:
-            for step in self._format.steps_from(version):
-                document = step(document)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            raise DamagedError(f"{self._path} is damaged: no format {version}") from error
-        return document
-
     def _encoded(self, document: Mapping[str, Any]) -> bytes:
-        return json.dumps({**document, KEY: self._format.version}).encode()
+        return json.dumps({**document, KEY: FORMAT}).encode()
 
     def set_aside(self) -> None:
         """Give the file a second name, so that it can be examined later.
@@ -145,12 +123,7 @@ class JsonFile(JsonStore):
     def _write(self, content: bytes) -> None:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            if self._earlier is not None:
-                write_copy(self._path, *self._earlier)
             write_whole(self._path, content)
-            if self._earlier is not None:
-                forget_other_copies(self._path, self._earlier[0])
-                self._earlier = None
         except OSError as error:
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
 
@@ -253,8 +226,8 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def _version_in(path: Path, document: Mapping[str, Any]) -> int:
-    """Return the version of a document; one that says none is of before there were any. DamagedError."""
-    version = document.get(KEY, FIRST)
-    if type(version) is not int or version < FIRST:
+    """Return the version of a document; one that says none has the first. DamagedError."""
+    version = document.get(KEY, FORMAT)
+    if type(version) is not int or version < FORMAT:
         raise DamagedError(f"{path} is damaged: its format is {version!r}")
     return version

@@ -12,7 +12,7 @@ from pathlib import Path
 from gateway.records import AuditRecord, PublishEvent, Record, ResultRecord, Severity
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import FOLDER
-from gateway.storage.formats.catalogue import OWN_NAMES
+from gateway.storage.formats import OWN_NAMES
 from gateway.storage.journal import Remembered
 from gateway.storage.ledger import StoredJournal
 from gateway.storage.ledger_table import LedgerTable

@@ -1,5 +1,5 @@
 """What any service of this kind needs; knows nothing of starters.
 
 Time: `clock`, `clock_steps`. Work that fails or stalls: `supervised`, `backoff`, `stalls`. Rates, and what is
-said once: `token_bucket`, `once`. The machine: `systemd`, `log_thread`, `gc_tuning`, `instance_lock`.
+said once: `rate_limits`. The machine: `systemd`, `log_thread`, `gc_tuning`, `instance_lock`, `whole_files`.
 """

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ctypes
 import functools
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from gateway.system.clock_steps import SETTLED_S, ClockReading, ClockSteps
 
@@ -127,7 +127,7 @@ def _boot_id() -> str:
 class ClockWatch:
     """Whether time stamps from elsewhere can be compared with the system clock.
 
-    `on_change` takes the reason why it is not trusted after a step, and None once it is again.
+    `on_change` takes the step after which it is not trusted, and None once it is again.
     """
 
     def __init__(
@@ -149,25 +149,10 @@ class ClockWatch:
         """Go by another configuration from now on."""
         self._trust = trust
 
-    def recall(self, document: Mapping[str, Any] | None) -> None:
-        """Compare with what an earlier run has stored of the clock; to be called once, at the start."""
-        self._steps.recall(document, self._read())
-
-    @property
-    def step(self) -> str | None:
-        """Return why it is not trusted: which step of the clock; None when it is."""
-        return self._steps.doubt
-
-    def document(self) -> dict[str, Any]:
-        """Return what the next run must know of the clock."""
-        return self._steps.document(self._read())
-
     def look(self) -> None:
         """Notice a step since the last look; to be called often, and before any command is judged."""
-        before = self._steps.doubt
-        if self._steps.look(self._read(), is_synchronised=self._is_synchronised):
-            if before is None:
-                self._asked_s = None  # what the kernel said before a step counts no more
+        if self._steps.look(self._read()):
+            self._asked_s = None  # what the kernel said before does not count
             self.on_change(self._steps.doubt)
 
     def doubt(self) -> str | None:
@@ -175,12 +160,8 @@ class ClockWatch:
         if self._trust == "untrusted":
             return f"the configuration does not trust this gateway's clock ({_DISTRUSTED})"
         if self._steps.doubt is not None:
-            since = f"{self._steps.doubt}, so issued_at does not count"
-            if self._trust == "trusted":
-                return f"{since} for {SETTLED_S:g} s"
-            again = f"until the kernel has called it synchronised for {SETTLED_S:g} s"
-            return f"{since} {again} ({_UNSYNCHRONISED})"
-        if not self._is_synchronised():
+            return f"{self._steps.doubt}, so issued_at does not count for {SETTLED_S:g} s"
+        if self._trust == "auto" and not self._is_synchronised():
             return f"this gateway's clock is not synchronised ({_UNSYNCHRONISED})"
         return None
 

@@ -224,14 +224,3 @@ def test_what_can_move_the_motor_is_refused_and_what_cannot_is_not(
         assert (end(here) == "stopped_first") is (code == "stopped_first"), end(here)
 
     scenario()
-
-
-@virtually
-async def test_boot_alone_says_nothing_of_the_age_so_that_it_starts_after_a_stop_as_before() -> None:
-    here = await running(Operator("alice", ("start",), ("pump-1",), "boot"))
-    await stop(here)
-
-    here.take("start", "old client", boot="run")
-    await here.plant.wait(3.0)
-
-    assert (end(here), here.plant.starts()) == ("ok", 1)

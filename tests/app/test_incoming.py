@@ -11,13 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.commands import RETAINED_STOP, Incoming
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import AuditRecord, ResultRecord, Severity, rfc3339
-from gateway.starters.policy.rights import Operator
-from tests.app.desk import Desk, desk
-from tests.starters.plant import OPERATORS, Plant
+from tests.app.desk import desk
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualTimeLoop, run_virtually
 
@@ -39,10 +37,27 @@ async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: fl
     await asyncio.sleep(3.0)
 
     codes = {id_: here.plant.sink.final(id_).code for id_ in "12345"}
-    assert codes == {"1": "wrong_boot", "2": code, "3": code, "4": "not_fresh", "5": "wrong_boot"}
+    assert codes == {"1": "wrong_boot", "2": code, "3": "wrong_boot", "4": "not_fresh", "5": "wrong_boot"}
     assert here.plant.starts() == 0
     assert here.tokens == [here.boot.token] != [boot]
     assert [(code, severity) for code, severity, *_ in here.events] == [("stood_still", Severity.WARNING)]
+
+
+@virtually
+async def test_a_live_stop_with_the_retain_flag_stops_and_its_result_says_that_others_are_refused() -> None:
+    here = await desk()
+    here.plant.machines["pump-1"].set_motor(is_on=True)
+
+    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"1"}', is_retained=True, is_live=True))
+    await here.plant.wait(3.0)
+    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"2"}', is_retained=True))
+    await here.plant.wait(3.0)
+
+    assert here.plant.stops() == 1
+    final = here.plant.sink.final("1")
+    assert (final.phase, final.code) == ("confirmed", "ok")
+    assert final.text.endswith(f"; {RETAINED_STOP}")
+    assert here.plant.sink.final("2").code == "retained"
 
 
 @virtually
@@ -98,17 +113,32 @@ async def test_a_clock_that_was_set_makes_no_old_command_fresh(step_s: float) ->
 
 
 @virtually
-async def test_the_boot_alone_starts_nothing_but_for_an_operator_whose_entry_says_so() -> None:
-    old_client = Operator("alice", ("start",), ("pump-2",), "boot")
-    here = Desk(await Plant(operators=(*OPERATORS, old_client)).online())
+async def test_the_boot_alone_starts_nothing_and_a_read_needs_no_proof() -> None:
+    here = await desk()
 
     here.take("start", "1", boot="run")
-    here.take("start", "2", starter="pump-2", boot="run")
-    here.take("read", "3", boot="run", args={"parameter": "P003"})
+    here.take("read", "2", args={"parameter": "P003"})
     await here.plant.wait(3.0)
 
-    codes = [here.plant.sink.final(id_).code for id_ in "123"]
-    assert codes == ["not_fresh", "ok", "ok"]
+    assert [here.plant.sink.final(id_).code for id_ in "12"] == ["not_fresh", "ok"]
+
+
+@virtually
+async def test_a_step_of_the_clock_is_published_and_so_is_that_it_counts_again() -> None:
+    here = await desk()
+    looking = asyncio.create_task(here.incoming.run())
+
+    here.plant.clock.epoch_s -= 20.0
+    await asyncio.sleep(55.0)
+    stepped = [(code, severity) for code, severity, *_ in here.events]
+    await asyncio.sleep(10.0)
+    looking.cancel()
+
+    assert stepped == [("clock_stepped", Severity.WARNING)]
+    assert here.events[0][2].startswith(
+        "this gateway's clock was set back by 20.0 s: issued_at does not count"
+    )
+    assert [code for code, *_ in here.events] == ["clock_stepped", "clock_trusted"]
 
 
 @virtually

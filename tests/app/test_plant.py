@@ -138,29 +138,6 @@ async def test_a_starter_that_was_silent_is_asked_at_once_when_another_takes_its
 
 
 @virtually
-async def test_a_reload_maps_no_fast_words_though_a_start_would() -> None:
-    async with running() as here:
-        mill = starter("mill", 1, "ssw900")
-        await here.reload((mill, f"{mill}fast_words = true\n"))
-        await asyncio.sleep(60.0)
-
-        codes = [event.code for event in here.sink.of(EventRecord) if event.starter == "mill"]
-        assert "fast_words_unmapped" in codes
-        assert here.writes() == 0
-
-
-@virtually
-async def test_where_no_one_may_command_any_more_no_fast_words_are_mapped() -> None:
-    mill = starter("mill", 1, "ssw900")
-    async with running(0.0, (mill, f"{mill}fast_words = true\n")) as here:
-        here.services.forbid_writing()
-        await asyncio.sleep(60.0)
-
-        assert "fast_words_unmapped" in [event.code for event in here.sink.of(EventRecord)]
-        assert here.writes() == 0
-
-
-@virtually
 async def test_what_a_starter_reports_on_a_new_line_is_its_own() -> None:
     async with running() as here:
         await here.reload((HALL, HALL.replace("19200", "19200\nadapter_allowance_s = 0.03")))

@@ -136,7 +136,10 @@ class Run:
 
     def set(self, at: int, parameter: str, value: object, id_: str = "") -> None:
         args = {"parameter": parameter, "value": value}
-        request = CommandRequest(f"pump-{at}", "alice", "set", id_ or f"{parameter}-{at}", args)
+        now_s = asyncio.get_running_loop().time()
+        request = CommandRequest(
+            f"pump-{at}", "alice", "set", id_ or f"{parameter}-{at}", args, received_s=now_s
+        )
         self.dispatcher.submit(request)
 
     def final(self, at: int, parameter: str) -> ResultRecord:
@@ -169,12 +172,7 @@ async def running(
     def opener(table: LineTable) -> SimulatedOpener:
         return bus.opener(timing=timing_of(table))
 
-    services = StarterServices(
-        policy,
-        records=records,
-        may_write=bool(config.operators),
-        monitor_every_s=lap_s,
-    )
+    services = StarterServices(monitor_every_s=lap_s)
     bus_of_records.connect(policy, services, sink)
     listener: Any = RunningPlant(config=config)
     plant = Plant(

@@ -9,7 +9,6 @@ import pytest
 from gateway.app.history.service import PARTS, HistoryService
 from gateway.app.integrations.latest import LatestRecords
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.app.restart.watch import RestartWatch
 from gateway.records import (
     KINDS,
     EventRecord,
@@ -67,9 +66,7 @@ def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
     assert seen == [("all", "early"), ("all", "late")]
 
 
-@pytest.mark.parametrize(
-    "subscriber", [LatestRecords, Policy, RecordLog, RestartWatch, StarterServices, StateDir]
-)
+@pytest.mark.parametrize("subscriber", [LatestRecords, Policy, RecordLog, StarterServices, StateDir])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

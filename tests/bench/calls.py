@@ -201,7 +201,7 @@ async def _way() -> _Way:
     bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
-    services = StarterServices(policy, may_write=False, monitor_every_s=inf, records=records)
+    services = StarterServices(monitor_every_s=inf)
     bus_of_records.connect(policy, services, RecordLog(clock), publisher)
     bus = SimulatedLine(timing_of(config.lines[0]))
     unit = watching_unit("ssw07", 1, 0)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import sqlite3
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,7 +16,7 @@ from gateway.starters.policy.motor_history import MotorHistory
 from gateway.storage.audit.chain import Head, verify
 from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.database import Database
-from gateway.storage.formats.catalogue import FORMATS, FileKind, Format
+from gateway.storage.formats import STATE_FILES
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.system.clock_steps import ClockReading
@@ -34,7 +32,7 @@ def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_a
     out = capsys.readouterr().out
 
     assert names_in(backup)[0] == "manifest.json"
-    state = {each.name for each in FORMATS.values() if not each.is_of_box}
+    state = {each.name for each in STATE_FILES.values()}
     wanted = {"manifest.json", "config/site.toml", f"outside{tmp_path}/ssl/ca.pem"}
     wanted |= {f"state/{name}" for name in state} | {"state/audit/audit-00000001.jsonl"}
     assert set(names_in(backup)) == wanted
@@ -153,7 +151,6 @@ def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
     assert json.loads((state / "before-restore" / "wear.json").read_text())["writes"] == {"pump": 9}
     assert (state / "before-restore" / "audit" / "audit-00000001.jsonl").exists()
     assert (state / "before-restore").stat().st_mode & 0o077 == 0
-    assert (state / "clock.json").exists()
     assert HASH in (site.parent / "site.toml.before-restore").read_text()
     assert (
         site.parent / "secret" / "mqtt.password"
@@ -167,10 +164,9 @@ def test_a_gateway_that_runs_is_left_alone(
     before = files_below(site.parent) | {"state/gateway.lock"}
     with running(site.parent / "state"):
         assert main(["restore", str(backup), "--replace"]) == 1
-        assert main(["restore", "--rollback", str(site)]) == 1
 
     assert files_below(site.parent) == before
-    assert capsys.readouterr().err.count("another gateway (") == 2
+    assert "another gateway (" in capsys.readouterr().err
 
 
 def test_with_another_place_a_state_of_elsewhere_stays_below_it(
@@ -198,57 +194,3 @@ def test_a_gateway_without_operators_is_not_locked(site: Path, tmp_path: Path) -
     assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
 
     assert lock_of(tmp_path / "new" / "state", "pump") is None
-
-
-def test_rollback_puts_back_the_copies_of_before_an_upgrade_and_locks(
-    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    state = site.parent / "state"
-
-    def add_column(connection: Any) -> None:
-        connection.execute("ALTER TABLE ledger ADD COLUMN more TEXT")
-
-    with monkeypatch.context() as later:
-        later.setitem(FORMATS, "gateway.sqlite", Format("gateway.sqlite", FileKind.SQLITE, (add_column,)))
-        later.setitem(
-            FORMATS,
-            "precautions.json",
-            Format("precautions.json", FileKind.JSON, (lambda each: {**each, "more": 1},)),
-        )
-        upgraded = Database(state / "gateway.sqlite", [LedgerTable()], 2**26)
-        upgraded.open()
-        upgraded.close()
-        memory = JsonFile(state / "precautions.json")
-        memory.write({**(memory.load() or {}), "starters": {}})
-    assert main(["check", str(site), "--upgrade"]) == 78
-    capsys.readouterr()
-
-    assert main(["restore", "--rollback", str(site)]) == 0
-    assert main(["check", str(site), "--upgrade"]) == 0
-
-    out = capsys.readouterr().out
-    assert "locked until an operator unlocks them: pump" in out
-    assert "for 62 s after its first start the gateway takes no command but stop" in out
-    assert lock_of(state, "mill") is not None
-    table = LedgerTable()
-    database = Database(state / "gateway.sqlite", [table], 2**26)
-    assert database.open() == ""
-    assert database.lost_s is not None
-    (rows,) = database.transact([table.rows])
-    database.close()
-    assert "c2" in {row.id for row in rows}
-    assert main(["restore", "--rollback", str(site)]) == 0
-    assert "nothing to do" in capsys.readouterr().out
-
-
-def test_rollback_without_a_copy_changes_nothing(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    state = site.parent / "state"
-    (state / "wear.json").write_text('{"version": 2}')
-    (state / "faults.json").write_text('{"version": 2}')
-    (state / "faults.json.1").write_text("{}")
-
-    assert main(["restore", "--rollback", str(site)]) == 1
-
-    assert "wear.json has no copy of before" in capsys.readouterr().err
-    assert (state / "faults.json").read_text() == '{"version": 2}'
-    assert os.path.exists(state / "faults.json.1")

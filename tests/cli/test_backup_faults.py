@@ -16,8 +16,7 @@ from typing import Any
 import pytest
 
 from gateway.cli.main import main
-from gateway.storage.database import Database, snapshot, stored_version
-from gateway.storage.formats.catalogue import FORMATS, FileKind, Format
+from gateway.storage.database import Database, snapshot
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.upkeep.archive import Archive
 from tests.cli.backup_site import build_site, files_below, lock_of, names_in, running
@@ -249,44 +248,6 @@ def test_a_restore_that_is_killed_at_any_point_leaves_all_of_before_or_no_config
     assert kills > without > 10
 
 
-def leave_a_later_ledger(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Convert the ledger as a later version that is killed at once: SQLite's log alone has it."""
-    path = state / "gateway.sqlite"
-    with monkeypatch.context() as later:
-        steps = (lambda connection: connection.execute("CREATE TABLE more (a TEXT)"),)
-        later.setitem(FORMATS, "gateway.sqlite", Format("gateway.sqlite", FileKind.SQLITE, steps))
-        database = Database(path, [LedgerTable()], 2**26)
-        database.open()
-        killed = {each: each.read_bytes() for each in state.glob("gateway.sqlite*")}
-        database.close()
-    for each, content in killed.items():
-        each.write_bytes(content)
-    assert int.from_bytes(path.read_bytes()[60:64]) == 1
-    assert stored_version(path) == 2
-
-
-def test_a_rollback_that_is_killed_at_any_point_can_go_on_and_the_ledger_counts_as_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for point in range(MOST_POINTS):
-        site = build_site(tmp_path / str(point))
-        leave_a_later_ledger(site.parent / "state", monkeypatch)
-        if (child := os.fork()) == 0:
-            die_at(point)
-            os._exit(main(["restore", "--rollback", str(site)]))
-        _, status = os.waitpid(child, 0)
-
-        assert main(["restore", "--rollback", str(site)]) == 0
-
-        database = Database(site.parent / "state" / "gateway.sqlite", [LedgerTable()], 2**26)
-        assert database.open() == ""
-        database.close()
-        assert database.lost_s is not None, point
-        if not os.WIFSIGNALED(status):
-            break
-    assert 3 < point < MOST_POINTS - 1
-
-
 def test_what_is_in_the_way_of_a_state_is_set_aside_whatever_it_is(backup: Path, site: Path) -> None:
     state = site.parent / "state"
     (state / "wear.json").unlink()
@@ -319,16 +280,14 @@ def test_a_gateway_that_runs_by_the_configuration_is_left_alone_with_another_sta
 
 
 def test_files_of_a_shared_folder_stay_their_owners(
-    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    backup: Path, site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given: list[str] = []
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(os, "chown", lambda path, *_, **__: given.append(Path(path).name))
     (site.parent / "state" / "others.txt").write_text("not the gateway's")
-    (site.parent / "state" / "wear.json").write_text('{"version": 2}')
-    (site.parent / "state" / "wear.json.1").write_text("{}")
 
-    assert main(["restore", "--rollback", str(site)]) == 0
+    assert main(["restore", str(backup), "--replace"]) == 0
 
     assert "wear.json" in given
     assert "others.txt" not in given

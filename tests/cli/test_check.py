@@ -60,7 +60,6 @@ def test_json_has_the_same_statistics(folder: Path, capsys: pytest.CaptureFixtur
     assert 0.0 < line["load"] < 1.0
     assert line["sweep_s"] > 0.0
     assert line["stop_latency_s"] > 0.0
-    assert set(line["starters"][0]["age_s"]) == {"status", "values", "values_standing", "slow"}
     assert line["starters"][0]["watchdog_margin_s"] is None
 
 

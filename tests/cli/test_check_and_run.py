@@ -47,7 +47,7 @@ def test_both_end_alike_for_a_configuration_and_for_what_becomes_of_it_by_mistak
     async def serve(path: Path, site: Any) -> None:
         pass  # everything before it is what is compared
 
-    monkeypatch.setattr(run_command, "_serve", serve)
+    monkeypatch.setattr(run_command, "serve_site", serve)
     monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "secret")
     monkeypatch.setattr("faulthandler.enable", lambda: None)  # pytest has its own
     monkeypatch.setattr(run_command, "log_to_stderr", lambda **_: None)

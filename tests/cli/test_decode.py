@@ -85,28 +85,11 @@ def test_the_analog_outputs_of_an_ssw06_are_in_per_cent(
     assert [(each["value"], each["unit"]) for each in shown.values()] == [(percent, "%")] * 2
 
 
-@pytest.mark.parametrize("map_", ["680,24,24,90", "S5.1.1,S1.1.4,D1.1.1"])
-def test_mapped_registers_are_what_the_map_says(map_: str, capsys: pytest.CaptureFixture[str]) -> None:
-    shown = decode(capsys, "ssw900", "holding", "1500", "0x0102", "815", "0", "5", "--map", map_)
-
-    assert list(shown) == [
-        *decode(capsys, "ssw900", "holding", "680", "0"),
-        *decode(capsys, "ssw900", "holding", "24", "0", "0"),
-        *decode(capsys, "ssw900", "holding", "90", "0"),
-    ]
-    assert shown["S1.1.4"]["value"] == 81.5
-
-
 @pytest.mark.parametrize(
     ("words", "reported"),
     [
         (("ssw07", "holding", "R13", "1"), "WEG SSW-07/SSW-08 has no 'R13'"),
         (("ssw07", "input", "P003", "1"), "P003 is in the table holding, not input"),
-        (("ssw07", "holding", "3", "1", "--map", "3"), "has no registers that others are mapped onto"),
-        (("ssw900", "holding", "3", "1", "--map", "3"), "--map is for the holding registers 1500-1549 and"),
-        (("ssw900", "holding", "1500", "1", "--map", "24"), "of 2 words together, but 1 were given"),
-        (("ssw900", "holding", "1500", "1", "--map", "25"), "no parameter of ssw900 has the net id 25"),
-        (("ssw900", "holding", "1500", "1", "--map", "P3"), "--map: WEG SSW900 has no 'P3'"),
         (("ssw7", "holding", "0", "1"), "no family 'ssw7'"),
         (("ssw07", "discrete", "0", "1"), "no table 'discrete' (holding, input or coil)"),
         (("ssw07", "holding", "x", "1"), "START 'x' is no number"),

@@ -215,7 +215,7 @@ def test_whatever_is_changed_is_either_right_or_reported(at: int, cut: int, new:
         parse(text, "site.toml")
 
 
-@pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
+@pytest.mark.parametrize("freshness", ["token", "issued_at"])
 def test_an_operator_says_what_proves_his_commands_fresh(freshness: str) -> None:
     config = site(('may = ["start", "stop"]', f'may = ["start", "stop"]\nfreshness = "{freshness}"'))
 

@@ -34,6 +34,24 @@ MISTAKES = [
         "evry_s = 2",
         "line 22: line[0].starter[1].evry_s: unknown key (did you mean every_s?)",
     ),
+    (
+        "every_s = 2.0",
+        "fast_words = false",
+        "line 22: line[0].starter[1].fast_words: was removed in 0.3.0"
+        " (leave it out: all points are read where they are)",
+    ),
+    (
+        "baud = 19200",
+        "baud = 19200\nlearn_response_times = true",
+        "line 11: line[0].learn_response_times: was removed in 0.3.0"
+        " (leave it out; where replies are sure to be sooner, set response_time_s)",
+    ),
+    (
+        'may = ["start", "stop"]',
+        'may = ["start", "stop"]\nfreshness = "boot"',
+        "line 27: operator[0].freshness: was removed in 0.3.0"
+        " (leave it out; the client sends the token of B/gateway/fresh, or issued_at)",
+    ),
     ("every_s = 2.0", "slot = 3", "line 22: line[0].starter[1].slot: is 3 (must be at most 2)"),
     (
         "every_s = 2.0",

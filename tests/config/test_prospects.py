@@ -13,40 +13,13 @@ from gateway.mqtt.connection.settings import TlsSettings
 from tests.config.sites import SITE, changed, site
 
 
-def test_values_are_at_most_a_period_and_a_sweep_old() -> None:
+def test_a_starter_is_left_for_a_period_and_a_sweep_at_most() -> None:
     (line,) = prospects_of(site())
 
     first, second = line.starters
 
-    assert 0.5 * line.forecast.sweep_s < first.ages_s["status"] - 1.0 < 2 * line.forecast.sweep_s
-    assert first.ages_s["status"] == pytest.approx(first.ages_s["values"], rel=0.01)
-    assert first.gap_s == pytest.approx(first.ages_s["status"], rel=0.01)
+    assert 0.5 * line.forecast.sweep_s < first.gap_s - 1.0 < 2 * line.forecast.sweep_s
     assert second.gap_s == pytest.approx(first.gap_s + 1.0, rel=0.05)
-
-
-def test_the_values_of_a_motor_that_stands_are_three_periods_and_a_sweep_old() -> None:
-    (line,) = prospects_of(site())
-
-    first, second = line.starters
-
-    assert first.ages_s["values_standing"] == pytest.approx(first.ages_s["values"] + 2 * 1.0)
-    assert second.ages_s["values_standing"] == pytest.approx(second.ages_s["values"] + 2 * 2.0)
-
-
-def test_on_an_overfull_line_a_motor_that_stands_leaves_some_of_its_time_to_the_others() -> None:
-    (line,) = prospects_of(site(("address = 1\n", "address = 1\nevery_s = 0.02\n")))
-
-    (first, _), factor = line.starters, line.forecast.polls[0].period_s / 0.02
-    stretched_s = first.ages_s["values"] + 2 * 0.02 * factor
-    assert factor > 3.0
-    assert first.ages_s["values"] < first.ages_s["values_standing"] < stretched_s
-
-
-def test_values_that_are_read_as_often_as_possible_are_so_while_the_motor_stands_too() -> None:
-    (line,) = prospects_of(site(("address = 1\n", "address = 1\nevery_s = 0.0\n")))
-
-    ages_s = line.starters[0].ages_s
-    assert ages_s["values_standing"] == ages_s["values"]
 
 
 def test_an_identification_counts_for_the_stop_latency() -> None:
@@ -76,8 +49,6 @@ def test_the_statistics_of_a_line_are_those_of_its_worst_starter() -> None:
 
     computed = computed_of(line)
 
-    second = line.starters[1]
-    assert computed["age_s"]["status"] == round(second.ages_s["status"], 4)
     assert computed["watchdog_margin_s"] == round(10.0 - line.forecast.watchdog_gaps_s[2], 4)
     assert computed["stop_latency_s"] == round(line.forecast.stop_latency_s, 4)
     assert computed["is_paced"] is True
@@ -112,7 +83,6 @@ def test_a_watchdog_is_served_however_long_the_periods_are() -> None:
     (line,) = prospects_of(site(("every_s = 2.0", "every_s = 60.0\nwatchdog_s = 5.0")))
 
     assert 2.5 < line.starters[1].gap_s < 3.1
-    assert line.starters[1].ages_s["status"] > line.starters[1].gap_s
 
 
 def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_help_is_reported() -> None:

@@ -205,8 +205,6 @@ def test_the_words_of_the_ssw900(client: Client) -> None:
     assert client.bits(SSW900, 1, 200, 1) == [True]
     assert code(lambda: client.bits(SSW900, 1, 0, 1)) == 2  # the status is no coil
 
-    client.write(SSW900, 1300, 680)  # C8.1.1.5
-    assert client.registers(SSW900, 1500) == client.registers(SSW900, 680)
     client.write(SSW900, 685, 0x0013)  # the other slot's word: no effect
     assert client.registers(SSW900, 680)[0] & 1 == 0
     client.write(SSW900, 686, 0x0013)

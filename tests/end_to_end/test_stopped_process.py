@@ -63,6 +63,26 @@ async def test_no_start_is_written_on_what_was_read_before_the_process_was_stopp
     assert {phase for phase, _ in ends} <= {"confirmed", "rejected"}, ends
 
 
+async def test_the_broker_says_offline_within_16_s_for_a_gateway_that_hangs(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    text = site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL"), starters=ONE_STARTER)
+    config = write_config(tmp_path, text)
+    async with Program("gateway", "simulate", str(config)) as simulator:
+        await simulator.says("line hall")
+        async with (
+            Program("gateway", "run", str(config)) as gateway,
+            broker.watch("starters/plant/gateway/status") as watcher,
+        ):
+            scada = Scada(broker, watcher)
+            await scada.until("gateway/status", state="online")
+            gateway.signal(signal.SIGSTOP)
+            said = await scada.until("gateway/status", state="offline", within_s=16.0)
+
+    assert said["reason"] == "connection lost"
+
+
 async def final(scada: Scada, id_: str) -> dict[str, object]:
     """Wait for the final result of a command."""
     while True:

@@ -1,46 +1,21 @@
-"""Upgrade, backup and restore, with real processes: a conversion that is killed, a gateway that runs."""
+"""Backup and restore of a gateway that runs, with real processes."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import signal
-import subprocess
-import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from gateway.storage.json_file import JsonFile
 from gateway.storage.upkeep.versions import found_in
-from tests.end_to_end.killed_conversion import JSON, SQLITE, rows_in
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import StartMosquitto
 
 STARTERS = ("pump", "fan", "mill", "belt")
-
-
-def test_a_conversion_that_is_killed_anywhere_is_completed_by_the_next_start(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tests.end_to_end.killed_conversion", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    rounds = [json.loads(line) for line in done.stdout.splitlines()]
-
-    assert len(rounds) > 30
-    assert [each["is_killed"] for each in rounds] == [True] * (len(rounds) - 1) + [False]
-    assert {tuple(each["left"]) for each in rounds} == {(1, 1), (2, 1), (2, 2)}
-    script = "import sys; from tests.end_to_end.killed_conversion import *; use_second_version(); "
-    script += "[convert(Path(each)) for each in sys.argv[1:]]"
-    places = [tmp_path / str(each["point"]) for each in rounds]
-    subprocess.run([sys.executable, "-c", script, *map(str, places)], check=True, timeout=120)
-    for place in places:
-        assert rows_in(place / SQLITE) == ["A"], place
-        assert rows_in(place / f"{SQLITE}.1") == ["a"], place
-        assert json.loads((place / JSON).read_text()) == {"writes": 1, "version": 2}, place
-        assert json.loads((place / f"{JSON}.1").read_text()) == {"counts": 1}, place
-        assert not list(place.glob("*.aside-*")), place
 
 
 async def command_line(*arguments: str, within_s: float = 30.0) -> tuple[int, str]:
@@ -110,9 +85,6 @@ async def test_a_backup_of_a_running_gateway_comes_back_and_lets_no_command_of_b
     assert fresh["code"] in ("ledger_unavailable", "locked")
     assert "started" not in {event["code"] for event in scada.events[seen:]}
     assert {each.name: version for each, version in found_in(tmp_path / "state")}["gateway.sqlite"] == 1
-    times = JsonFile(tmp_path / "state" / "restart.json").load() or {}
-    assert set(times["start_s"]) == set(STARTERS)
-    assert 0.0 < times["stop_s"] < 10.0
 
 
 async def _other(scada: Scada, boot: str) -> str:

@@ -40,9 +40,12 @@ class Links:
 
     def __init__(self) -> None:
         self.reported: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
+        self._was_reading = False
 
-    def note(self, trouble: str) -> None:
-        self.reported.put_nowait((not trouble, trouble))
+    def note(self, trouble: str | None) -> None:
+        if not self._was_reading or trouble:  # that the reading has ended is not news of the connection
+            self.reported.put_nowait((not trouble, trouble or ""))
+        self._was_reading = trouble is None
 
     async def next(self) -> tuple[bool, str]:
         async with asyncio.timeout(10.0):

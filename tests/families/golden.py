@@ -24,14 +24,13 @@ from gateway.families.diagnosis.readiness import (
     time_codes,
     watchdog_codes,
     watchdogs,
-    written_rows,
 )
-from gateway.families.mapped_registers import build_map, fast_block, plan_with, prepare_map, probes
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Read
 from gateway.families.profile.rows import Access, Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.state import state_of
+from gateway.families.reading import plan_blocks
 from gateway.modbus.device_id import DeviceIdentification
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
 from gateway.starters.parameters.restore_plan import plan_restore, prepare_change
@@ -256,26 +255,17 @@ def _identities(profile: Profile) -> Iterator[tuple[str, str]]:
         yield "identify", repr(replace(identify(profile, answers), reason=""))
 
 
-def _mapped(profile: Profile) -> Iterator[tuple[str, str]]:
-    chance = random.Random(f"{profile.family} mapped")
+def _polls(profile: Profile) -> Iterator[tuple[str, str]]:
     for variant in VARIANTS:
-        block = fast_block(profile, variant)
-        plan = plan_with(profile, variant, block)
+        plan = plan_blocks(profile, variant)
         yield "polls", " ".join(f"{each.name}:{each.request.encode().hex()}" for each in plan)
-        yield "polls", " ".join(map(_read, probes(profile, variant)))
-        if block is not None:
-            yield "mapped", of_preparation(prepare_map(profile, block))
-            for _ in range(40):
-                yield "mapped", of_procedure(build_map(profile, block, seen=_rows(profile, chance)))
-            requests = [step.request for step in build_map(profile, block, seen={}).steps]
-            yield "mapped", repr(written_rows(profile, requests))
 
 
 def everything() -> Iterator[tuple[str, str, str]]:
     """Yield family, topic and what is done, in their order."""
     for family in ("ssw06", "ssw07", "ssw900", "sst"):
         profile = load_profile(family)
-        for part in (_verbs, _sets, _restores, _looks, _identities, _mapped):
+        for part in (_verbs, _sets, _restores, _looks, _identities, _polls):
             for topic, text in part(profile):
                 yield family, topic, text
 

@@ -7,11 +7,10 @@ from typing import Any
 import pytest
 
 from gateway.families.alternates import MOST, alternates
-from gateway.families.mapped_registers import fast_block, plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading import Block
+from gateway.families.reading import Block, plan_blocks
 from gateway.line.rtu.late_replies import expected_shape
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
@@ -20,9 +19,7 @@ FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
 
 
 def blocks_of(family: str) -> tuple[Block, ...]:
-    profile = load_profile(family)
-    fast = fast_block(profile, Variant())
-    return (*plan_with(profile, Variant(), None), *(() if fast is None else (fast,)))
+    return plan_blocks(load_profile(family), Variant())
 
 
 class Starter:
@@ -77,7 +74,7 @@ def test_nothing_is_read_besides_that_no_manual_names(family: str) -> None:
         for at in range(row.words)
     }
 
-    for block in plan_with(profile, Variant(), None):
+    for block in plan_blocks(profile, Variant()):
         asked = registers(block.table, block.request)
         for other, _ in alternates(profile, block.request):
             assert other.encode()[0] in profile.limits.functions

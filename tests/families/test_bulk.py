@@ -108,7 +108,7 @@ def test_two_names_of_one_register_stay_distinct() -> None:
         ("ssw900", "C3.1", (True, True)),
         ("ssw900", "S5.3.1", (False, False)),
         ("ssw900", "S5.2.5", (False, False)),
-        ("ssw900", "C8.1.1.5", (True, False)),
+        ("ssw900", "C8.1.1.5", (True, True)),
         ("ssw900", "C11.3.1", (True, False)),
         ("ssw900", "C6.3.1", (False, False)),
         ("sst", "R41", (True, True)),

@@ -135,16 +135,6 @@ def test_what_must_not_be_set_is_refused_before_anything_is_read(
     assert refusal(family, args) == code
 
 
-def test_registers_that_land_in_other_rows_are_not_set() -> None:
-    profile = load_profile("ssw900")
-    row = profile.parameters["S5.3.1"]
-    mapped = row.model_copy(update={"address": 1600})
-    strange = profile.model_copy(update={"parameters": {**profile.parameters, "S5.3.1": mapped}})
-
-    with pytest.raises(CommandError, match="not_writable"):
-        prepare(strange, SLOT_1, "set", to("S5.3.1", 1))
-
-
 def stopped_only(profile: Profile) -> str:
     return next(row.code for row in profile.parameters.values() if row.is_writable and row.is_stopped_only)
 

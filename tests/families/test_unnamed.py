@@ -12,10 +12,8 @@ from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
-from gateway.modbus.reads import ReadDiscreteInputs
-from gateway.sim.factory import make_unit
+from gateway.modbus.reads import ReadDiscreteInputs, ReadHoldingRegisters
 from tests.families.starters import SLOT_1
-from tests.sim.wire import Talk
 
 
 @pytest.mark.parametrize(
@@ -44,17 +42,12 @@ def test_an_address_that_the_manual_names_is_its_row(code: str, named: str) -> N
 
 def test_a_marker_is_read_as_it_is() -> None:
     profile = load_profile("ssw900")
-    unit = make_unit("ssw900", 1, settings={1600: 4711})
     args = {"parameters": ["HR1600", "S5.1.1"]}
-    preparation = prepare(profile, SLOT_1, "read", args)
-    talk = Talk(unit)
+    status, marker = prepare(profile, SLOT_1, "read", args).reads
 
-    rows = {
-        code: words
-        for read in preparation.reads
-        for code, words in rows_in(profile, read, talk.ask(read.request)).items()
-    }
+    rows = rows_in(profile, marker, (4711,))
 
+    assert (marker.request, status.request) == (ReadHoldingRegisters(1600, 1), ReadHoldingRegisters(680, 1))
     assert decode_row(profile, Variant(), find(profile, "HR1600"), rows["HR1600"]).value == 4711
     assert build(profile, SLOT_1, "read", args, seen={}).subjects == ("HR1600", "S5.1.1")
 

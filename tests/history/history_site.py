@@ -124,7 +124,7 @@ async def site(
         records=records,
     )
     here = MotorSite(bus, clock, sink, history, file)
-    services = StarterServices(policy, may_write=True, past=history, records=records)
+    services = StarterServices(past=history)
     services.add(telemetry)
     router.add(telemetry)
     bus_of_records.connect(policy, services, history, sink)

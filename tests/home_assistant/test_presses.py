@@ -40,7 +40,7 @@ class Desk:
         return self._parser.judge(incoming, moment)
 
 
-@pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
+@pytest.mark.parametrize("freshness", ["token", "issued_at"])
 @pytest.mark.parametrize("verb", ["start", "stop", "reset"])
 def test_a_press_is_taken_whatever_proves_the_operators_commands_fresh(verb: str, freshness: str) -> None:
     desk = Desk(freshness)

@@ -18,9 +18,9 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.families.alternates import alternates
-from gateway.families.mapped_registers import plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.families.reading import plan_blocks
 from gateway.line.events import Trace
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
@@ -322,7 +322,7 @@ def _expected(unit: int, number: int, request: Request) -> Any:
 def _blocks(family: str) -> list[tuple[Request, tuple[Alternate, ...], bool]]:
     profile = load_profile(family)
     timing = LineTiming(19200, Framing.parse("8E1"))
-    blocks = plan_with(profile, Variant(), None, timing=timing)
+    blocks = plan_blocks(profile, Variant(), timing=timing)
     return [(each.request, alternates(profile, each.request), each.group == "status") for each in blocks]
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.line.capacity.forecast import forecast, longest_gap_s
+from gateway.line.capacity.forecast import forecast
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -104,8 +104,8 @@ def test_a_unit_is_asked_as_often_as_its_fastest_poll() -> None:
 
     prospect = forecast(polls, TIMING, allowance_s=0.0)
 
-    assert longest_gap_s(prospect, 1) == pytest.approx(1.0 + prospect.sweep_s, rel=0.05)
-    assert longest_gap_s(prospect, 2) == inf
+    assert prospect.gaps_s[1] == pytest.approx(1.0 + prospect.sweep_s, rel=0.05)
+    assert set(prospect.gaps_s) == {1}
 
 
 def test_a_unit_with_a_watchdog_is_asked_in_time_however_long_its_periods_are() -> None:
@@ -113,8 +113,8 @@ def test_a_unit_with_a_watchdog_is_asked_in_time_however_long_its_periods_are() 
 
     prospect = forecast(polls, TIMING)
 
-    assert longest_gap_s(prospect, 1) > 60.0
-    assert 5.0 < longest_gap_s(prospect, 2) < 5.5
+    assert prospect.gaps_s[1] > 60.0
+    assert 5.0 < prospect.gaps_s[2] < 5.5
     assert prospect.polls[1].period_s == 5.0
 
 
@@ -123,8 +123,7 @@ def test_a_watchdog_is_promised_what_the_polls_alone_keep_when_that_is_less() ->
 
     prospect = forecast(polls, TIMING)
 
-    assert longest_gap_s(prospect, 1) == prospect.polls[0].age_s
-    assert prospect.polls[0].age_s < prospect.watchdog_gaps_s[1] < 3.0
+    assert 1.0 < prospect.gaps_s[1] < prospect.watchdog_gaps_s[1] < 3.0
 
 
 def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:
@@ -164,7 +163,7 @@ def test_the_line_meets_what_was_forecast(shapes: list[tuple[float, int]]) -> No
     longest_s = max(each.cost_s for each in prospect.polls)
     for each in prospect.polls:
         gaps_s = line.gaps_s[each.poll.key]
-        assert max(gaps_s) <= each.age_s + 1e-6
+        assert max(gaps_s) <= prospect.gaps_s[each.poll.unit] + 1e-6
         settled = gaps_s[5:]
         if len(settled) > 30 and each.poll.every_s > 2 * longest_s:  # it never loses its rhythm
             assert sum(settled) / len(settled) == pytest.approx(each.period_s, rel=0.06)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gateway.line.rtu.outcome import Answered, Silent
-from gateway.line.rtu.reply_times import ENOUGH, ResponseTimeEstimator
 from gateway.line.scheduler.requests import Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.units import UnitState
@@ -11,7 +10,6 @@ from gateway.line.statistics import Statistics
 from tests.line.fakes import poll
 
 SILENT = Silent()
-LIMIT_S = 0.1
 
 
 def silenced(scheduler: Scheduler) -> None:
@@ -66,7 +64,7 @@ def test_the_watchdog_of_a_forgotten_unit_asks_for_no_request() -> None:
     assert scheduler.pick(1000.0) is None
 
 
-def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
+def test_what_was_counted_of_a_unit_is_dropped_with_it() -> None:
     statistics = Statistics()
     statistics.begin(0.0)
     read = poll("a")
@@ -79,17 +77,3 @@ def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
 
     assert statistics.to_dict([], worst_stop_latency_s=0.1, now_s=0.2)["sweep_s"] == 0.0
     assert statistics.to_dict([read], worst_stop_latency_s=0.1, now_s=0.2)["sweep_s"] == 0.0
-
-
-def test_a_forgotten_unit_is_waited_for_as_long_as_it_may_take() -> None:
-    estimator = ResponseTimeEstimator()
-    for _ in range(ENOUGH):
-        estimator.note_answer(1, 3, 0.01)
-    estimator.note_miss(2)
-    assert estimator.response_time_s(1, 3, limit_s=LIMIT_S, least_s=0.005) < LIMIT_S
-
-    estimator.forget(1)
-    estimator.forget(2)
-
-    assert estimator.response_time_s(1, 3, limit_s=LIMIT_S, least_s=0.005) == LIMIT_S
-    assert estimator.quantiles(1) == {"p50": None, "p99": None}

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import RESPONSE_TIME_S, TIMING, LineRig, Said, Units, no_reply, poll
@@ -214,3 +214,27 @@ def test_a_line_that_is_never_quiet_reports_what_was_not_sent() -> None:
     assert isinstance(outcome, Garbled)
     assert not outcome.is_sent
     assert rig.line.statistics()["stray_bytes"] > 1000
+
+
+def test_a_job_that_still_waits_when_its_time_is_over_ends_then_and_is_never_sent() -> None:
+    rig = LineRig(no_reply, [])
+
+    async def scenario() -> tuple[Outcome, float]:
+        async with rig:
+            loop = asyncio.get_running_loop()
+            slow = rig.client.transact(1, READ, response_time_s=2.0, lane=Priority.COMMAND)
+            await asyncio.sleep(0.1)
+            until_s = loop.time() + 0.5
+            outcome = await rig.client.transact(
+                2, WRITE, response_time_s=RESPONSE_TIME_S, lane=Priority.COMMAND, until_s=until_s
+            )
+            after_s = loop.time() - until_s
+            await slow
+            await asyncio.sleep(1.0)
+            return outcome, after_s
+
+    outcome, after_s = run_virtually(scenario())
+
+    assert outcome == Silent(TOO_LATE, is_sent=False)
+    assert after_s < 0.01
+    assert [frame[0] for _, frame in rig.port.sent] == [1]

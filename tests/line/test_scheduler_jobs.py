@@ -21,24 +21,37 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
         scheduler.jobs.submit(waiting, 0.0)
 
     assert scheduler.next_due_s() == -inf
-    slots = [take(scheduler, 0.0) for _ in range(6)]
+    slots = [take(scheduler, 0.0) for _ in range(9)]
 
     assert [job_of(slot) for slot in slots if slot] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
-def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
+def test_every_units_first_poll_waits_for_stops_commands_and_questions_for_watchdogs_only() -> None:
     scheduler = begun(poll("a"), poll("b", unit=2), poll("c"))
     jobs = {lane: job(lane, unit=99) for lane in Priority}
     for waiting in jobs.values():
         scheduler.jobs.submit(waiting, 0.0)
 
-    slots = [take(scheduler, 0.0) for _ in range(8)]
+    slots = [take(scheduler, 0.0) for _ in range(11)]
 
     assert [key_of(slot) or job_of(slot) for slot in slots] == [
-        *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], jobs[Priority.COMMAND], "a", "b"),
-        *(jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
-        "c",
+        *(jobs[lane] for lane in sorted(Priority) if lane <= Priority.WATCHDOG),
+        *("a", "b", jobs[Priority.IDENTITY], jobs[Priority.PATROL], "c"),
     ]
+
+
+def test_the_gateways_own_questions_wait_for_all_commands_however_old_they_are() -> None:
+    scheduler = begun(poll("a"))
+    take(scheduler, 0.0)
+    for lane in (Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL):
+        scheduler.jobs.submit(job(lane), 0.0)
+    for lane in (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS) * 5:
+        scheduler.jobs.submit(job(lane), 1.0)
+
+    slots = [take(scheduler, 1.0) for _ in range(18)]
+
+    lanes = [slot.lane for slot in slots if slot is not None and slot.lane is not None]
+    assert lanes[15:] == [Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL]
 
 
 def test_jobs_use_what_they_have_saved_up_and_then_every_other_slot() -> None:
@@ -261,7 +274,7 @@ def test_what_was_not_sent_for_noise_is_not_repeated_at_once() -> None:
 
 def test_what_is_put_back_until_its_unit_may_be_asked_lets_others_pass() -> None:
     scheduler = begun(poll("a"), poll("b", unit=2))
-    first, second = job(Priority.READ_BACK), job(Priority.READ_BACK, unit=2)
+    first, second = job(Priority.IDENTITY), job(Priority.IDENTITY, unit=2)
     slot = scheduler.pick(0.0)
     assert slot is not None
     scheduler.put_back(slot, 0.5)

@@ -215,7 +215,7 @@ def test_after_an_outage_a_silent_unit_is_still_asked_by_its_probe_only() -> Non
 
 def test_after_an_outage_the_first_poll_of_each_unit_comes_before_what_we_ask_of_our_own_accord() -> None:
     scheduler = begun(poll("a", unit=1), poll("b", unit=1), poll("c", unit=2))
-    scheduler.jobs.submit(job(Priority.READ_BACK), 0.0)
+    scheduler.jobs.submit(job(Priority.PATROL), 0.0)
 
     assert [key_of(take(scheduler, 0.0)) for _ in range(3)] == ["a", "c", None]
 

@@ -7,8 +7,7 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.rtu.reply_times import ENOUGH
-from gateway.line.scheduler.requests import Job, Poll, Priority
+from gateway.line.scheduler.requests import Job, Priority
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
@@ -197,34 +196,6 @@ def test_the_answer_to_the_last_request_is_reported_at_once() -> None:
     run_virtually(scenario())
 
     assert rig.listener.polls[0][0] - rig.port.sent[0][0] == pytest.approx(ONE_S, abs=1e-6)
-
-
-def quick(least_s: float | None) -> Poll:
-    return Poll("a", 1, READ, 0.0, 0.1, least_s)
-
-
-@pytest.mark.parametrize(("least_s", "waited_s"), [(None, 0.1), (0.03, 0.03)])
-def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
-    least_s: float | None, waited_s: float
-) -> None:
-    units = Units({1, 2})
-    rig = LineRig(units, [quick(least_s), poll("b", unit=2, every_s=0.0)])
-
-    async def scenario() -> list[float]:
-        async with rig:
-            await asyncio.sleep(3.0 * ENOUGH * ONE_S)
-            units.alive = {2}
-            await asyncio.sleep(3.0)
-        return [at_s for at_s, _ in rig.port.sent]
-
-    run_virtually(scenario())
-
-    silent_s = next(at_s for at_s, key, _, outcome in rig.listener.polls if isinstance(outcome, Silent))
-    asked = [(at_s, frame) for at_s, frame in rig.port.sent if at_s < silent_s]
-    missed_s = max(at_s for at_s, frame in asked if frame[0] == 1)
-    next_s = min(at_s for at_s, frame in rig.port.sent if at_s > missed_s)
-    deadline_s = TIMING.wire_s(8 + 25) + waited_s + 0.02
-    assert next_s - missed_s == pytest.approx(deadline_s + waited_s, abs=0.003)
 
 
 def test_response_times_are_reported_by_function() -> None:

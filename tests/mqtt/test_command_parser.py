@@ -44,16 +44,6 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
     )
 
 
-@pytest.mark.parametrize(("freshness", "boot"), [("token", ""), ("issued_at", ""), ("boot", "boot-1")])
-def test_a_command_carries_the_boot_only_where_that_proves_its_copies_fresh(
-    freshness: str, boot: str
-) -> None:
-    judged = judge(command(fresh(issued_at=NOW, boot="boot-1")), freshness=freshness)
-
-    assert isinstance(judged, CommandRequest)
-    assert judged.boot == boot
-
-
 def test_what_is_no_command_topic_is_no_command() -> None:
     assert judge(command(fresh(), topic="b/commands/pump-1/alice/start")) is None
 
@@ -74,13 +64,6 @@ def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
         "c1",
         "malformed_topic",
     )
-
-
-def test_only_a_command_with_the_present_boot_is_one_that_the_boot_proves_fresh() -> None:
-    judged = judge(command({"id": "c1", "issued_at": NOW}))
-
-    assert isinstance(judged, CommandRequest)
-    assert judged.boot == ""
 
 
 def test_a_response_topic_elsewhere_is_ignored() -> None:
@@ -124,11 +107,18 @@ def test_an_old_message_may_still_be_a_stop() -> None:
     assert isinstance(judge(Incoming(STOP, b"", expiry_s=0)), CommandRequest)
 
 
+@pytest.mark.parametrize("is_live", [False, True])
 @pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
-def test_a_retained_command_is_never_acted_on(verb: str) -> None:
-    incoming = command(fresh(), topic=f"b/command/pump-1/alice/{verb}", is_retained=True)
+def test_a_retained_command_is_never_acted_on_but_a_stop_that_was_sent_just_now(
+    verb: str, is_live: bool
+) -> None:
+    topic = f"b/command/pump-1/alice/{verb}"
+    incoming = command(fresh(), topic=topic, is_retained=True, is_live=is_live)
 
-    assert refusal(incoming).code == "retained"
+    if verb == "stop" and is_live:
+        assert isinstance(judge(incoming), CommandRequest)
+    else:
+        assert refusal(incoming).code == "retained"
 
 
 def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> None:
@@ -246,11 +236,10 @@ def test_the_page_names_the_operator_itself_and_its_commands_are_marked() -> Non
     assert (rejected.request.operator, rejected.request.source) == ("anna", "web")
 
 
-@pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
+@pytest.mark.parametrize("freshness", ["token", "issued_at"])
 def test_a_command_of_the_page_is_fresh_by_its_token_whatever_counts_over_mqtt(freshness: str) -> None:
     taken = judge(command(fresh(boot="boot-1"), source="web"), freshness=freshness)
     by_boot = refusal(command({"id": "c1", "boot": "boot-1"}, source="web"), freshness=freshness)
 
     assert isinstance(taken, CommandRequest)
-    assert taken.boot == ""
     assert by_boot.code == "not_fresh"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.wheel import project_version
+from deploy.wheel import TOP, project_version
 from tests.packages.built import Packages
 
 WITHIN_S = 240.0
@@ -51,6 +52,25 @@ def test_the_wheel_holds_the_documentation_the_page_and_the_deploy_kit_and_no_le
         assert wanted in names
     assert [name for name in names if name.split("/")[0] not in ("gateway", dist_info())] == []
     assert [name for name in names if "__pycache__" in name or "/deploy_kit/deb/" in name] == []
+
+
+def test_what_pip_builds_from_a_checkout_has_plots_and_documentation(tmp_path: Path) -> None:
+    tree, pip = tmp_path / "checkout", (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps")
+    listed = subprocess.run(
+        ["git", "-C", TOP, "ls-files", "-z"], check=True, capture_output=True, text=True
+    ).stdout.split("\0")
+    for name in filter(None, listed):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(TOP / name, tree / name)
+
+    subprocess.run([*pip, "--wheel-dir", tmp_path, tree], check=True, timeout=WITHIN_S)
+
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    vendor = "gateway/web/static/vendor"
+    for wanted in (f"{vendor}/uPlot.iife.min.js", f"{vendor}/uPlot.min.css", "gateway/docs_site/index.html"):
+        assert wanted in names
+        assert not (tree / wanted).exists()  # the checkout stays as it was
 
 
 def dist_info() -> str:

@@ -198,27 +198,6 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
                 "after": "the value now, the same fields",
             },
         ),
-        "fast_words_used": Event((INFO,), "One request reads all points by the mapped words.", _NOTHING),
-        "fast_words_unmapped": Event(
-            (WARNING,),
-            "The points are not mapped, and nothing may be written now.",
-            "Configure an operator, restart; or map them at the starter.",
-        ),
-        "fast_words_waiting": Event(
-            (WARNING,),
-            "The map was written too often, so it waits with the next write.",
-            "See what else changes the map in the starter.",
-        ),
-        "fast_words_unusable": Event(
-            (WARNING,),
-            "The mapped words cannot be used; everything is read as before.",
-            "See the text; else remove fast_words.",
-        ),
-        "fast_words_changed": Event(
-            (WARNING,),
-            "Something else has changed the map; everything is read as before.",
-            "See what else writes the map in the starter.",
-        ),
     },
     "Lines": {
         "port_open": Event((INFO,), "The port is open.", _NOTHING, _LINE),
@@ -267,6 +246,18 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
             (ERROR,),
             "Another client uses this gateway's client id.",
             "Stop it, or give one of the two another name.",
+        ),
+        "base_shared": Event(
+            (ERROR,),
+            "Another gateway, with another client id, publishes below this gateway's base.",
+            "Stop it, or give one of the two another name in [gateway] or another base in [mqtt].",
+            {"base": "the base"},
+        ),
+        "leftovers_unread": Event(
+            (WARNING,),
+            "The broker does not let the gateway read what earlier runs left retained: none is cleared.",
+            "Correct its access list: `starter-gateway broker-kit` writes a right one.",
+            {"topics": "the topics that it may not read"},
         ),
         "message_too_large": Event(
             (ERROR,),

@@ -40,7 +40,7 @@ MADE_BY: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("starters/telemetry/transitions.py", "_duration"),
         ("starters/telemetry/transitions.py", "_as_data"),
     ),
-    "stopping": (("app/restart/gaps.py", "announcement"),),
+    "stopping": (("app/restart.py", "announcement"),),
     "stopped": (("starters/telemetry/transitions.py", "_duration"),),
     "unlocked": (("starters/commands/local_verbs.py", "act"),),
 }

@@ -88,7 +88,7 @@ GATEWAY = (
         {
             "state": text("its state", values=("starting", "online", "degraded", "offline")),
             "time": time("when this was published", null=True),
-            "boot": text("names this connection: proves that a command came after it was made"),
+            "boot": text("names this connection; a command that carries another one is refused"),
             "since": time("since when it is in this state", null=True),
             "reason": text("why it is degraded or offline", null=True),
             "run": RUN,
@@ -119,9 +119,7 @@ GATEWAY = (
                     "client": text("the level in the command topic"),
                     "may": several("verbs; * for all", "text"),
                     "starters": several("names, with * and ?", "text"),
-                    "freshness": text(
-                        "what proves its commands fresh", values=("token", "issued_at", "boot")
-                    ),
+                    "freshness": text("what proves its commands fresh", values=("token", "issued_at")),
                 },
             ),
             "notice": text("not a safety function"),
@@ -205,12 +203,6 @@ GATEWAY = (
                     "load": number("share of the line's time that the polls need"),
                     "sweep_s": number("time for one request of each poll, at most", "s"),
                     "stop_latency_s": number("a stop's first byte, at most", "s"),
-                    "age_s": mapping(
-                        "age of the values at most without commands, by group; `values_standing`: while a "
-                        "motor stands",
-                        "number",
-                        unit="s",
-                    ),
                     "watchdog_margin_s": number("least reserve of a communication watchdog", "s", null=True),
                     "is_paced": flag("whether the polls have periods; else the line is full at all times"),
                 },
@@ -479,7 +471,7 @@ _COMMAND = {
     "token": text("of gateway/fresh: the proof of freshness", absent=True),
     "issued_at": text("RFC 3339 time with offset: the proof on a synchronised clock", absent=True),
     "ttl_s": number("how old the proof may be, at most 60; 5 when absent", "s", absent=True),
-    "boot": text("of gateway/status; enough for `read`, and for old clients", absent=True),
+    "boot": text("of gateway/status: one that is not the present one is refused", absent=True),
     "operator": text("who decides, a claim; for the audit", absent=True),
     "reason": text("why, for the audit; at most 256 characters", absent=True),
     "args": group("what the verb needs", {}, absent=True, extra="by verb"),

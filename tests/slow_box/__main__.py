@@ -1,16 +1,14 @@
 """`python -m tests.slow_box [--share 0.2]`: what the gateway meets with a fifth of a processor.
 
 The bench's judge serves the starters at full speed, on pseudo terminals; all their motors run, every line is
-asked without a pause. Beside each row stands what `doctor` computes of it, measured within the same share.
+asked without a pause.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import socket
-import subprocess
 import sys
 import tempfile
 import threading
@@ -19,8 +17,6 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.doctor.speed import BoxSpeed
-from gateway.line.capacity.processor import LineDemand, processor_share
 from tests.bench.account import account, between, quantile, stops
 from tests.bench.judge import Spec
 from tests.bench.plant import bench_broker, operate, site
@@ -54,7 +50,6 @@ class SlowRow:
     stop_most_s: float
     stops: int
     used: float  # processor time, as a share of the share
-    predicted: float  # the same, computed by `doctor` from its measurement
     mib: float
 
 
@@ -69,39 +64,21 @@ def main() -> int:
         return 2
     sizes = [_size(text) for text in args.size] if args.size else SIZES
     with Throttle(args.share) as throttle:
-        speed = box_speed(throttle)
         print(
-            f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; {throttle.how}; {speed}\n",
+            f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; {throttle.how}\n",
             flush=True,
         )
         rows = []
         for lines, starters, has_page in sizes:
-            rows.append(measure(throttle, speed, lines, starters, has_page=has_page))
+            rows.append(measure(throttle, lines, starters, has_page=has_page))
             print(f"{rows[-1]}, load {os.getloadavg()[0]:.1f}", flush=True)
     head = ["lines x starters", "first s", "per s", "efficiency", "whole", "too soon"]
-    head += ["stop p50 ms", "most ms", "stops", "used", "predicted", "MiB"]
+    head += ["stop p50 ms", "most ms", "stops", "used", "MiB"]
     print(table(f"A {args.share:g} of a processor, 19200", head, [_cells(row) for row in rows]))
     return 1 if any(row.too_soon or row.stops < STOPS for row in rows) else 0
 
 
-def box_speed(throttle: Throttle) -> BoxSpeed:
-    """Measure within the share, as `doctor` does."""
-    program = (
-        "import asyncio, json, pathlib, tempfile\n"
-        "from dataclasses import asdict\n"
-        "from gateway.cli.doctor.speed import measured\n"
-        "from gateway.line.port.event_loop import new_precise_loop\n"
-        "with asyncio.Runner(loop_factory=new_precise_loop) as runner:\n"
-        "    print(json.dumps(asdict(runner.run(measured(pathlib.Path(tempfile.gettempdir()))))))\n"
-    )
-    with throttle.applied():
-        process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
-    throttle.add(process.pid)
-    output, _ = process.communicate(timeout=60.0)
-    return BoxSpeed(**json.loads(output))
-
-
-def measure(throttle: Throttle, speed: BoxSpeed, lines: int, starters: int, *, has_page: bool) -> SlowRow:
+def measure(throttle: Throttle, lines: int, starters: int, *, has_page: bool) -> SlowRow:
     """Run the gateway within the share on saturated lines, with stops over MQTT."""
     spec = Spec(lines=lines, units=starters, family="ssw07")
     with ExitStack() as stack:
@@ -131,7 +108,6 @@ def measure(throttle: Throttle, speed: BoxSpeed, lines: int, starters: int, *, h
         stops([each for each in run.seen if each.line == 0], submitted, run.law),
     )
     per_s = len(between(run.seen, span.from_s, span.to_s)) / seconds
-    demand = [LineDemand(per_s / lines, starters)] * lines
     return SlowRow(
         *(lines, starters, has_page, run.first_s - process.begun_s, per_s),
         *(found.efficiency, found.whole, found.too_soon),
@@ -139,7 +115,6 @@ def measure(throttle: Throttle, speed: BoxSpeed, lines: int, starters: int, *, h
         stop_most_s=max((each.excess_s for each in late), default=float("nan")),
         stops=len(late),
         used=span.cpu_s / seconds / throttle.share,
-        predicted=processor_share(demand, slowness=speed.slowness),
         mib=span.rss_kib / 1024,
     )
 
@@ -188,7 +163,6 @@ def _cells(row: SlowRow) -> list[str]:
         f"{row.stop_most_s * 1e3:.1f}",
         str(row.stops),
         f"{row.used:.0%}",
-        f"{row.predicted:.0%}",
         f"{row.mib:.0f}",
     ]
 

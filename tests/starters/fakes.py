@@ -150,7 +150,12 @@ class FakeLineClient(LineClient):
     ) -> Outcome:
         assert unit == 7
         assert response_time_s > 0
-        async with self._bus:
+        try:
+            async with asyncio.timeout_at(None if until_s == inf else until_s):
+                await self._bus.acquire()
+        except TimeoutError:
+            return Silent(TOO_LATE, is_sent=False)
+        try:
             now_s = asyncio.get_running_loop().time()
             if now_s > until_s:
                 return Silent(TOO_LATE, is_sent=False)
@@ -158,6 +163,8 @@ class FakeLineClient(LineClient):
             outcome = self.outcome_of(request, at_s=now_s + TRANSACTION_S)
             await asyncio.sleep(TRANSACTION_S)
             return outcome
+        finally:
+            self._bus.release()
 
     def outcome_of(self, request: Request, *, at_s: float) -> Outcome:
         for rule in self.rules:

@@ -1,4 +1,4 @@
-"""One simulated starter under the running gateway without MQTT, with memory, fast words and a dispatcher."""
+"""One simulated starter under the running gateway without MQTT, with memory and a dispatcher."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import AuditRecord, EventRecord, RecordBus, RecordWriter
+from gateway.records import EventRecord, RecordBus, RecordWriter
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -77,12 +77,6 @@ class OneStarter:
     def events(self, *codes: str) -> list[EventRecord]:
         return [event for event in self.sink.of(EventRecord) if event.code in codes]
 
-    def fast_events(self) -> list[str]:
-        return [event.code for event in self.sink.of(EventRecord) if event.code.startswith("fast_words")]
-
-    def audits(self) -> list[AuditRecord]:
-        return [record for record in self.sink.of(AuditRecord) if record.verb == "fast_words"]
-
     def requests(self) -> list[bytes]:
         """Return the PDUs of all requests that went out since the transcript was cleared."""
         return [frame.data[1:-2] for frame in self.bus.transcript if frame.sender == 0]
@@ -106,8 +100,6 @@ async def one_starter(
     *,
     model: str | None = None,
     slot: Literal[1, 2] | None = None,
-    has_fast_words: bool = False,
-    may_write: bool = True,
     memory: TestMemory | None = None,
     lap_s: float = 60.0,
     every_s: float = 1.0,
@@ -118,7 +110,7 @@ async def one_starter(
     bus = SimulatedLine(TIMING, [unit])
     variant = Variant(model=model, slot=slot)
     profile = load_profile(family or unit.family)  # as configured
-    setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
+    setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s)
     router = Router()
     scheduler = Line(
         name="pumps",
@@ -138,7 +130,7 @@ async def one_starter(
         lock_of=policy.motor_history.lock_of,
         records=records,
     )
-    services = StarterServices(policy, may_write=may_write, monitor_every_s=lap_s, records=records)
+    services = StarterServices(monitor_every_s=lap_s)
     services.add(telemetry)
     dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, records=records)
     bus_of_records.connect(policy, services, sink)

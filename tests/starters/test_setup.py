@@ -9,7 +9,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
 from gateway.records import SequenceNumbers
-from gateway.starters.setup import LEARNT_MINIMUM_S, UNSTATED_MINIMUM_S, StarterSetup, merged
+from gateway.starters.setup import StarterSetup, merged
 
 
 def setup(response_time_s: float | None = None) -> StarterSetup:
@@ -53,30 +53,3 @@ def test_a_sequence_counts_up_from_one() -> None:
     sequence = SequenceNumbers()
 
     assert [sequence.take() for _ in range(3)] == [1, 2, 3]
-
-
-@pytest.mark.parametrize(
-    ("family", "learns", "configured_s", "expected_s"),
-    [
-        ("ssw07", False, None, None),  # the manual's 20 ms stand
-        ("ssw07", True, None, LEARNT_MINIMUM_S),
-        ("ssw900", False, None, UNSTATED_MINIMUM_S),  # its manual names no time
-        ("ssw900", False, 0.2, None),  # a configured time counts
-        ("ssw900", True, 0.2, LEARNT_MINIMUM_S),
-    ],
-)
-def test_a_manuals_response_time_is_shortened_only_when_the_line_may_learn_it(
-    family: str, *, learns: bool, configured_s: float | None, expected_s: float | None
-) -> None:
-    starter = StarterSetup(
-        "pump-1",
-        "pumps",
-        7,
-        load_profile(family),
-        Variant(),
-        response_time_s=configured_s,
-        learns_response_times=learns,
-    )
-
-    assert starter.shortest_response_of(ReadHoldingRegisters(0, 1)) == expected_s
-    assert starter.shortest_response_of(WriteCoil(100, True)) is None

@@ -136,7 +136,6 @@ class GatewayWorld:
         self.plugs: list[tuple[float, bool]] = [(0.0, True)]
         self.disturbances_s: list[float] = []  # crashes, and the port going away
         self.connected_s = 0.0
-        self.clock_document: dict[str, Any] = {}  # as an earlier run has stored it
         self._true_epoch_s = self.clock.epoch_s
         self._runs = 0
         self._boot()
@@ -151,9 +150,7 @@ class GatewayWorld:
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run
         self.connect()
         self._issuing = asyncio.create_task(self._issue())
-        clock_watch = ClockWatch("trusted", ask=lambda: self.is_clock_right, read=self._read_clocks)
-        clock_watch.recall(self.clock_document)
-        self.clock_document = clock_watch.document()
+        clock_watch = ClockWatch("auto", ask=lambda: self.is_clock_right, read=self._read_clocks)
         bus = RecordBus(log_failure)
         records = RecordWriter(bus, self.clock)
         self.policy = Policy(

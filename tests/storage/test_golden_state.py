@@ -3,7 +3,7 @@
 The fixture was made by 0.2.0: four simulated starters, a start, a stop, a lock, a setting, a fault, and a
 broker that went away. 0.2.0 knows no versions but `application_id` with `user_version` 1, and takes another
 version or another shape for damage; its documents may have more keys, except precautions.json. A change of
-what is expected here is a change of format: add a step in `gateway/storage/formats/catalogue.py`.
+what is expected here is a change of format.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.audit.chain import Head, verify
 from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.database import Database, SqlTable
-from gateway.storage.formats.catalogue import FORMATS, FileKind
+from gateway.storage.formats import STATE_FILES, FileKind
 from gateway.storage.history_table import HistoryTable
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.outbox_table import OutboxTable
 from gateway.storage.spool import Kind as RowKind
-from gateway.storage.upkeep.versions import found_in, pending_in, refuse_newer
-from gateway.system.clock_steps import ClockReading, ClockSteps
+from gateway.storage.upkeep.versions import found_in, refuse_newer
+from gateway.system.clock_steps import ClockReading
 from tests.starters.plant import FakeMemory
 from tests.storage.golden.state import unpack_golden
 
@@ -41,8 +41,7 @@ TABLES: dict[str, SqlTable] = {
     "outbox.sqlite": OutboxTable(),
     "history.db": HistoryTable(),
 }
-SINCE = ("restart.json", "box.json")  # there was none of it in 0.2.0
-DOCUMENTS = [name for name, each in FORMATS.items() if each.kind is FileKind.JSON and name not in SINCE]
+DOCUMENTS = [name for name, each in STATE_FILES.items() if each.kind is FileKind.JSON]
 
 
 @pytest.fixture
@@ -51,7 +50,7 @@ def state(tmp_path: Path) -> Path:
 
 
 def path_of(state: Path, name: str) -> Path:
-    return state / FORMATS[name].name
+    return state / STATE_FILES[name].name
 
 
 def shape(path: Path) -> dict[str, Any]:
@@ -75,13 +74,12 @@ def keys_in(value: Any) -> Any:
     return type(value).__name__
 
 
-def test_every_file_of_it_counts_as_version_1_and_nothing_is_to_be_converted(state: Path) -> None:
+def test_every_file_of_it_counts_as_version_1(state: Path) -> None:
     refuse_newer(state)
 
     assert {each.name: version for each, version in found_in(state)} == {
-        each.name: 1 for each in FORMATS.values() if each.name not in SINCE
+        each.name: 1 for each in STATE_FILES.values()
     }
-    assert pending_in(state) == []
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -143,8 +141,6 @@ async def test_the_documents_are_understood_and_written_in_the_same_shape(state:
     history.restore(found["precautions.json"], now_s=5.0, reading=reading)
     watchdogs = KnownWatchdogs(memory=FakeMemory(found["watchdogs.json"]))
     faults = PublishedFaults(memory=FakeMemory(found["faults.json"]))
-    steps = ClockSteps()
-    steps.recall(found["clock.json"], reading)
 
     lock = history.lock_of("mill")
     assert lock is not None
@@ -156,7 +152,6 @@ async def test_the_documents_are_understood_and_written_in_the_same_shape(state:
     assert watchdogs.to_document() == found["watchdogs.json"]
     assert faults.to_document() == found["faults.json"]
     assert found["bdseq.json"]["bdSeq"] >= 0
-    assert keys_in(steps.document(reading)) == keys_in(found["clock.json"])
     again = history.to_document(now_s=6.0, reading=reading)
     assert keys_in(again) == keys_in({"version": 1, **found["precautions.json"]})
     known = {name: known_from(each) for name, each in found["identities.json"]["starters"].items()}

@@ -75,7 +75,7 @@ def test_every_file_that_the_gateway_stores_there_is_known_as_its_own() -> None:
         if str(node.value.value).endswith((".json", ".sqlite", ".db", ".lock"))
     }
 
-    assert {"gateway.sqlite", "history.db", "clock.json", "gateway.lock"} <= names
+    assert {"gateway.sqlite", "history.db", "wear.json", "gateway.lock"} <= names
     assert all(OWN_NAMES.fullmatch(name) for name in names), names
     assert OWN_NAMES.fullmatch("gateway.sqlite-wal")
     assert OWN_NAMES.fullmatch("wear.json.damaged-2")

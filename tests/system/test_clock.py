@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -29,20 +26,15 @@ def never() -> bool:
 class Machine:
     """A machine's clocks and its kernel's word; `watch` looks at them four times a second."""
 
-    def __init__(self, trust: Trust = "auto", *, before: Mapping[str, Any] | None = None) -> None:
-        self.up_s, self.utc_s, self.boot_id = 1000.0, 1.8e9, "boot-1"
+    def __init__(self, trust: Trust = "auto") -> None:
+        self.up_s, self.utc_s = 1000.0, 1.8e9
         self.is_synchronised = True  # by a time service
         self.changes: list[str | None] = []
-        self.start(trust, before=before)
-
-    def start(self, trust: Trust = "auto", *, before: Mapping[str, Any] | None = None) -> None:
-        """Start the gateway, again."""
         self.watch = ClockWatch(trust, ask=lambda: self.is_synchronised, read=self.read)
-        self.watch.recall(before)
         self.watch.on_change = self.changes.append
 
     def read(self) -> ClockReading:
-        return ClockReading(self.up_s, self.utc_s, self.boot_id)
+        return ClockReading(self.up_s, self.utc_s)
 
     def wait(self, seconds: float) -> None:
         for _ in range(int(seconds * 4)):
@@ -53,11 +45,6 @@ class Machine:
     def step(self, seconds: float) -> None:
         self.utc_s += seconds
         self.watch.look()
-
-    def reboot(self, *, off_s: float, wrong_s: float = 0.0) -> None:
-        """Switch off for so long; the clock is wrong by so much from then on."""
-        self.up_s, self.boot_id = 10.0, f"{self.boot_id}+"
-        self.utc_s += off_s + wrong_s
 
 
 def test_a_clock_that_was_never_stepped_is_what_the_configuration_says() -> None:
@@ -82,41 +69,35 @@ def test_the_kernel_is_asked_at_most_every_ten_seconds() -> None:
     )
 
 
+@pytest.mark.parametrize("trust", ["auto", "trusted"])
 @pytest.mark.parametrize(("step_s", "by"), [(-20.0, "back by 20.0 s"), (20.0, "ahead by 20.0 s")])
-def test_after_a_step_the_clock_counts_again_once_it_was_synchronised_and_steady_for_a_minute(
-    step_s: float, by: str
+def test_after_a_step_the_clock_counts_again_once_it_was_steady_for_a_minute(
+    trust: Trust, step_s: float, by: str
 ) -> None:
-    machine = Machine()
+    machine = Machine(trust)
     machine.wait(10.0)
     assert machine.watch.doubt() is None
 
     machine.step(step_s)
-    machine.is_synchronised = False
-    machine.wait(600.0)
-    unsynchronised = machine.watch.doubt()
-    machine.is_synchronised = True
     machine.wait(55.0)
     early = machine.watch.doubt()
-    machine.wait(20.0)
+    machine.wait(10.0)
 
-    assert unsynchronised is not None
-    assert unsynchronised.startswith(f"this gateway's clock was set {by}, so issued_at does not count")
-    assert early == unsynchronised
+    assert early == f"this gateway's clock was set {by}, so issued_at does not count for 60 s"
     assert machine.watch.doubt() is None
     assert machine.changes == [f"this gateway's clock was set {by}", None]
 
 
-def test_after_a_step_a_trusted_clock_counts_again_once_it_was_steady_for_a_minute() -> None:
-    machine = Machine("trusted")
-    machine.is_synchronised = False
-
-    machine.step(-20.0)
+def test_what_the_kernel_said_before_a_step_does_not_count() -> None:
+    machine = Machine()
     machine.wait(55.0)
-    early = machine.watch.doubt()
-    machine.wait(20.0)
-
-    assert early == "this gateway's clock was set back by 20.0 s, so issued_at does not count for 60 s"
     assert machine.watch.doubt() is None
+
+    machine.is_synchronised = False
+    machine.step(-20.0)
+    machine.wait(65.0)
+
+    assert str(machine.watch.doubt()).startswith("this gateway's clock is not synchronised")
 
 
 def test_another_step_begins_the_minute_anew() -> None:
@@ -133,11 +114,11 @@ def test_another_step_begins_the_minute_anew() -> None:
 def test_many_small_steps_are_one_step() -> None:
     machine = Machine("trusted")
 
-    for _ in range(6):
+    for _ in range(7):
         machine.step(-0.1)
-        machine.wait(3600.0 / 6)
+        machine.wait(10.0)
 
-    assert machine.changes == ["this gateway's clock was set back by 0.6 s", None]
+    assert machine.watch.doubt() is not None
 
 
 def test_two_readings_that_lie_apart_a_little_are_no_step() -> None:
@@ -146,67 +127,6 @@ def test_two_readings_that_lie_apart_a_little_are_no_step() -> None:
     for number in range(1000):
         machine.step(0.2 if number % 2 else -0.2)
         machine.wait(1.0)
-
-    assert machine.watch.doubt() is None
-
-
-@pytest.mark.parametrize("is_boot_id_known", [True, False])
-@pytest.mark.parametrize(("step_s", "is_seen"), [(-20.0, True), (20.0, True), (0.0, False)])
-def test_a_step_while_the_gateway_was_not_running_is_seen(
-    step_s: float, is_boot_id_known: bool, is_seen: bool
-) -> None:
-    machine = Machine("trusted")
-    machine.boot_id = "boot-1" if is_boot_id_known else ""
-    machine.wait(5.0)
-    document = machine.watch.document()
-
-    machine.up_s += 30.0
-    machine.utc_s += 30.0 + step_s
-    machine.start("trusted", before=document)
-
-    assert (machine.watch.doubt() is not None) is is_seen
-    assert (machine.watch.step is not None) is is_seen
-
-
-@pytest.mark.parametrize(
-    ("off_s", "wrong_s", "is_seen"),
-    [
-        (3600.0, 0.0, False),
-        (3600.0, -9 * 86400.0, True),  # nine days off
-        (30.0, -1.8e9, True),  # 1970: no clock outlives its power
-        (1e7, 0.0, False),
-    ],
-)
-def test_a_clock_that_is_behind_after_a_reboot_is_seen(off_s: float, wrong_s: float, is_seen: bool) -> None:
-    machine = Machine("trusted")
-    document = machine.watch.document()
-
-    machine.reboot(off_s=off_s, wrong_s=wrong_s)
-    machine.start("trusted", before=document)
-
-    assert (machine.watch.doubt() is not None) is is_seen
-
-
-def test_a_doubt_outlives_the_gateway_and_ends_as_any() -> None:
-    machine = Machine()
-    machine.step(-20.0)
-    document = machine.watch.document()
-
-    machine.start("trusted", before=json.loads(json.dumps(document)))
-    restarted = machine.watch.doubt()
-    machine.wait(75.0)
-
-    assert restarted is not None
-    assert machine.watch.doubt() is None
-
-
-@pytest.mark.parametrize(
-    "document", [{}, {"up_s": "x"}, {"up_s": 1, "utc_s": None, "boot_id": ""}, {"doubt": 5}]
-)
-def test_what_another_program_left_in_the_file_counts_as_nothing(document: dict[str, Any]) -> None:
-    machine = Machine("trusted")
-
-    machine.start("trusted", before=document)
 
     assert machine.watch.doubt() is None
 

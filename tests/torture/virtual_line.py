@@ -14,7 +14,7 @@ from typing import Any
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.capacity.forecast import forecast, longest_gap_s
+from gateway.line.capacity.forecast import forecast
 from gateway.line.capacity.outage import WIDE_FACTOR, first_requests_s, gaps_of, start_order
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
@@ -153,7 +153,7 @@ def _watchdog_s(polls: list) -> int:  # type: ignore[type-arg] # of Poll
     prospect = forecast(polls, TIMING)
     firsts_s = first_requests_s(polls, TIMING)
     units = range(1, len(FAMILIES) + 1)
-    gaps = [gaps_of(longest_gap_s(prospect, unit), firsts_s[unit]).crash_s for unit in units]
+    gaps = [gaps_of(prospect.gaps_s[unit], firsts_s[unit]).crash_s for unit in units]
     return math.ceil(WIDE_FACTOR * max(gaps))
 
 

@@ -124,7 +124,7 @@ async def test_after_five_wrong_passwords_even_the_right_one_waits_and_costs_no_
     assert accepted.status == 200
 
 
-async def test_wrong_passwords_from_one_address_keep_nobody_else_out() -> None:
+async def test_wrong_passwords_from_one_address_shut_no_login_for_another() -> None:
     rig = PageRig(WebSettings(users={"anna": USER}, trusted_proxies=("127.0.0.1",)))
     await rig.log_in(x_forwarded_for="192.0.2.1")
     inside, rig.cookie = rig.cookie, ""

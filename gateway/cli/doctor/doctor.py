@@ -32,10 +32,9 @@ from gateway.system.clock import SystemClock
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description and arguments."""
     parser.description = (
-        "Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
+        "Look for problems: timers and disk of this machine, ports, adapters, clock, state"
         " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
-        " changed, but the speed is stored in state_dir, for `check`; exit code 1 when there is a problem."
-        " Run it as the gateway's user."
+        " changed; exit code 1 when there is a problem. Run it as the gateway's user."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
@@ -78,7 +77,7 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
     state_dir = folder / config.gateway.state_dir
     report(state_dir_remark(state_dir))
     prospects = prospects_of(config)
-    for remark in (*await box_remarks(state_dir, prospects), *wear_remarks(state_dir)):
+    for remark in (*await box_remarks(state_dir), *wear_remarks(state_dir)):
         report(remark)
     for remark in await broker.remarks():
         report(remark)

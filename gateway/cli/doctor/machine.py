@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.app.capacity import LineCapacity
-from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess, measured
+from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.config.schema import Config
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
@@ -17,7 +16,7 @@ from gateway.mqtt.contract.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.audit.segments import FOLDER as AUDIT
-from gateway.storage.formats.catalogue import FORMATS
+from gateway.storage.formats import STATE_FILES
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger import INTEND_WITHIN_S
 from gateway.storage.upkeep.state_copy import own_files
@@ -41,7 +40,7 @@ class DoctorFinding:
         return f"{self.weight or 'ok':8}{self.where}: {self.text}"
 
 
-OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in FORMATS.values())})
+OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in STATE_FILES.values())})
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
 
@@ -142,30 +141,15 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
 
 
 LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
-OTHERS_SHARE = 0.1  # of the processor, taken by other programs while it was measured
 
 
-async def box_remarks(state_dir: Path, prospects: Iterable[LineCapacity]) -> list[DoctorFinding]:
-    """Measure, store the measurement for `check`, and return what was found."""
-    speed = await measured(state_dir)
-    remarks = list(judged(speed, prospects))
-    if trouble := speed.store(state_dir):
-        remarks.append(DoctorFinding("machine", f"the measurement is not stored: {trouble}", Weight.NOTE))
-    return remarks
+async def box_remarks(state_dir: Path) -> list[DoctorFinding]:
+    """Measure this machine and return what was found."""
+    return list(judged(await measured(state_dir)))
 
 
-def judged(speed: BoxSpeed, prospects: Iterable[LineCapacity]) -> Iterator[DoctorFinding]:
+def judged(speed: BoxSpeed) -> Iterator[DoctorFinding]:
     """Give the findings about a measured machine."""
-    demands = demands_of(prospects)
-    trouble = excess(speed, demands)
-    if trouble:
-        yield DoctorFinding("machine", trouble, Weight.WARNING)
-    else:
-        yield DoctorFinding("machine", capacity(speed, demands))
-    if 1.0 - speed.processor > OTHERS_SHARE:
-        share = f"{1.0 - speed.processor:.0%} of a processor"
-        what = f"{share} went to other programs meanwhile, or a quota held it back"
-        yield DoctorFinding("machine", f"{what}; counted in as if they always did", Weight.NOTE)
     yield _timers(speed)
     if speed.sync_s is not None:
         yield _disk(speed.sync_s)

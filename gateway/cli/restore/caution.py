@@ -27,7 +27,7 @@ from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.starters.policy.policy import GATEWAY
 from gateway.storage.audit.segments import FOLDER
 from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
-from gateway.storage.formats.catalogue import FORMATS
+from gateway.storage.formats import STATE_FILES
 from gateway.storage.json_file import JsonFile
 from gateway.system.clock_steps import ClockReading
 
@@ -80,7 +80,7 @@ def locked_document(
 
 def note_past(state_dir: Path, reading: ClockReading, what: str) -> None:
     """Let births be counted from elsewhere, and say in the audit that this state is one of before."""
-    numbers = JsonFile(state_dir / FORMATS[BDSEQ].name)
+    numbers = JsonFile(state_dir / STATE_FILES[BDSEQ].name)
     with suppress(DamagedError):
         before = (numbers.load() or {}).get("bdSeq")
         if isinstance(before, int):

@@ -1,4 +1,4 @@
-"""`starter-gateway restore`: puts back what a backup holds, or the copies that an upgrade has left.
+"""`starter-gateway restore`: puts back what a backup holds.
 
 Everything is verified before anything is written. Nothing is written outside the configuration's folder and
 the state directory, over files that are there without --replace, or beside a running gateway.
@@ -16,7 +16,7 @@ from typing import Any
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, name_in_backup
-from gateway.cli.restore.caution import HELD, LEDGER, give_to, give_to_owner_of, lock_all, note_past
+from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
 from gateway.cli.restore.switch import RESTORED, Switch
 from gateway.config.load import load, parse
 from gateway.config.schema import Config
@@ -25,12 +25,10 @@ from gateway.errors import ConfigError, DamagedError, NewerError, StartError, St
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
 from gateway.storage.audit.segments import FOLDER as AUDIT
 from gateway.storage.audit.segments import LOCK as AUDIT_LOCK
-from gateway.storage.database import empty_log
-from gateway.storage.formats.catalogue import FORMATS, FileKind, Format, copy_path, newer_text
-from gateway.storage.formats.copies import put_in_place
+from gateway.storage.formats import STATE_FILES, newer_text
 from gateway.storage.upkeep.archive import Archive, open_archive
 from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
-from gateway.storage.upkeep.versions import found_in, refuse_newer
+from gateway.storage.upkeep.versions import refuse_newer
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
@@ -38,27 +36,19 @@ from gateway.system.instance_lock import FILE, instance_lock, is_locked
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description and arguments."""
     parser.description = (
-        "Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
-        "beside files that an earlier version cannot read. The gateway must not run. Afterwards "
-        "every starter that can be locked is locked: what happened since the backup is not known."
+        "Put back what a backup holds. The gateway must not run. Afterwards every starter that can be "
+        "locked is locked: what happened since the backup is not known."
     )
-    parser.add_argument(
-        "file", metavar="FILE", help="the backup; with --rollback the gateway's configuration"
-    )
+    parser.add_argument("file", metavar="FILE", help="the backup")
     parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
     flag(parser, "--replace", about="replace what is there; it is set aside")
-    flag(parser, "--rollback", about="put back the copies of before an upgrade")
 
 
 def run(args: argparse.Namespace) -> int:
     """Restore, print what was done, and return 0."""
     try:
-        if args.rollback:
-            path = Path(args.file)
-            roll_back(path.parent / (config := load(path)).gateway.state_dir, config)
-        else:
-            with open_archive(Path(args.file)) as archive:
-                _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)
+        with open_archive(Path(args.file)) as archive:
+            _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)
     except OSError as error:
         raise StoreError(f"{error.filename}: {error.strerror or error}") from error
     return 0
@@ -181,9 +171,9 @@ def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -
 def _refuse_newer(facts: Mapping[str, Any]) -> None:
     """Raise NewerError when this program could not read what would be restored."""
     versions = facts.get("state")
-    known = {each.name: each for each in FORMATS.values()}
+    known = {each.name for each in STATE_FILES.values()}
     texts = [
-        newer_text(Path(name), version, known[name])
+        newer_text(Path(name), version)
         for name, version in (versions.items() if isinstance(versions, dict) else ())
         if name in known and isinstance(version, int)
     ]
@@ -243,56 +233,3 @@ def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
         print(f"locked until an operator unlocks them: {', '.join(locked)}")
     print(HELD)
     print(f"then: starter-gateway check {place.path}")
-
-
-NEWER = ".newer"  # ends the name of a file that a copy has replaced
-WHAT = "went back to the state of before an upgrade"
-_COMPANIONS = ("-wal", "-shm", "-journal")  # must never stand beside another database
-
-
-def roll_back(state_dir: Path, config: Config) -> None:
-    """Replace every file of a later version by its copy; StoreError when one has none: then none is replaced.
-
-    Cut short at any point, it can be repeated, and no motor is without its lock meanwhile.
-    """
-    with instance_lock(state_dir):
-        newer = [(each, version) for each, version in found_in(state_dir) if version > each.version]
-        copies = {each.name: _copy_of(state_dir, each) for each, _ in newer}
-        if not newer:
-            print(f"{state_dir}: this version can read every file; nothing to do")
-            return
-        reading, locked = read_clocks(), list[str]()
-        for each, version in newer:
-            path = state_dir / each.name
-            if each.kind is FileKind.SQLITE:
-                empty_log(path)  # or, killed before the copy is in place, this looks like an earlier version
-            _retain(path)
-            if each.name == PRECAUTIONS_FILE:
-                locked = lock_all(state_dir, config, reading, WHAT, copies[each.name].read_bytes())
-            else:
-                put_in_place(copies[each.name], path)
-            print(f"{each.name}: format {version} is now {path.name}{NEWER}, the copy of before is used")
-        note_past(state_dir, reading, WHAT)
-        give_to_owner_of(state_dir, [*replaced_in(state_dir), state_dir / FILE])
-    if locked:
-        print(f"locked until an operator unlocks them: {', '.join(locked)}")
-    if LEDGER in copies:
-        print(HELD)
-
-
-def _retain(path: Path) -> None:
-    """Give a file a second name, and move away what SQLite has beside it."""
-    for end in _COMPANIONS:
-        if os.path.lexists(f"{path}{end}"):
-            os.replace(f"{path}{end}", f"{path}{NEWER}{end}")
-    newer = path.with_name(path.name + NEWER)
-    newer.unlink(missing_ok=True)
-    newer.hardlink_to(path)
-
-
-def _copy_of(state_dir: Path, known: Format) -> Path:
-    path = state_dir / known.name
-    for version in range(known.version, 0, -1):
-        if copy_path(path, version).is_file():
-            return copy_path(path, version)
-    raise StoreError(f"{path} has no copy of before (restore a backup, or install the version that wrote it)")

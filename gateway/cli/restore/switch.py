@@ -14,8 +14,8 @@ from pathlib import Path
 
 from gateway.cli.restore.caution import give_to_owner_of
 from gateway.errors import StoreError
-from gateway.storage.formats.copies import sync_folder
 from gateway.storage.upkeep.state_copy import replaced_in, set_aside
+from gateway.system.whole_files import sync_folder
 
 BEFORE = ".before-restore"  # ends the name of a configuration's file that was replaced
 RESTORED = ".restored"  # ends the name of one that is to be in place soon

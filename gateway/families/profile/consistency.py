@@ -26,7 +26,6 @@ def contradictions(profile: Profile) -> list[str]:
         *(problem for verb in profile.commands for problem in _command(profile, verb)),
         *(problem for name, output in profile.outputs.items() for problem in _output(profile, name, output)),
         *_limits(profile),
-        *_fast_words(profile),
         *_history(profile),
     ]
 
@@ -174,16 +173,6 @@ def _limits(profile: Profile) -> Iterator[str]:
         yield f"limits.read_registers: {limits.read_registers} do not fit a frame"
     if _WRITE_OVERHEAD + 2 * limits.write_registers > limits.frame_bytes:
         yield f"limits.write_registers: {limits.write_registers} do not fit a frame"
-
-
-def _fast_words(profile: Profile) -> Iterator[str]:
-    layout = profile.fast_words
-    if layout is None:
-        return
-    for address in range(layout.map, layout.map + layout.words):
-        rows = profile.rows_at.get((Table.HOLDING, address), ())
-        if not rows or rows[0].words != 1 or rows[0].access is not Access.RW:
-            yield f"fast_words: register {address} of the map is no writable row of one word"
 
 
 def _history(profile: Profile) -> Iterator[str]:

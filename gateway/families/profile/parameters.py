@@ -166,9 +166,7 @@ def settable_words(profile: Profile, variant: Variant, row: Parameter, value: ob
         )
     if row.code in profile.protected.actions:
         raise refused("not_writable", f"{row.code} is an action on all parameters: do it at the starter")
-    mapped = profile.fast_words.written if profile.fast_words is not None else ()
-    is_mapped = row.table is Table.HOLDING and row.address in mapped
-    if row.table.is_bits or row.access is Access.COMMAND or is_mapped:
+    if row.table.is_bits or row.access is Access.COMMAND:
         raise refused("not_writable", f"{row.code} is not written by set, but by the verbs of the family")
     return to_words(profile, row, value, variant=variant)
 

@@ -136,7 +136,7 @@ class Rows(Model):
 
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
-    automatic: tuple[str, ...] = ()  # settings that the gateway or the starter's own program may write
+    automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
 
 
@@ -182,21 +182,6 @@ class Ceiling(Model):
     remedy: str  # what to do
 
 
-class MappedWords(Model):
-    """Registers that read whatever parameters are mapped onto them (ssw900 7.2.3)."""
-
-    read: int = Field(ge=0, le=0xFFFF)  # the first of these registers
-    map: int = Field(ge=0, le=0xFFFF)  # of the first one's own register, which holds a parameter's address
-    words: int = Field(ge=1)  # how many there are
-    write: int = Field(ge=0, le=0xFFFF)  # the first of those that write what is mapped onto them, and
-    write_words: int = Field(ge=1)  # how many of these there are
-
-    @property
-    def written(self) -> range:
-        """The registers of which each write lands in another row, a command word too if it is mapped so."""
-        return range(self.write, self.write + self.write_words)
-
-
 class HistoryRows(Model):
     """Rows in which the starter itself says what has happened to it; by code, empty where it has none."""
 
@@ -238,7 +223,6 @@ class Profile(Model):
     command_bits: CommandBits = CommandBits()  # needed of a word that is written whole, without a mask
     points: dict[str, Point]
     commands: dict[str, Command]
-    fast_words: MappedWords | None = None  # None: the family has none
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
     shown_by: dict[str, ShownBy] = {}  # by the row that is written
@@ -276,8 +260,6 @@ class Profile(Model):
                 runs[-1] = (row.table, runs[-1][1], max(runs[-1][2], end))
             else:
                 runs.append((row.table, row.address, end))
-        if self.fast_words is not None:
-            runs.append((Table.HOLDING, self.fast_words.read, self.fast_words.read + self.fast_words.words))
         return tuple(runs)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a line can keep: load, sweep, watchdogs, estimated ages, gaps after an outage; pure.
+"""What a line can keep: load, sweep, watchdogs, gaps after an outage; pure.
 
 Start at `forecast`.
 """

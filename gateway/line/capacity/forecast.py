@@ -7,7 +7,7 @@ with every reply as late as the line waits for it.
 Stops come on top: each adds its own transaction, and its repeats and read-backs as many as there are
 requests for watchdogs.
 
-The age of a value is an estimate: a line without commands, on which everything else goes first once.
+`Forecast.gaps_s` are estimates: a line without commands, on which everything else goes first once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ class PollForecast:
     poll: Poll
     cost_s: float  # of the line's time, silence included, when the unit takes as long as it may
     period_s: float  # between two answers, on average; longer than the poll's own when the line is over-full
-    age_s: float  # the oldest that its values get before newer ones come, as an estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +51,7 @@ class Forecast:
     polls: tuple[PollForecast, ...]
     watchdog_load: float  # share of the line's time that the watchdogs need when no poll helps them
     watchdog_gaps_s: Mapping[int, float]  # by unit with a watchdog: the longest time between two requests
+    gaps_s: Mapping[int, float]  # by unit: an estimate of the same without commands
 
     @property
     def is_overloaded(self) -> bool:
@@ -71,30 +71,25 @@ def forecast(
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
     longest = worst_stop_latency_s(polls, timing, allowance_s=allowance_s)
     periods_s = _periods_s(polls, costs_s)
-    ages_s = _ages_s(polls, late_s, periods_s)
     watchdogs = _watchdogs(polls, late_s)
     demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in watchdogs.values())
     in_flood_s = _in_flood_s(polls, late_s, watchdogs.values(), longest)
+    watchdog_gaps_s = {
+        unit: min(asked_s + longest + demand.response_s(asked_s), in_flood_s[unit])
+        for unit, (_, asked_s) in watchdogs.items()
+    }
     return Forecast(
         load=sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s),
         sweep_s=sum(costs_s),
         stop_latency_s=max(longest, worst_stop_latency_s(jobs, timing, allowance_s=allowance_s)),
         polls=tuple(
-            PollForecast(poll, cost_s, period_s, age_s)
-            for poll, cost_s, period_s, age_s in zip(polls, costs_s, periods_s, ages_s, strict=True)
+            PollForecast(poll, cost_s, period_s)
+            for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True)
         ),
         watchdog_load=demand.load,
-        watchdog_gaps_s={
-            unit: min(asked_s + longest + demand.response_s(asked_s), in_flood_s[unit])
-            for unit, (_, asked_s) in watchdogs.items()
-        },
+        watchdog_gaps_s=watchdog_gaps_s,
+        gaps_s=_gaps_s(polls, late_s, periods_s, watchdog_gaps_s),
     )
-
-
-def longest_gap_s(whole: Forecast, unit: int) -> float:
-    """Return an estimate of the longest time between two requests to a unit without commands; inf: never."""
-    asked_s = min((each.age_s for each in whole.polls if each.poll.unit == unit), default=inf)
-    return min(asked_s, whole.watchdog_gaps_s.get(unit, inf))
 
 
 def worst_stop_latency_s(
@@ -162,8 +157,13 @@ def _in_flood_s(
     return gaps_s
 
 
-def _ages_s(polls: Sequence[Poll], costs_s: Sequence[float], periods_s: Sequence[float]) -> list[float]:
-    """Return the age that each poll's values reach: everything else goes first once.
+def _gaps_s(
+    polls: Sequence[Poll],
+    costs_s: Sequence[float],
+    periods_s: Sequence[float],
+    promised_s: Mapping[int, float],
+) -> dict[int, float]:
+    """Return by unit the longest time between two requests by its fastest poll: all others go first once.
 
     A poll without a period goes when no other is due: those may have been asked several times by then.
     """
@@ -171,14 +171,14 @@ def _ages_s(polls: Sequence[Poll], costs_s: Sequence[float], periods_s: Sequence
     regular = [(cost_s, poll.every_s) for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s]
     free_s = once_s - sum(cost_s for cost_s, _ in regular)
     factor = overload_factor(_load(polls, costs_s))
-    ages_s = []
+    gaps_s = dict(promised_s)
     for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True):
-        age_s = period_s + once_s
+        gap_s = period_s + once_s
         if not poll.every_s:
             due_s = FREE_PERIOD_S * factor + once_s
-            age_s = max(age_s, min(_lasts_s(cost_s + free_s, regular) - cost_s, due_s))
-        ages_s.append(age_s)
-    return ages_s
+            gap_s = max(gap_s, min(_lasts_s(cost_s + free_s, regular) - cost_s, due_s))
+        gaps_s[poll.unit] = min(gap_s, gaps_s.get(poll.unit, inf))
+    return gaps_s
 
 
 def _lasts_s(once_s: float, asked: Sequence[tuple[float, float]], *, share: float = 0.0) -> float:

@@ -83,7 +83,7 @@ def first_requests_s(
 
 
 def gaps_of(regular_s: float, first_s: float, restart: Restart | None = None) -> Gaps:
-    """Return a unit's gaps; `regular_s` is from `longest_gap_s`, `first_s` from `first_requests_s`."""
+    """Return a unit's gaps; `regular_s` is of `Forecast.gaps_s`, `first_s` from `first_requests_s`."""
     manager = restart or Restart()
     again_s = manager.restart_s + manager.start_up_s + first_s
     return Gaps(regular_s, regular_s + again_s, regular_s + manager.noticed_s + again_s)

@@ -1,8 +1,8 @@
 """When a reply comes: how long it is waited for, and how soon it can begin.
 
-How long follows from numbers alone at first, then from what the units have shown. The response times of each
-unit and function are counted in classes of 5 %, old ones at half their weight from time to time, so that the
-memory is bounded and follows a starter that changes.
+How long follows from numbers alone. The response times of each unit and function are counted for the
+statistics, in classes of 5 %, old ones at half their weight from time to time, so that the memory is bounded
+and follows a starter that changes.
 """
 
 from __future__ import annotations
@@ -19,14 +19,9 @@ ALLOWANCE_S = 0.02  # for adapters, drivers and this machine, on top of the unit
 
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
-ENOUGH = 100  # answers before anything is concluded
-FACTOR = 1.5  # of the time within which all but one answer in a thousand come,
-MARGIN_S = 0.005  # plus this: so long is waited at least
-
 _CLASS = log(1.05)
 _SHORTEST_S = 0.0001  # what is shorter counts as this
 _FORGET_FROM = 4096  # answers, then each counts half
-_CONCLUDE_EVERY = 64  # answers
 
 Quantiles = dict[str, float | None]
 
@@ -67,8 +62,6 @@ class ResponseTimes:
     def __init__(self) -> None:
         self._classes: dict[int, _Class] = {}
         self._total = 0
-        self._concluded = 0  # how many more answers the conclusion holds for
-        self._usual_s = 0.0
 
     @property
     def classes(self) -> Iterable[tuple[int, int, float]]:
@@ -84,18 +77,8 @@ class ResponseTimes:
         each.count += 1
         each.sum_s += response_time_s
         self._total += 1
-        self._concluded -= 1
         if self._total >= _FORGET_FROM:
             self._forget()
-
-    def usual_s(self) -> float | None:
-        """Return the time within which all but one in a thousand answered; None while there are too few."""
-        if self._total < ENOUGH:
-            return None
-        if self._concluded <= 0:
-            self._usual_s = quantile_s((self,), 0.999) or 0.0
-            self._concluded = _CONCLUDE_EVERY
-        return self._usual_s
 
     def _forget(self) -> None:
         left = {
@@ -126,41 +109,23 @@ def _quantiles(distributions: Iterable[ResponseTimes], shares: Mapping[str, floa
     return found
 
 
-class ResponseTimeEstimator:
-    """What the units of a line have shown, by unit and function."""
+class UnitResponseTimes:
+    """The response times of a line's units, by unit and function."""
 
     def __init__(self) -> None:
         self._times: dict[int, dict[int, ResponseTimes]] = {}
-        self._missing: set[int] = set()  # units whose latest request was not answered
 
     def note_answer(self, unit: int, function: int, response_time_s: float) -> None:
         """Count an answer of a unit."""
-        self._missing.discard(unit)
         functions = self._times.setdefault(unit, {})
         times = functions.get(function)
         if times is None:
             times = functions[function] = ResponseTimes()
         times.note(response_time_s)
 
-    def note_miss(self, unit: int) -> None:
-        """Record that a unit did not answer: until it does it is waited for as long as it may take."""
-        self._missing.add(unit)
-
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more."""
         self._times.pop(unit, None)
-        self._missing.discard(unit)
-
-    def response_time_s(self, unit: int, function: int, *, limit_s: float, least_s: float | None) -> float:
-        """Return how long to wait for a reply's first byte: `limit_s`, or less where that is allowed.
-
-        `least_s` is the least that may be concluded from what was learnt; None where nothing may.
-        """
-        if least_s is None or unit in self._missing:
-            return limit_s
-        times = self._times.get(unit, {}).get(function)
-        usual_s = None if times is None else times.usual_s()
-        return limit_s if usual_s is None else min(limit_s, max(least_s, usual_s * FACTOR + MARGIN_S))
 
     def quantiles(self, unit: int) -> Quantiles:
         """Return p50 and p99 of a unit's response times, all functions together; None of nothing."""

@@ -20,7 +20,11 @@ class Priority(enum.IntEnum):
     FOLLOW_UP = 1  # repeats and read-backs of stops
     COMMAND = 2  # what makes motors move
     READ_BACK = 3  # whether they did, and who a starter is
-    PARAMETERS = 4  # background: reads and settings on demand, and what the gateway looks after by itself
+    PARAMETERS = 4  # reads and settings on demand
+    # The gateway's own questions, which wait for all those:
+    WATCHDOG = 5  # that of a starter which was not asked yet
+    IDENTITY = 6  # who a starter is
+    PATROL = 7  # parameters, diagnosis and memory that it reads by itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,6 @@ class Poll:
     request: Request
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
-    shortest_response_s: float | None = None  # what was learnt may shorten that to this; None: not at all
     deadline_s: float | None = None  # its unit's watchdog: the longest time without a request; 0: it has none
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once

@@ -35,6 +35,8 @@ OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
 SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
 _COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
+_OWN = (Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL)
+_BACKGROUND = (Priority.PARAMETERS, Priority.PATROL)
 
 
 class Scheduler:
@@ -64,9 +66,9 @@ class Scheduler:
            after a read-back without an answer one of 3 to 5.
         3. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
            port was opened, those that have just missed after all others; one without a known watchdog
-           after commands in their share; after eight in a row 4 or 5 once.
-        4. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
-           fourth the oldest.
+           after commands and questions for watchdogs, in their share; after eight in a row 4 or 5 once.
+        4. A job, when no poll is due or the jobs' share of line time is not used up: commands by priority,
+           every fourth the oldest, then the gateway's own questions by priority.
         5. A poll by due time, one that is repeated first. After a miss those of units that answer, otherwise
            those of units that do not.
         """
@@ -82,11 +84,11 @@ class Scheduler:
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
             if entry is None or now_s >= self.jobs.budget.room_at_s:
-                slot = self.jobs.pop(now_s, *_COMMANDS)
+                slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, *_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
         elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
-            slot = self.jobs.pop(now_s, Priority.COMMAND)
+            slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, Priority.WATCHDOG)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
@@ -209,6 +211,6 @@ class JobQueue:
 
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
         """Charge what a slot has used of the line to the jobs' share; stops are free."""
-        if slot.lane in _COMMANDS:
-            weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
+        if slot.lane in _COMMANDS + _OWN:
+            weight = BACKGROUND_WEIGHT if slot.lane in _BACKGROUND else 1
             self.budget.spend(weight * took_s, now_s)

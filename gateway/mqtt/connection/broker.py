@@ -34,7 +34,8 @@ class BrokerConnection:
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
     PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
-    `listeners` take what comes on topics of their own, which must lie outside `command_filter`.
+    `listeners` take what comes on topics of their own, which must lie outside `command_filter`; `on_read`
+    takes what comes because of `read`.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class BrokerConnection:
         pulse: Callable[[], Message] | None = None,
         on_version: Callable[[Version], None] = lambda _: None,
         listeners: Mapping[str, Listener] | None = None,
+        on_read: Callable[[Incoming], None] | None = None,
     ) -> None:
         self._settings = settings
         self._outbox = outbox
@@ -57,6 +59,7 @@ class BrokerConnection:
         self._will = will
         self._on_incoming = on_incoming
         self._listeners = dict(listeners or {})
+        self._on_read = on_read
         self._on_link = on_link
         self._on_notice = on_notice
         self._published: set[str] = set()  # the codes of notices, since a connection held
@@ -70,6 +73,7 @@ class BrokerConnection:
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
         self._link: tuple[bool, str] | None = None
+        self._last_word: tuple[bool, str] | None = None  # as logged
         self._closing = asyncio.Event()
         self._acknowledged = asyncio.Event()
         self._is_outbox_shut = False
@@ -102,6 +106,19 @@ class BrokerConnection:
         if self._listeners.pop(topic, None) is not None and self._session is not None:
             self._session.unlisten(topic)
 
+    def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
+        """Have what is stored on these topics, as retained, and what comes, on this connection alone.
+
+        `on_answer` is called with whether the broker permits it, unless the connection is lost before that.
+        """
+        if self._session is not None:
+            self._session.read(topic_filter, on_answer)
+
+    def unread(self, topic_filter: str) -> None:
+        """Have no more of what `read` asked for."""
+        if self._session is not None:
+            self._session.unlisten(topic_filter)
+
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
 
@@ -131,8 +148,11 @@ class BrokerConnection:
         on_message = self._listeners.get(incoming.topic)
         if on_message is not None:
             on_message(incoming.payload)
+        elif self._on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
+            self._on_read(incoming)
         else:
-            self._on_incoming(replace(incoming, is_early=self._session is None))
+            is_live = incoming.is_retained and self._choice.version is Version.V5  # it sends no stored ones
+            self._on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
 
     def _subscribe(self, session: Session, topic: str) -> None:
         error = BrokerError(
@@ -162,8 +182,7 @@ class BrokerConnection:
         return False
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
-        loop = asyncio.get_running_loop()
-        since_s = loop.time()
+        holding = asyncio.get_running_loop().call_later(self._settings.steady_s, self._note_steady)
         self._session = session
         self._outbox.connected(session.window)
         try:
@@ -176,17 +195,22 @@ class BrokerConnection:
             reason = await session.lost
         finally:
             self._session = None
+            holding.cancel()
             if self._beating is not None:
                 self._beating.cancel()
             self._outbox.disconnected()
             self._acknowledged.set()
-        if loop.time() - since_s >= self._settings.steady_s:
-            self._backoff.reset()
-            self._published.clear()
-            self._logged.clear()
-            self._short_ones = 0
         self._report_link(f"broker {self._settings.address}: {reason}", is_connected=False)
         self._notice(session.notice, reason)
+
+    def _note_steady(self) -> None:
+        """Count this connection as one that holds; say so when the last word was the loss of one before."""
+        self._backoff.reset()
+        self._published.clear()
+        self._short_ones = 0
+        self._logged.clear()
+        if self._last_word != self._link:
+            self._log_link()
 
     def _notice(self, notice: Notice | None, reason: str) -> None:
         """Have the cause of a loss published, known or guessed, unless that has been done."""
@@ -237,11 +261,18 @@ class BrokerConnection:
         if (is_connected, trouble) == self._link or self._closing.is_set():
             return
         self._link = (is_connected, trouble)
-        level = logging.DEBUG if trouble in self._logged else logging.WARNING if trouble else logging.INFO
-        self._logged.add(trouble)  # what repeats while no connection holds is logged once
-        connected = f"broker={self._settings.address} connected, MQTT {self._choice.version}"
-        log.log(level, "%s", trouble or connected)
+        if trouble not in self._logged:  # what repeats while no connection holds is logged once
+            self._log_link()
+        else:
+            log.debug("broker=%s %s", self._settings.address, trouble or "connected")
         self._on_link(is_connected, trouble)
+
+    def _log_link(self) -> None:
+        self._last_word = self._link
+        trouble = "" if self._link is None else self._link[1]
+        self._logged.add(trouble)
+        connected = f"broker={self._settings.address} connected, MQTT {self._choice.version}"
+        log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)
 
     def _deaf(self) -> str:
         error = BrokerError(

@@ -5,6 +5,7 @@ MQTT 5 lets a client ask the broker to hold larger ones back; MQTT 3.1.1 does no
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, Self
 
@@ -33,6 +34,10 @@ class LimitedClient(paho.Client):
     """
 
     on_skip: Callable[[int], None]
+
+    def pinged_for_s(self) -> float:
+        """Return for how long a ping has been without its answer; 0 for none."""
+        return time.monotonic() - self._ping_t if self._ping_t else 0.0
 
     def _sock_recv(self, bufsize: int) -> bytes:
         """Read so much at most; for a packet's body paho first asks for its whole announced length."""

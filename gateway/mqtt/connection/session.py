@@ -105,7 +105,7 @@ class Session:
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
-        suback = self._subscribe(topic_filter, handling=0 if with_retained else 2)
+        suback = self._subscribe(topic_filter, _options(handling=0 if with_retained else 2))
         return bool(await self._answer(suback, "SUBACK") < 0x80)
 
     def listen(self, topic: str, on_refused: Callable[[], None]) -> None:
@@ -116,7 +116,18 @@ class Session:
                 on_refused()
 
         if not self.lost.done():
-            self._subscribe(topic, handling=2).add_done_callback(note)
+            self._subscribe(topic, _options(handling=2)).add_done_callback(note)
+
+    def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
+        """Subscribe with QoS 0, which no queue of the broker limits; only what is stored is then retained."""
+
+        def note(suback: asyncio.Future[int]) -> None:
+            if not suback.cancelled():
+                on_answer(suback.result() < 0x80)
+
+        if not self.lost.done():
+            options = SubscribeOptions(qos=0, retainAsPublished=False, retainHandling=0)
+            self._subscribe(topic_filter, options).add_done_callback(note)
 
     def unlisten(self, topic: str) -> None:
         """Take no more messages of a topic of `listen`."""
@@ -140,6 +151,8 @@ class Session:
 
     def publish_now(self, message: Message) -> bool:
         """Send a message of QoS 0 at once; return False when the socket has not taken what was before it."""
+        if self._client.want_write():
+            self._write()  # what was asked for just now, e.g. subscriptions
         if self.lost.done() or self._client.want_write():
             return False
         self._client.publish(message.topic, message.payload, qos=0, retain=message.retain)
@@ -221,14 +234,12 @@ class Session:
         if (sock := self._client.socket()) is not None:
             sock.close()
 
-    def _subscribe(self, topic_filter: str, *, handling: int) -> asyncio.Future[int]:
-        """Send SUBSCRIBE and return its answer; `handling` is MQTT 5's of retained messages."""
+    def _subscribe(self, topic_filter: str, options: SubscribeOptions) -> asyncio.Future[int]:
+        """Send SUBSCRIBE and return its answer; MQTT 3.1.1 knows the quality of service alone."""
         if self._version is Version.V5:
-            # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
-            options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
             _, packet_id = self._client.subscribe(topic_filter, options=options)
         else:
-            _, packet_id = self._client.subscribe(topic_filter, qos=1)
+            _, packet_id = self._client.subscribe(topic_filter, qos=options.QoS)
         suback: asyncio.Future[int] = self._loop.create_future()
         if packet_id is not None:  # None: the connection is lost
             self._subacks[packet_id] = suback
@@ -288,7 +299,8 @@ class Session:
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""
         self._misc = self._loop.call_later(1.0, self._tick)
-        self._client.loop_misc()
+        if not 0 < self._client.pinged_for_s() < self._settings.pong_s:  # else paho waits for one keep-alive
+            self._client.loop_misc()
         oldest_s = min((sent_s for _, sent_s in self._tickets.values()), default=self._loop.time())
         if self._loop.time() - oldest_s > self._settings.ack_s:
             self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
@@ -378,6 +390,11 @@ class Session:
             self._lose("the broker has stopped answering")
         else:
             self._lose(CONNECTION_LOST)
+
+
+def _options(*, handling: int) -> SubscribeOptions:
+    """Return options by which live messages show their retained flag too; `handling` 2: no stored ones."""
+    return SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
 
 
 def _properties(packet_type: int) -> Properties:

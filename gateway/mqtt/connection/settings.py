@@ -58,7 +58,8 @@ class BrokerSettings:
     password: str | None = field(default=None, repr=False)
     tls: TlsSettings | None = None
     version: Version | None = None  # None: 5, or 3.1.1 where the broker refuses 5
-    keepalive_s: int = 15
+    keepalive_s: int = 6
+    pong_s: float = 15.0  # how long the broker may take for PINGRESP; at least the keep-alive
     window: int = 20  # unacknowledged messages at most; the broker may ask for less
     answer_s: float = 10.0  # how long the broker may take for CONNACK and SUBACK
     ack_s: float = 30.0  # how long for a PUBACK

@@ -12,7 +12,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 
 from gateway.errors import CommandError
 from gateway.mqtt.contract.freshness import (
-    BY_BOOT,
     BY_TOKEN,
     DEFAULT_TTL_S,
     MAX_TTL_S,
@@ -25,11 +24,13 @@ from gateway.mqtt.contract.freshness import (
 )
 from gateway.mqtt.contract.strict_json import read_object
 from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, shortened
+from gateway.records import STOP
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.value_demands import demand_of
 
 MALFORMED_TOPIC = "malformed_topic"
 MAX_PAYLOAD_BYTES = 4096
+RETAINED_STOP = "it had the retain flag, with which every command but a live stop is refused"
 
 _INSTANT = re.compile(  # RFC 3339 5.6
     r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
@@ -40,14 +41,16 @@ _INSTANT = re.compile(  # RFC 3339 5.6
 class Incoming:
     """A message as the broker delivered it, or as the status page took it.
 
-    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_early` says that it came before
-    the connection was reported. `source` names another way than the broker; `operator` is then who logged in
-    there, whatever the payload claims.
+    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_live` says of a retained one
+    that it was published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it
+    came before the connection was reported. `source` names another way than the broker; `operator` is then
+    who logged in there, whatever the payload claims.
     """
 
     topic: str
     payload: bytes
     is_retained: bool = False
+    is_live: bool = False
     is_early: bool = False
     expiry_s: int | None = None
     response_topic: str | None = None
@@ -135,10 +138,10 @@ class CommandParser:
             error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
             return _rejected(address, lenient, incoming, error)
         try:
-            if incoming.is_retained:
+            if incoming.is_retained and not (address.verb == STOP and incoming.is_live):
                 text = "a retained command is never acted on; send it without retain"
                 raise CommandError("retained", text)  # noqa: TRY301 - as for the others
-            if address.verb == "stop":
+            if address.verb == STOP:
                 return self._request(address, incoming, body=lenient, received_s=received_s)
             body, decision = self._proven(address, incoming, moment)
         except CommandError as error:
@@ -175,7 +178,7 @@ class CommandParser:
             client=address.client,
             verb=address.verb,
             id=body.id,
-            args=body.args if address.verb != "stop" else {},  # nothing in a payload may hold up a stop
+            args=body.args if address.verb != STOP else {},  # nothing in a payload may hold up a stop
             operator=incoming.operator or body.operator,
             reason=body.reason,
             received_s=received_s,
@@ -183,19 +186,13 @@ class CommandParser:
             response_topic=incoming.response_topic if is_ours else None,
             expect=body.expect,
             select=body.select,
-            boot=self._lasting_boot(address, incoming, body),
             source=incoming.source,
+            remark=RETAINED_STOP if incoming.is_retained else "",
         )
 
     def _proofs_of(self, address: CommandAddress, incoming: Incoming) -> Collection[str]:
         """Return what may prove a command fresh: no bridge lies between this gateway and its own page."""
         return (BY_TOKEN,) if incoming.source else self.freshness_of(address)
-
-    def _lasting_boot(self, address: CommandAddress, incoming: Incoming, body: _Body) -> str:
-        """Return the boot that proves copies of this command fresh as long as it is the present one."""
-        present = self.tokens.boot.token
-        is_proof = body.boot == present and BY_BOOT in self._proofs_of(address, incoming)
-        return present if is_proof else ""
 
 
 def _proof(body: _Body) -> Proof:

@@ -6,15 +6,14 @@ any time. So it carries what dates it:
 1. `token`: made by this gateway each second, published at once and remembered with its time on the gateway's
    own steady clock. A command that carries one was decided upon after that time. No other clock takes part.
 2. `issued_at`: the sender's wall clock, compared with ours while ours is synchronised and was not stepped.
-3. `boot`: names the connection, not the age. Alone it is enough for `read`, and for operators with
-   `freshness = "boot"`.
 
-Any right proof is enough, but none saves a command whose own time (`ttl_s`) has run out by another.
+Any right proof is enough, but none saves a command whose own time (`ttl_s`) has run out by another. `read`
+needs no proof. `boot` names the connection and proves nothing; one that is not the present one is refused.
 
 They also say when a command was decided upon at the earliest, which is compared with the stops: a start that
 may have been decided upon before a stop came must not act after it, however fresh it is. By a token that is
 when it was made; by `issued_at` alone MAX_AHEAD_S before that time, since the sender's clock may run ahead by
-so much. `boot` alone says nothing of it. Of several the earliest counts.
+so much. Of several the earliest counts.
 """
 
 from __future__ import annotations
@@ -61,10 +60,6 @@ class RunToken:
         if self._connected_s is not None:
             self._connected_s = now_s
 
-    def renew(self) -> None:
-        """Let the token count no more, although nothing was lost: a new one is to be read first."""
-        self._tokens += 1
-
     def is_before_connection(self, at_s: float) -> bool:
         """Return whether a moment of the steady clock lies before the present connection."""
         return self._connected_s is not None and at_s < self._connected_s
@@ -80,7 +75,7 @@ MAX_TTL_S = 60.0  # so long a token is remembered
 MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 EVERY_S = 1.0  # between two tokens
 
-BY_TOKEN, BY_ISSUED_AT, BY_BOOT = "token", "issued_at", "boot"  # `freshness` of an operator
+BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
 READ = "read"
 
 _TOKEN_BYTES = 12
@@ -107,6 +102,10 @@ class Tokens:
         token = self._draw()
         self._made[token] = now_s, self.boot.token
         return token
+
+    def has_made(self, token: str) -> bool:
+        """Return whether this gateway made a token lately, whether it counts or not."""
+        return token in self._made
 
     def made_s(self, token: str) -> float | None:
         """Return when a token was made; None for one that does not count, or never was."""
@@ -149,6 +148,8 @@ def decision_of(
 
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
+    if proof.boot not in (None, tokens.boot.token):
+        raise CommandError("wrong_boot", f"boot is not the one in gateway/status; {_AGAIN} and its token")
     made_s = None if proof.token is None else tokens.made_s(proof.token)
     issued_age_s = None
     if proof.issued_s is not None and moment.clock_doubt is None:
@@ -156,16 +157,12 @@ def decision_of(
     _require_time_left(proof, made_s, issued_age_s, moment)
     trouble = _issued_trouble(issued_age_s, tokens, moment)
     is_proven = (
-        (made_s is not None and not {BY_TOKEN, BY_BOOT}.isdisjoint(freshness))
+        verb == READ
+        or (made_s is not None and BY_TOKEN in freshness)
         or (issued_age_s is not None and trouble is None)
-        or (
-            proof.boot == tokens.boot.token
-            and (proof.token is None or made_s is not None)  # else it is older than any that is remembered
-            and (verb == READ or BY_BOOT in freshness)
-        )
     )
     if not is_proven:
-        raise trouble or _unproven(proof, freshness, tokens, moment)
+        raise trouble or _unproven(proof, freshness, moment)
     starts_s = [moment.now_s]
     starts_s += [] if made_s is None else [made_s]
     starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]
@@ -217,13 +214,10 @@ def dated_alone(doubt: str | None) -> str:
     return f'{need}; or, without a bridge, give the operator freshness = "token"'
 
 
-def _unproven(proof: Proof, freshness: Collection[str], tokens: Tokens, moment: Moment) -> CommandError:
+def _unproven(proof: Proof, freshness: Collection[str], moment: Moment) -> CommandError:
     """Return what is missing, of a command with no proof that can be taken."""
     if set(freshness) == {BY_ISSUED_AT}:
         return CommandError("not_fresh", f"this operator's {dated_alone(moment.clock_doubt)}")
-    if proof.boot not in (None, tokens.boot.token):
-        text = f"boot is not the one in gateway/status; {_AGAIN} and its token"
-        return CommandError("wrong_boot", text)
     if proof.token is not None:
         text = (
             "its token is not known: older than 60 s, or of before the gateway lost its broker or stood still"
@@ -231,9 +225,6 @@ def _unproven(proof: Proof, freshness: Collection[str], tokens: Tokens, moment: 
         return CommandError("not_fresh", f"{text}; {_AGAIN}")
     if proof.issued_s is not None:
         return CommandError("not_fresh", f"{moment.clock_doubt}; send the token of B/gateway/fresh instead")
-    if proof.boot is not None:
-        text = "boot proves the connection, not the age; send the token of B/gateway/fresh"
-        return CommandError("not_fresh", text)
     return CommandError(
         "not_fresh", "neither token nor issued_at is given; send the token of B/gateway/fresh"
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-_LEVEL = re.compile(r"[a-z0-9_-]+", re.ASCII)
+LEVEL = r"[a-z0-9_-]+"
+_LEVEL = re.compile(LEVEL, re.ASCII)
 _NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]", re.ASCII)
 
 
@@ -15,6 +16,16 @@ class CommandAddress(NamedTuple):
     starter: str
     client: str
     verb: str
+
+
+LINE = "line"
+
+
+class RetainedTopic(NamedTuple):
+    """A retained topic of a starter or a line."""
+
+    kind: str  # info, availability, state, value, alarm; or LINE
+    name: str  # of the starter or the line
 
 
 class Malformed(NamedTuple):
@@ -55,6 +66,8 @@ class Topics:
         self.audit = f"{base}/audit"
         self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
+        starter = f"starter/({LEVEL})/(?:(value|alarm)/{LEVEL}|(info|availability|state))"
+        self._retained = re.compile(f"{re.escape(base)}/(?:gateway/line/({LEVEL})|{starter})", re.ASCII)
 
     def line(self, line: str) -> str:
         """Return the topic of a line's statistics."""
@@ -107,6 +120,14 @@ class Topics:
     def result(self, starter: str, client: str) -> str:
         """Return the topic of results of a client's commands to a starter."""
         return f"{self.base}/result/{_checked(starter)}/{_checked(client)}"
+
+    def parse_retained(self, topic: str) -> RetainedTopic | None:
+        """Return what a retained topic is about; None for one that no starter and no line has."""
+        found = self._retained.fullmatch(topic)
+        if found is None:
+            return None
+        line, starter, branch, leaf = found.groups()
+        return RetainedTopic(LINE, line) if line else RetainedTopic(leaf or branch, starter)
 
     def parse_command(self, topic: str) -> CommandAddress | Malformed | None:
         """Return what a command's topic says, or what is wrong with it; None for any other topic."""

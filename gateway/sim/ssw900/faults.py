@@ -24,7 +24,6 @@ class Faults(CommandSources):
         self.alarms: list[int] = []  # D2.1.1-D2.1.5
         self.is_silence_shown = False  # S5.4.1 = 2
         self.received = self.transmitted = self.crc_errors = self.byte_errors = 0  # S5.4.2-S5.4.5
-        self._cyclic_since_s: float | None = None
         super().__init__(address, **options)
 
     # For people and tests
@@ -71,7 +70,6 @@ class Faults(CommandSources):
 
     def _miss_telegrams(self) -> None:
         self.is_silence_shown = True
-        self._cyclic_since_s = None
         if self.setting(C8_TIMEOUT_MODE) == _MODE_FAULT:
             self._fail(FAULT_SILENCE)
             return
@@ -101,4 +99,3 @@ class Faults(CommandSources):
         self.fault = 0
         self.alarms = []
         self.is_silence_shown = False
-        self._cyclic_since_s = None

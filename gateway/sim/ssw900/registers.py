@@ -68,10 +68,6 @@ class NetIds:
             )
             self.owners.update(dict.fromkeys(net_id.registers, net_id))
 
-    def add(self, registers: range) -> None:
-        """Add registers of one word that stand in no table: the indirect ones (7.2.3)."""
-        self.owners.update({register: NetId(register) for register in registers})
-
     def check_read(self, registers: range) -> None:
         """Raise what answers a read of these registers, if it is refused (7.3)."""
         if len(registers) <= LONGEST_STRICT:

@@ -27,10 +27,8 @@ from gateway.sim.ssw900.registers import NetId, NetIds
 from gateway.sim.weg.common import ENABLE
 
 COMMAND_WORDS = {685: 1, 686: 2}  # S5.2.5, S5.2.6 -> slot
-READ_WORDS, READ_MAP = range(1500, 1550), 1300  # 7.2.3; C8.1.1.5 ff.
-WRITE_WORDS, WRITE_MAP = range(1600, 1620), 1400  # C8.1.2.6 ff.
 C7_BRAKING, C7_BRAKING_TIME = 500, 501  # C7.4.1, C7.4.2
-C8_UPDATE_DELAY, C8_ADDRESS, C8_BAUD, C8_BYTES = 899, 731, 732, 733
+C8_ADDRESS, C8_BAUD, C8_BYTES = 731, 732, 733
 
 _BAUDS = (9600, 19200, 38400, 57600)  # C8.2.3
 _FRAMINGS = ("8N1", "8E1", "8O1", "8N2", "8E2", "8O2")  # C8.2.4
@@ -71,11 +69,8 @@ class Ssw900(Faults):
         self._discrete_inputs = dict(discrete_inputs or {})
         self.fixed: dict[int, int] = {}  # registers that a test nails down
         self._map = NetIds(load_profile("ssw900").parameters.values())
-        self._map.add(READ_WORDS)
-        self._map.add(WRITE_WORDS)
         sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1}
         self._words = {**self._factory(), **sources, C8_ADDRESS: address, **(settings or {})}
-        self._overwritten: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
         super().__init__(
             address,
             slot=slot,
@@ -152,8 +147,6 @@ class Ssw900(Faults):
     def _register(self, register: int, measured: Mapping[int, int]) -> int:
         if register in self.fixed:
             return self.fixed[register]
-        if register in READ_WORDS:
-            return self._mapped(register, measured)
         if register in COMMAND_WORDS:
             return 0 if self.hides_command_bits else self.command_words[COMMAND_WORDS[register]]
         owner = self._map.owners.get(register)
@@ -163,24 +156,9 @@ class Ssw900(Faults):
             return owner.split(measured[owner.start])[register - owner.start]
         return self._words.get(register, 0)
 
-    def _mapped(self, register: int, measured: Mapping[int, int]) -> int:
-        """Return a word of the parameter that C8.1.1 maps here; neighbours of one net id are its words."""
-        place = register - READ_WORDS.start
-        net_id = self.setting(READ_MAP + place)
-        owner = self._map.owners.get(net_id)
-        if owner is None or owner.start != net_id or net_id in READ_WORDS:
-            return 0
-        first = place
-        while first > 0 and self.setting(READ_MAP + first - 1) == net_id:
-            first -= 1
-        return self._register(net_id + (place - first) % owner.words, measured)
-
     def _write_registers(self, address: int, words: Sequence[int]) -> None:
         for owner, its_words in self._map.writes(address, words):
-            if owner.start in WRITE_WORDS:
-                self._write_mapped(owner.start, its_words[0])
-            else:
-                self._set(owner, its_words)
+            self._set(owner, its_words)
 
     def _set(self, owner: NetId, words: Sequence[int]) -> None:
         if owner.is_stopped_only and self.motor.is_turning:
@@ -204,34 +182,11 @@ class Ssw900(Faults):
         braking_s = float(self.setting(C7_BRAKING_TIME)) if is_braked else 0.0
         self.motor.data = replace(self.motor.data, braking_s=braking_s)
 
-    def _write_mapped(self, register: int, value: int) -> None:
-        """Take a word of 1600-1619; its parameter changes with its last word (7.2.3, 7.2.5)."""
-        if self._cyclic_since_s is None:
-            self._cyclic_since_s = self.now_s
-        if self.now_s - self._cyclic_since_s < self.setting(C8_UPDATE_DELAY) / 10:
-            return
-        self._words[register] = value
-        place = register - WRITE_WORDS.start
-        net_id = self.setting(WRITE_MAP + place)
-        owner = self._map.owners.get(net_id)
-        if owner is None or owner.start != net_id or not owner.is_writable or net_id in WRITE_WORDS:
-            return
-        first = place - owner.words + 1
-        if first < 0 or any(self.setting(WRITE_MAP + each) != net_id for each in range(first, place + 1)):
-            return
-        words = [self.setting(WRITE_WORDS.start + each) for each in range(first, place + 1)]
-        if owner.allows(words):
-            for each in owner.registers:
-                self._overwritten.setdefault(each, self.setting(each))
-            self._set(owner, words)
-
     def _identification(self) -> dict[int, str]:
         return {0: "WEG", 1: "SSW900", 2: f"V{self.firmware}"}  # the texts are not stated: ours
 
     def _forget(self) -> None:
         super()._forget()
-        self._words.update(self._overwritten)
-        self._overwritten = {}
         self.phase = ""
         self.command_words = {1: ENABLE, 2: ENABLE}
         self.is_disabled = False

@@ -11,7 +11,6 @@ from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
 from gateway.families.reading import reads_for
 from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, STOP, Phase
-from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 from gateway.starters.identity.first_contact import IdentityStatus
@@ -36,7 +35,6 @@ class Load:
     is_leaving: bool  # its starter's configuration is about to change
     on_line: int  # commands for starters of its line
     parameters_on_line: int  # those of them that move no motor
-    queue: CommandQueue  # in which it would wait with the others of its kind
 
 
 class Admission:
@@ -147,7 +145,7 @@ class Admission:
         return preparation
 
     def _check_room(self, request: CommandRequest, load: Load) -> None:
-        """Demand that the line can serve a command while it is fresh."""
+        """Demand that not too many commands are under way on the line."""
         limits = self._policy.settings.limits
         if load.on_line >= limits.under_way_on_line:
             most = limits.under_way_on_line
@@ -159,9 +157,6 @@ class Admission:
                 f"{load.parameters_on_line} reads and settings are under way on this line, as many as may be"
             )
             raise CommandError("too_many", text)
-        wait_s = load.queue.wait_s()
-        if request.expires_s is not None and self._clock.now_s() + wait_s > request.expires_s:
-            raise load.queue.refusal(wait_s)
 
     def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
         """Use up the selection of a command in two steps; return that the state must be the one seen then."""

@@ -19,10 +19,9 @@ from gateway.starters.commands.admission import (
     Load,
     OverloadRefusals,
 )
-from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.group_stop import GroupStop
-from gateway.starters.commands.ledger import Ledger, Proofs, as_repetition, is_same
+from gateway.starters.commands.ledger import PROVABLE_S, Ledger, as_repetition, is_same
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting, audit
 from gateway.starters.commands.local_verbs import LocalVerbs, SetBaseline, no_history, target_of
 from gateway.starters.commands.recovery import Recovery
@@ -40,6 +39,7 @@ from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
+AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
 STOPPED_FIRST = "stopped_first"
 _DECIDED_BEFORE: Mapping[str, str] = {  # by what shows when a command was decided upon
     "token": "a stop came after this command's token was given: look, decide again, take a new token",
@@ -62,7 +62,7 @@ class Dispatcher:
         journal: Journal | None = None,
         policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
-        proofs: Proofs | None = None,
+        provable_s: float = PROVABLE_S,
         set_baseline: SetBaseline = no_history,
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
@@ -70,7 +70,7 @@ class Dispatcher:
         self._clock = clock = records.clock
         self._rights = rights
         self._journal = journal or NoJournal()
-        self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
+        self._ledger = Ledger(provable_s=provable_s, on_forgotten=self._journal.forget)
         self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(
             records=records,
@@ -89,7 +89,7 @@ class Dispatcher:
         self._executions: dict[str, CommandExecution] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._on_stop = on_stop  # called once a stop's frames are asked for
-        self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
+        self._gates: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
         self._recoveries: list[Recovery] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -267,9 +267,15 @@ class Dispatcher:
         preparation, guard = self._admission.check(request, starter, load)
         report = CommandReport(request, self._reporting)
         report.accept()
-        place = None if request.verb == READ else load.queue.enter(request.expires_s)
+        key = (starter.setup.line, request.verb in CAN_WAIT)  # the two do not wait for each other
+        gate = self._gates.setdefault(key, asyncio.Semaphore(AT_ONCE))
         self._executions[request.starter] = CommandExecution(
-            report, starter, preparation, guard, place, self._policy.watchdogs
+            report,
+            starter,
+            preparation,
+            guard,
+            None if request.verb == READ else gate,
+            self._policy.watchdogs,
         )
         self._spawn(_run_out(self._executions, request.starter))
 
@@ -346,15 +352,12 @@ class Dispatcher:
 
     def _load(self, request: CommandRequest) -> Load:
         name, line = request.starter, self._starters[request.starter].setup.line
-        key = (line, request.verb in CAN_WAIT)  # the two do not wait for each other
-        queue = self._queues.setdefault(key, CommandQueue(self._clock.now_s))
         on_line = [each for each in self._executions.values() if each.line == line]
         return Load(
             is_busy=name in self._executions or name in self._stops,
             is_leaving=name in self._leaving,
             on_line=len(on_line),
             parameters_on_line=sum(each.can_wait for each in on_line),
-            queue=queue,
         )
 
     def _cut_for_lock(self, name: str) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any, assert_never
+from typing import Any, TypeVar, assert_never
 
 from gateway.errors import CommandError
 from gateway.families.command.build import TAKEN_BACK, build, release
@@ -20,14 +21,22 @@ from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.modbus.pdu import Request
 from gateway.records import Phase
 from gateway.starters.commands.admission import CAN_WAIT
-from gateway.starters.commands.command_queue import LINE_FULL, Place
 from gateway.starters.commands.lifecycle import CommandReport, Final
-from gateway.starters.commands.starter_io import HaltedError, RefusedError, Rows, StarterIo
+from gateway.starters.commands.starter_io import (
+    LAST_READING_S,
+    HaltedError,
+    OverdueError,
+    RefusedError,
+    Rows,
+    StarterIo,
+)
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.view import StarterControlView
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 MOST_READINGS = 4  # until two in a row agree
 RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
@@ -36,7 +45,9 @@ RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
 WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for the line
-MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
+ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
+LATER_STEP_S = 2.0  # the line may take so long for each write after the first
+LEFT_SAFE_WITHIN_S = 3.0  # after its deadline a start is taken back, or the starter left safe
 MOST_TAKE_BACKS = 3  # each after new readings of a motor that stands
 MAY_BE_TURNING = "the motor may be turning"
 MAY_STAND = "the command may also stand in the starter and act later: send a stop"
@@ -73,22 +84,23 @@ class CommandExecution:
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
-        place: Place | None = None,
+        gate: asyncio.Semaphore | None = None,
         watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.report = report
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
-        self._place = place  # among the commands of its line; None: it does not wait
+        self._gate = gate  # among the commands of its line, until its first write; None: it does not wait
+        self._is_in_gate = False
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self.can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
         self._starter_io = StarterIo(
             starter, read_back_lane=Priority.PARAMETERS if self.can_wait else Priority.READ_BACK
         )
+        self._starter_io.until_s = report.request.until_s
         self._procedure: Procedure | None = None  # once it is being written
-        self._handed_s = 0.0  # when the latest write was handed to the line
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
         self._refusal: RefusedError | None = None  # of a motion that may have begun all the same
 
@@ -108,32 +120,36 @@ class CommandExecution:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
-        self._leave_queue()
+        self._leave_gate()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
         try:
-            if self._place is not None:
-                await self._starter_io.wait_for(self._place.wait())
+            if self._gate is not None:
+                await self._starter_io.wait_for(self._gate.acquire())
+                self._is_in_gate = True
             rows, procedure = await self._decide()
             if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
             self.report.count_memory_writes(procedure.wears)
-            for _ in range(MOST_DECISIONS):
+            while True:
                 try:
                     return await self._carry_out(procedure)
                 except _OutdatedError:
                     rows, procedure = await self._decide()
                     if not procedure.steps:
                         return self._unwritten(procedure, rows)
-            return self._too_late()
         except CommandError as error:
             return self._cut(error.code, error.text)
         except RefusedError as error:
             return Final(Phase.FAILED, error.code, str(error))
+        except OverdueError:
+            if self._procedure is None or self._procedure.take_back is None:  # a start is taken back only
+                await self._leave_safe()  # once the motor is seen to stand
+            return self._expired()
         except HaltedError as error:
             if error.code != "shutting_down":  # nothing is written at shut-down
                 await self._leave_safe()
@@ -151,7 +167,7 @@ class CommandExecution:
     def _cut(self, code: str, text: str) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
-            is_left = code == "shutting_down" and self.report.request.verb in TAKEN_BACK
+            is_left = code in ("shutting_down", "not_seen") and self.report.request.verb in TAKEN_BACK
             outlook = f"{self._outlook}; {MAY_STAND}" if is_left else self._outlook
             return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {outlook}")
         if code == "internal":
@@ -162,7 +178,7 @@ class CommandExecution:
         """Return what to do, once two readings in a row allow it and lead to the same steps."""
         earlier = self._judge_recent()
         for _ in range(MOST_READINGS):
-            rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
+            rows = await self._insist(lambda: self._starter_io.read(self._preparation.reads, lane=self._lane))
             self.report.before = self._points(rows)
             procedure = self._judge(rows)
             is_enough = not self._preparation.reads or _only_reads(procedure)
@@ -170,6 +186,16 @@ class CommandExecution:
                 return rows, procedure
             earlier = procedure
         raise CommandError("readings_disagree", "no two readings in a row of the starter agree")
+
+    async def _insist(self, ask: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """Ask until that is answered, as long as the starter is online."""
+        while True:
+            try:
+                return await ask()
+            except CommandError as error:
+                if error.code != "no_answer" or not self._starter.is_answering:
+                    raise
+            await self._starter_io.pause(ASKED_AGAIN_S)
 
     def _judge_recent(self) -> Procedure | None:
         """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
@@ -223,12 +249,14 @@ class CommandExecution:
 
     async def _prove(self) -> None:
         """Raise CommandError unless the device that was identified answers now."""
-        await self._starter_io.wait_for(self._starter.prove(lane=self._lane))
+        await self._insist(lambda: self._starter_io.wait_for(self._starter.prove(lane=self._lane)))
 
     async def _prove_again(self) -> None:
         """Raise CommandError when another device answers now: what was read back may be its own."""
         try:
-            await self._prove()
+            await self._starter_io.wait_for(self._starter.prove(lane=self._lane))
+        except OverdueError:
+            pass
         except CommandError as error:
             if error.code != "no_answer":
                 raise
@@ -297,18 +325,18 @@ class CommandExecution:
         if step.is_silence_expected:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
-        self._handed_s = self.report.now_s()
         try:
             outcome = await self._hand_over(step)
-        except HaltedError:
+        except (HaltedError, OverdueError):
             self.report.write()  # it may have been on its way already
             raise
-        self._leave_queue()
+        self._leave_gate()
         return outcome
 
-    def _leave_queue(self) -> None:
-        if self._place is not None:
-            self._place.leave()
+    def _leave_gate(self) -> None:
+        if self._gate is not None and self._is_in_gate:
+            self._is_in_gate = False
+            self._gate.release()
 
     async def _hand_over(self, step: WriteStep) -> Outcome:
         """Give a write to the line, which sends it only while what was read last still decides.
@@ -321,18 +349,27 @@ class CommandExecution:
         may_wait = self.can_wait and not (self._procedure is not None and self._procedure.is_source)
         if is_begun and may_wait:
             return await self._starter_io.write(step.request, lane=self._lane)
-        expires_s = inf if is_begun else self._expires_s
+        deadline_s = self._starter_io.until_s
         until_s = self._starter_io.seen_s + (WAITS_FOR_S if may_wait else DECIDES_FOR_S)
-        until_s = min(until_s, self._cleared_s + CLEARS_FOR_S)
+        until_s = min(until_s, self._cleared_s + CLEARS_FOR_S, deadline_s)
+        if not is_begun:
+            self._starter_io.until_s = until_s + self._seen_within_s
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self.report.is_outdated(min(self._starter_io.seen_s, self._cleared_s)):
-            outcome = await self._starter_io.write(
-                step.request, lane=self._lane, until_s=min(until_s, expires_s)
-            )
+            outcome = await self._starter_io.write(step.request, lane=self._lane, until_s=until_s)
         is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
-        if is_unsent and not is_begun and self.report.now_s() <= expires_s:
+        if not is_begun:
+            self._starter_io.until_s = deadline_s if is_unsent else self.report.now_s() + self._seen_within_s
+        if is_unsent and not is_begun and self.report.now_s() < deadline_s:
             raise _OutdatedError
         return outcome
+
+    @property
+    def _seen_within_s(self) -> float:
+        """How long after its first write the whole command is to be seen: the family's times."""
+        steps, verify = (self._procedure.steps, self._procedure.verify) if self._procedure else ((), None)
+        seen_s = sum(each.within_s for each in (*(step.then for step in steps), verify) if each is not None)
+        return seen_s + LATER_STEP_S * (len(steps) - 1) + LAST_READING_S
 
     def _taken(self, outcome: Outcome) -> Final | None:
         """Record what became of a write; return the end when it did not go out or was refused."""
@@ -348,7 +385,7 @@ class CommandExecution:
                     return None
                 return Final(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._too_late()
+                return self._expired()
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():
@@ -357,18 +394,15 @@ class CommandExecution:
             case _:
                 assert_never(outcome)
 
-    @property
-    def _expires_s(self) -> float:
-        expires_s = self.report.request.expires_s
-        return inf if expires_s is None else expires_s
-
-    def _too_late(self) -> Final:
-        """Return the end of a command whose write came too late, before or while it waited for the line."""
-        if self._handed_s > self._expires_s or self.report.is_outdated(self._starter_io.seen_s):
-            return self._cut("expired", "its own time had passed when it could be written")
-        waited_s = self.report.now_s() - self._handed_s
+    def _expired(self) -> Final:
+        """Return the end of a command whose time was over before all of it was written."""
+        request = self.report.request
+        if self.report.life.is_written:
+            code = "not_followed" if self._outlook is LOOK else "not_seen"
+            return self._cut(code, "its time was over before the rest could be written and seen")
+        text = f"its time was over {request.until_s - request.received_s:.1f} s after it came"
         return self._cut(
-            LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
+            "expired", f"{text}: the line was full, the starter did not answer, or the disk is slow"
         )
 
     def _unwritten(self, procedure: Procedure, rows: Rows) -> Final:
@@ -410,6 +444,7 @@ class CommandExecution:
 
     async def _taken_back(self, end: Final, verb: str, take_back: TakeBack) -> Final:
         """Take back a start that is seen not to have acted: nothing is to let it act later."""
+        self._starter_io.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
         text = f"; {MAY_STAND}"
         for _ in range(MOST_TAKE_BACKS):
             if await self._starter_io.see(take_back.at_rest) is None:
@@ -425,10 +460,10 @@ class CommandExecution:
         until_s = self._starter_io.seen_s + DECIDES_FOR_S
         try:
             await self._prove_again()
-        except CommandError:
-            return False  # another device answers now: these are not its words
-        for request in self._released_by(verb):
-            await self._starter_io.write(request, lane=Priority.COMMAND, until_s=until_s)
+            for request in self._released_by(verb):
+                await self._starter_io.write(request, lane=Priority.COMMAND, until_s=until_s)
+        except (CommandError, OverdueError):
+            return False  # another device answers now: these are not its words; or the time is over
         return await self._starter_io.see(released) is not None
 
     def _released_by(self, verb: str) -> Sequence[Request]:
@@ -448,13 +483,19 @@ class CommandExecution:
         requests = self._released_by(self.report.request.verb) if procedure.take_back else procedure.abandon
         if not requests:
             return True
+        wire = StarterIo(self._starter)  # what halts the command does not halt this
+        wire.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
         try:
-            await self._starter.prove(lane=Priority.COMMAND)
+            await wire.wait_for(self._starter.prove(lane=Priority.COMMAND))
         except CommandError as error:
             if error.code != "no_answer":
                 return False  # another device answers now: these are not its words
-        wire = StarterIo(self._starter)  # what halts the command does not halt this
-        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in requests]
+        except OverdueError:
+            return False
+        try:
+            outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in requests]
+        except OverdueError:
+            return False
         return all(isinstance(outcome, Answered) for outcome in outcomes)
 
 

@@ -23,26 +23,17 @@ from gateway.starters.policy.request import CommandRequest
 
 MOST_ENTRIES = 10_000
 LONGEST_S = 7 * 24 * 3600.0
+PROVABLE_S = 62.0  # a copy can prove itself fresh for so long: the longest ttl, with a clock that is ahead
 
 Key = tuple[str, str]  # client and id
 
 _REPEATABLE = frozenset({"read", "stop"})  # verbs that may act again
 
 
-@dataclass(frozen=True, slots=True)
-class Proofs:
-    """How long a copy of a command can prove itself fresh: by its age, or by the present boot at any age."""
-
-    longest_s: float = 62.0  # after its first arrival: the longest ttl, with a clock that is ahead
-    boot: Callable[[], str] = lambda: ""  # the present one, which is proof enough for some commands
-    renew: Callable[[], None] = lambda: None  # replaces the boot
-
-
 @dataclass(slots=True)
 class _LedgerEntry:
     result: ResultRecord  # the latest
     since_s: float
-    boot: str  # as long as this is the present one, it proves a copy fresh; empty: no boot does
 
 
 class Ledger:
@@ -53,17 +44,15 @@ class Ledger:
         *,
         most_entries: int = MOST_ENTRIES,
         longest_s: float = LONGEST_S,
-        proofs: Proofs | None = None,
+        provable_s: float = PROVABLE_S,
         on_forgotten: Callable[[Sequence[Key]], None] = lambda _: None,
     ) -> None:
         self._most_entries = most_entries
         self._longest_s = longest_s
-        self._proofs = proofs or Proofs()
+        self._provable_s = provable_s
         self._on_forgotten = on_forgotten
         self._acted: OrderedDict[Key, _LedgerEntry] = OrderedDict()
         self._harmless: OrderedDict[Key, _LedgerEntry] = OrderedDict()
-        self._counted_boot = ""
-        self._of_boot = 0  # commands acted on that `_counted_boot` proves fresh
 
     def __len__(self) -> int:
         return len(self._acted) + len(self._harmless)
@@ -77,7 +66,7 @@ class Ledger:
         """Return whether one more command can be remembered for as long as it must be."""
         return len(self._acted) < self._most_entries or any(True for _ in self._unprovable(now_s))
 
-    def store(self, result: ResultRecord, *, now_s: float, boot: str = "") -> bool:
+    def store(self, result: ResultRecord, *, now_s: float) -> bool:
         """Store a result as the latest under its id; return whether it was, which needs an id."""
         if not result.id:
             return False
@@ -86,8 +75,7 @@ class Ledger:
         if key in self._acted and result.verb in _REPEATABLE:
             return False  # a stop under a used id is carried out all the same, and may be again
         if entry is None:
-            entry = _LedgerEntry(result, now_s, boot)
-            self._count_boot(result, boot)
+            entry = _LedgerEntry(result, now_s)
         entry.result = result
         home, other = self._acted, self._harmless
         if not _is_acted_on(result):
@@ -117,22 +105,11 @@ class Ledger:
 
     def _unprovable(self, now_s: float) -> Iterator[Key]:
         """Return, the oldest first, what was acted on and of which no copy can pass for fresh any more."""
-        boot = self._proofs.boot()
         for key, entry in self._acted.items():
-            if now_s - entry.since_s <= self._proofs.longest_s:
+            if now_s - entry.since_s <= self._provable_s:
                 return  # all that follow are younger
-            if entry.result.phase.is_final and (not entry.boot or entry.boot != boot):
+            if entry.result.phase.is_final:
                 yield key
-
-    def _count_boot(self, result: ResultRecord, boot: str) -> None:
-        """Have the boot replaced before what it proves fresh fills the ledger on a connection that lasts."""
-        if not boot or not _is_acted_on(result):
-            return
-        if boot != self._counted_boot:
-            self._counted_boot, self._of_boot = boot, 0
-        self._of_boot += 1
-        if self._of_boot >= self._most_entries // 2 and boot == self._proofs.boot():
-            self._proofs.renew()
 
 
 def _is_acted_on(result: ResultRecord) -> bool:

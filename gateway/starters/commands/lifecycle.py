@@ -150,7 +150,7 @@ class CommandReport:
             verb=request.verb,
             phase=end.phase,
             code=end.code,
-            text=end.text,
+            text=f"{end.text}; {request.remark}" if request.remark else end.text,
             time_s=self._reporting.records.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,
@@ -167,7 +167,7 @@ class CommandReport:
                 reporting.records.put(result)
             return
         self._latest = result
-        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s(), boot=request.boot):
+        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s()):
             self._latest = replace(result, id=None)  # the id stands for what was acted on under it
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
             # Stored before it is published, so that no command gets two different final results. That

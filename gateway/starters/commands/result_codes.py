@@ -176,10 +176,6 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Too many at once: commands, or reads and settings on one line. A stop is sent all the same.",
             "Send fewer.",
         ),
-        "line_full": Code(
-            "The line is so full that the command got no slot while it was valid; nothing was written.",
-            "Send it again, with a new id, after the time that the text says.",
-        ),
         "watchdog_unkept": Code(
             "The line cannot keep a starter from a watchdog that short.",
             "Set it as the text says, or longer.",
@@ -193,16 +189,19 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         ),
         "ledger_full": Code(
             "Of so many commands a copy could still be carried out that no new one can be remembered.",
-            "Wait a minute; prove freshness by token, not by boot alone. A stop is always taken.",
+            "Wait a minute. A stop is always taken.",
         ),
         "not_kept": Code("It could not be stored on the disk.", "Look at state_dir."),
         "shutting_down": Code("The gateway is ending.", f"{_LOOK} {_AGAIN}"),
         "interrupted": Code("Its client interrupted the command.", _LOOK),
     },
     "The command itself is wrong": {
-        "retained": Code("A retained command is never acted on.", "Send it without retain."),
+        "retained": Code(
+            "A retained command is never acted on, but for a live stop.", "Send it without retain."
+        ),
         "expired": Code(
-            "It came too late: its own time had passed.", f"Look at what holds messages up. {_AGAIN}"
+            "Its own time was over when it came, or before the line and the starter let it be written.",
+            f"Look at what holds messages up, or at how full the line is. {_AGAIN}",
         ),
         "not_fresh": Code(
             "Nothing proves that it is fresh.",

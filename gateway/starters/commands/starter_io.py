@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Collection, Coroutine, Iterable, Mapping
+from contextlib import suppress
 from math import inf
 from typing import Any, TypeVar, assert_never
 
@@ -20,8 +21,8 @@ from gateway.starters.telemetry.view import StarterAccess
 T = TypeVar("T")
 
 TRIES = 3  # of a reading that decides
-READ_WITHIN_S = 30.0  # where each refusal may be a late one, or the line has no room
 READ_BACK_PAUSE_S = 0.1
+LAST_READING_S = 0.5  # so long after a deadline the reading under way, or the second of two, is waited for
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
 
 Rows = dict[str, tuple[int, ...]]
@@ -40,6 +41,10 @@ class HaltedError(GatewayError):
     def __init__(self, code: str) -> None:
         self.code, self.text = code, HALTED.get(code, code)
         super().__init__(code)
+
+
+class OverdueError(GatewayError):
+    """The command's time is over."""
 
 
 class RefusedError(GatewayError):
@@ -61,6 +66,7 @@ class StarterIo:
         self._handed_over: set[asyncio.Future[Outcome]] = set()
         self._inner: asyncio.Future[Any] | None = None
         self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
+        self.until_s = inf  # nothing is waited for any longer, whatever the line does
 
     def halt(self, code: str) -> None:
         """Let nothing more go out.
@@ -81,20 +87,19 @@ class StarterIo:
         return asked
 
     async def write(self, request: Request, *, lane: Priority, until_s: float = inf) -> Outcome:
-        """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
+        """Send a write once, not later than `until_s`; HaltedError, OverdueError: perhaps it went out."""
         outcome = await self._transact(request, lane, until_s=until_s)
         if isinstance(outcome, Answered):
             self.seen_s = _asked_s(outcome)
         return outcome
 
     async def read(self, reads: Iterable[Read], *, lane: Priority) -> Rows:
-        """Return freshly read rows, `TRIES` times at most; CommandError without an answer, RefusedError."""
+        """Return freshly read rows; CommandError without an answer to `TRIES` requests, RefusedError."""
         rows: Rows = {}
         self.seen_s = inf
         for read in reads:
-            until_s = asyncio.get_running_loop().time() + READ_WITHIN_S
             for _ in range(TRIES):
-                outcome = await self._transact(read.request, lane, until_s=until_s)
+                outcome = await self._transact(read.request, lane)
                 if not isinstance(outcome, (Silent, Garbled)):
                     break
             rows |= self._rows_from(read, outcome)
@@ -115,15 +120,17 @@ class StarterIo:
         """Return the values of two readings in a row that show what is expected; None when its time is up."""
         until_s = asyncio.get_running_loop().time() + expect.within_s
         count = 0
-        while True:
-            values = self.values(await self.read_back(expect.reads) or {})
-            count = count + 1 if expect.is_met(values) else 0
-            if count == EQUAL_READINGS:
-                await asyncio.sleep(0)  # they are published before the result that rests on them
-                return values
-            if count == 0 and asyncio.get_running_loop().time() >= until_s:
-                return None
-            await self.pause(READ_BACK_PAUSE_S)
+        with suppress(OverdueError):
+            while True:
+                values = self.values(await self.read_back(expect.reads) or {})
+                count = count + 1 if expect.is_met(values) else 0
+                if count == EQUAL_READINGS:
+                    await asyncio.sleep(0)  # they are published before the result that rests on them
+                    return values
+                if count == 0 and asyncio.get_running_loop().time() >= until_s:
+                    break
+                await self.pause(READ_BACK_PAUSE_S)
+        return None
 
     async def is_refused(self, reads: Iterable[Read], codes: Collection[int]) -> bool:
         """Return whether the starter refuses to let any of these rows be read, each time with such a code."""
@@ -140,13 +147,15 @@ class StarterIo:
         """Wait, unless halted."""
         await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
 
-    async def wait_for(self, work: Coroutine[Any, Any, None]) -> None:
+    async def wait_for(self, work: Coroutine[Any, Any, object]) -> None:
         """Wait for something that has to be done before a write, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
     async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
         if self._halted is not None:
             raise HaltedError(self._halted)
+        if asyncio.get_running_loop().time() >= self.until_s:
+            raise OverdueError
         return await self._do(self._starter.ask(request, lane=lane, until_s=until_s))
 
     def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
@@ -169,13 +178,17 @@ class StarterIo:
         if self._halted is not None:
             inner.cancel()
         self._inner = inner
+        left_s = self.until_s - asyncio.get_running_loop().time()
         try:
-            await asyncio.wait((inner,))
+            await asyncio.wait((inner,), timeout=None if left_s == inf else max(left_s, 0.0))
         finally:
             self._inner = None
-            inner.cancel()  # does nothing to what is done; only when we are cancelled ourselves it is not
+            inner.cancel()  # does nothing to what is done; else it is overdue, or we are cancelled
+        await asyncio.wait((inner,))
+        if inner.cancelled() and self._halted is None:
+            raise OverdueError
         if inner.cancelled():
-            raise HaltedError(self._halted or "cancelled")
+            raise HaltedError(self._halted or "")
         return inner.result()
 
 

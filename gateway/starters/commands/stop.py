@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, assert_never
 
 from gateway.families.command.build import build
-from gateway.families.profile.procedure import Procedure, WriteStep
+from gateway.families.profile.procedure import Procedure, Read, WriteStep
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, Function
@@ -36,7 +36,9 @@ from gateway.starters.commands.starter_io import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
     HaltedError,
+    OverdueError,
     RefusedError,
+    Rows,
     StarterIo,
 )
 from gateway.starters.commands.stop_family import StopAddressee
@@ -50,6 +52,7 @@ DEADLINE_S = 10.0  # of each message
 REPEAT_S = 0.5
 OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
 UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
+LAST_READING_S = 5.0  # after that a reading which waits for a full line is waited for no longer
 SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
 
@@ -268,7 +271,7 @@ class Stopping:
     async def _see_stopped(self) -> bool:
         """Return whether what was read shows that the motor stops, and record it."""
         expect = self._procedure().verify
-        rows = None if expect is None else await self._starter_io.read_back(expect.reads)
+        rows = None if expect is None else await self._read_in_time(expect.reads)
         self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return False
@@ -279,6 +282,16 @@ class Stopping:
         self._good = [*self._good, self._readings][-EQUAL_READINGS:]
         self._good_s, self._shown = self._time(), values
         return True
+
+    async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
+        """Return what is read back; None when the first of the messages is over for too long."""
+        self._starter_io.until_s = min(order.until_s for order in self._all()) + LAST_READING_S
+        try:
+            return await self._starter_io.read_back(reads)
+        except OverdueError:
+            return None
+        finally:
+            self._starter_io.until_s = inf
 
     def _end_what_is_over(self, *, is_seen: bool) -> None:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""

@@ -98,7 +98,7 @@ class FirstContact:
 
     def begin(self, *, is_known: bool) -> None:
         """Ask from the beginning; a watchdog that is known waits until all starters have been asked once."""
-        lane = Priority.READ_BACK if is_known else Priority.COMMAND
+        lane = Priority.IDENTITY if is_known else Priority.WATCHDOG
         self._task.begin(partial(self._meet, lane))
 
     def cancel(self) -> None:
@@ -241,7 +241,7 @@ class FirstContact:
         """Wait so long, and look now and then whether it is still the same device; return once it is not."""
         loop = asyncio.get_running_loop()
         until_s = loop.time() + pause_s
-        put = partial(self._put, lane=Priority.PARAMETERS)
+        put = partial(self._put, lane=Priority.PATROL)
         if is_proved and await self._recognition.is_completed_otherwise(put):
             return True
         while (left_s := until_s - loop.time()) > 0 and not self._waiting:
@@ -319,9 +319,14 @@ class FirstContact:
         return ask(self._line, self._setup, request, lane=lane)
 
     async def _put(
-        self, question: Question, *, lane: Priority = Priority.READ_BACK, is_patient: bool = False
+        self, question: Question, *, lane: Priority | None = None, is_patient: bool = False
     ) -> Outcome:
-        """Put a question in its own form: an SST answers for the coils of VB01, too."""
+        """Put a question in its own form: an SST answers for the coils of VB01, too.
+
+        Without a `lane` it is the gateway's own, unless a command waits for the answer.
+        """
+        if lane is None:
+            lane = Priority.READ_BACK if self._waiting else Priority.IDENTITY
         now_s = asyncio.get_running_loop().time()
         is_fc43 = question.request.function == Function.ENCAPSULATED
         if is_fc43 and not self._fc43.may_ask(now_s):

@@ -84,7 +84,8 @@ class Restore:
         verb, args = _command(group)
         starter = self._starter
         preparation = prepare_change(starter.profile, starter.variant, verb, args)
-        request = CommandRequest(starter.setup.name, CLIENT, verb, uuid.uuid4().hex, args)
+        now_s = self._reporting.records.clock.now_s()
+        request = CommandRequest(starter.setup.name, CLIENT, verb, uuid.uuid4().hex, args, received_s=now_s)
         report = CommandReport(request, self._reporting)
         report.accept()
         self._execution = CommandExecution(report, starter, preparation)

@@ -156,7 +156,7 @@ class Guard:
 
     def _check_time_and_lock(self) -> None:
         request, now_s = self._request, self._clock.now_s()
-        if request.expires_s is not None and now_s > request.expires_s:
+        if now_s > request.until_s:
             age_s = now_s - request.received_s
             raise CommandError("expired", f"it came in {age_s:.1f} s ago and is not valid any more")
         lock = self._motor_history.lock_of(request.starter)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+WITHOUT_TTL_S = 10.0  # so long a command without a time of its own may wait to be written
+
 
 @dataclass(frozen=True, slots=True)
 class CommandRequest:
@@ -27,4 +29,9 @@ class CommandRequest:
     decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
     decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
-    boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
+    remark: str = ""  # on how it was sent; each of its results says so
+
+    @property
+    def until_s(self) -> float:
+        """Return when its time to be written is over, on the steady clock."""
+        return self.received_s + WITHOUT_TTL_S if self.expires_s is None else self.expires_s

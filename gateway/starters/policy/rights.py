@@ -16,7 +16,7 @@ class Operator:
     client: str
     may: tuple[str, ...]  # verbs, or "*" for all
     starters: tuple[str, ...]  # names, with * and ? as in a shell
-    freshness: str = "token"  # what may prove the client's commands fresh: token, issued_at or boot
+    freshness: str = "token"  # proves the client's commands fresh: token, or issued_at alone
 
 
 class Rights:

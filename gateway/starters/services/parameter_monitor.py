@@ -63,11 +63,6 @@ class ParameterChanges:
         """Record rows as they were read in an earlier run, as far as nothing newer is known."""
         self._known = {code: words for code, words in rows.items() if code in self._watched} | self._known
 
-    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Record that the gateway itself writes these rows now."""
-        self._ours.update(rows)
-        self._settled.update(rows)
-
     def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Change, ...]:
         """Record settings that were just read and return what somebody else has changed."""
         found = []
@@ -127,7 +122,7 @@ class ParameterMonitor:
         self._on_change = on_change
         self._every_s = every_s
         self._watch = watch = ParameterChanges(starter.profile)
-        self.recall, self.note_written = watch.recall, watch.note_written
+        self.recall = watch.recall
         self._reads = list(_lap_of(starter.profile))
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
@@ -168,7 +163,7 @@ class ParameterMonitor:
     async def _look(self, read: Read) -> tuple[Read, ...]:
         """Read one block and publish what has changed; return what to read next time."""
         starter = self._starter
-        ask = partial(starter.ask, lane=Priority.PARAMETERS)
+        ask = partial(starter.ask, lane=Priority.PATROL)
         found = await read_in_bulk(ask, starter.profile, [read], tries=1)
         starter.note_settings(found.rows)
         if self.note_reading(found.rows):

@@ -108,7 +108,7 @@ class PastReader:
             return {}
         longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
         reads = bulk_reads(starter.profile, codes, longest=longest)
-        ask = partial(starter.ask, lane=Priority.PARAMETERS)
+        ask = partial(starter.ask, lane=Priority.PATROL)
         try:
             found = await read_in_bulk(ask, starter.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:  # the polls publish that it is silent

@@ -83,7 +83,7 @@ class ReadinessService:
     async def _read(self) -> BulkReading:
         profile = self._starter.profile
         reads = bulk_reads(profile, readiness_codes(profile))
-        ask = partial(self._starter.ask, lane=Priority.PARAMETERS)
+        ask = partial(self._starter.ask, lane=Priority.PATROL)
         return await read_in_bulk(ask, profile, reads, tries=1)
 
     def _publish(self, rows: dict[str, tuple[int, ...]]) -> None:

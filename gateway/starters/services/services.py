@@ -1,4 +1,4 @@
-"""The background services of each starter: readiness, the monitor of its parameters, mapped registers."""
+"""The background services of each starter: readiness, the monitor of its parameters, its past."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.families.diagnosis.readiness import readiness_codes
-from gateway.records import AuditRecord, EventRecord, Record, RecordWriter
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.mapped_registers import MappedRegisters
+from gateway.records import AuditRecord, EventRecord, Record
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
@@ -25,7 +23,6 @@ class _ServicesOfOne:
     starter: StarterTelemetry
     readiness: ReadinessService
     monitor: ParameterMonitor
-    mapped_registers: MappedRegisters | None = None
     past: PastReader | None = None
 
     def is_about_readiness(self, record: AuditRecord) -> bool:
@@ -33,8 +30,6 @@ class _ServicesOfOne:
         return not rows_set(record.verb, record.args).keys().isdisjoint(readiness_codes(self.starter.profile))
 
     async def close(self) -> None:
-        if self.mapped_registers is not None:
-            await self.mapped_registers.close()
         if self.past is not None:
             await self.past.close()
         await self.readiness.close()
@@ -42,25 +37,16 @@ class _ServicesOfOne:
 
 
 class StarterServices:
-    """The services of all starters; subscribes to the records, to know what commands set.
-
-    Without `may_write`, and for a starter that comes after `start`, nothing is written unasked.
-    """
+    """The services of all starters; subscribes to the records, to know what commands set."""
 
     takes = (EventRecord, AuditRecord)
 
     def __init__(
         self,
-        policy: Policy,
         *,
-        records: RecordWriter,
-        may_write: bool,
         monitor_every_s: float = EVERY_S,
         past: PastListener | None = None,
     ) -> None:
-        self._policy = policy
-        self._records = records
-        self._may_write = may_write
         self._monitor_every_s = monitor_every_s
         self._past = past  # receives what starters say of their past; None: they are not asked
         self._services: dict[str, _ServicesOfOne] = {}
@@ -74,8 +60,6 @@ class StarterServices:
         readiness.on_rows = monitor.note_reading
         starter.when_identified(readiness.begin)
         services = self._services[starter.setup.name] = _ServicesOfOne(starter, readiness, monitor)
-        if starter.setup.has_fast_words and starter.setup.is_enabled:
-            services.mapped_registers = self._mapped_registers(starter, monitor)
         if self._past is not None:
             services.past = PastReader(starter, self._past)
             starter.when_identified(services.past.begin)
@@ -85,26 +69,6 @@ class StarterServices:
     def remove(self, starter: str) -> Coroutine[Any, Any, None]:
         """Leave a starter, whose name another may have at once; await what is returned."""
         return self._services.pop(starter).close()
-
-    def _mapped_registers(self, starter: StarterTelemetry, monitor: ParameterMonitor) -> MappedRegisters:
-        mapped_registers = MappedRegisters(
-            starter,
-            write_budget=self._policy.write_budget,
-            records=self._records,
-            may_write=self._may_write and not self._is_started,
-            is_locked=lambda: self._policy.motor_history.lock_of(starter.setup.name) is not None,
-            on_written=monitor.note_written,
-        )
-        starter.when_identified(mapped_registers.begin)
-        starter.when_fast_words_are_lost(mapped_registers.lose)
-        return mapped_registers
-
-    def forbid_writing(self) -> None:
-        """Write nothing unasked from now on: there are no operators any more."""
-        self._may_write = False
-        for services in self._services.values():
-            if services.mapped_registers is not None:
-                services.mapped_registers.forbid_writing()
 
     def start(self) -> None:
         """Begin; once, on the app's loop."""

@@ -129,14 +129,12 @@ class AnswerCache:
         self._sources = sources
         self._memories: dict[str, _Memory] = {}  # by the poll's key
 
-    def read(self, key: str, block: Block, variant: Variant, value: Sequence[Any]) -> Answer | None:
-        """Return what an answer says; None when the mapped words are not ours any more."""
+    def read(self, key: str, block: Block, variant: Variant, value: Sequence[Any]) -> Answer:
+        """Return what an answer says."""
         known = self._memories.get(key)
         if known and known.block is block and known.variant is variant and known.value == value:
             return known.answer
         rows = block.rows_in(self._profile, value)
-        if rows is None:
-            return None
         is_enough = self._sources.are_enough(rows)
         answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
         self._memories[key] = _Memory(block, variant, value, answer)

@@ -16,9 +16,8 @@ from dataclasses import dataclass, field, replace
 from math import inf
 
 from gateway.families.diagnosis.readiness import watchdog_codes
-from gateway.families.mapped_registers import MappedBlock, plan_with
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import Block, rows_of_points, split
+from gateway.families.reading import Block, plan_blocks, rows_of_points, split
 from gateway.line.client import LineClient
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.starters.setup import StarterSetup, blocks_of
@@ -131,8 +130,6 @@ class Polling:
         self._setup = setup
         self._line = line
         self._is_fast = self._is_idle = False
-        self._variant = setup.variant
-        self._fast_words: MappedBlock | None = None
         self._plan = blocks_of(setup)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): self._begin(block) for block in self._plan}
@@ -170,8 +167,7 @@ class Polling:
             self._line.expedite(key)
             return ()
         if len(polled.block.codes) > 1:
-            if not isinstance(polled.block, MappedBlock):  # which has to be given up as a whole
-                self._split(key, at_s)
+            self._split(key, at_s)
             return ()
         is_vital = not self._vital.isdisjoint(polled.block.codes)
         if is_vital or polled.refusals.apart < ENOUGH or len(self._polled) == 1:
@@ -185,10 +181,6 @@ class Polling:
     def is_vital(self, block: Block) -> bool:
         """Return whether a block has a row that decides state, fault or watchdog."""
         return not self._vital.isdisjoint(block.codes)
-
-    def is_refused(self, key: str) -> bool:
-        """Return whether a poll was refused so often in a row that it is not by chance."""
-        return self._polled[key].is_refused
 
     def refused_vital(self) -> tuple[str, ...]:
         """Return the rows that decide state, fault or watchdog and are refused alone."""
@@ -252,24 +244,10 @@ class Polling:
 
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
-        self._variant = variant
-        plan = plan_with(self._setup.profile, variant, self._fast_words, timing=self._setup.timing)
+        plan = plan_blocks(self._setup.profile, variant, timing=self._setup.timing)
         if plan != self._plan:
             self._plan = plan
             self._replace(plan)
-
-    def use_fast_words(self, block: MappedBlock | None) -> None:
-        """Read these rows in one request from now on; None: all rows as they stand in the starter."""
-        if self.is_withdrawn:
-            return
-        self._fast_words = block
-        before = {code: polled.last_s for polled in self._polled.values() for code in polled.block.codes}
-        self.replan(self._variant)
-        for polled in self._polled.values():  # what was read before becomes overdue as it would have
-            times_s = [last_s for code in polled.block.codes if (last_s := before.get(code)) is not None]
-            if polled.last_s is None and times_s:
-                polled.last_s = min(times_s)
-                self._soonest_overdue_s = -inf
 
     def follow(self, state: str, *, before: str) -> None:
         """Ask as often as the starter's state wants it, and at once for what a change of it changes."""

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import assert_never
 
 from gateway.families.devices.device import Identity
-from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block
 from gateway.history.readings import Readings
@@ -90,7 +89,6 @@ class StarterTelemetry:
         self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as published last
         self._on_identified: list[Callable[[], None]] = []
-        self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._waker = TickTimer(records.clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
@@ -143,10 +141,6 @@ class StarterTelemetry:
         """Have something done each time the starter has proved to be what is configured."""
         self._on_identified.append(call)
 
-    def when_fast_words_are_lost(self, call: Callable[[str], None]) -> None:
-        """Have something done with the reason when the mapped words must not be read any more."""
-        self._on_fast_words_lost = call
-
     def set_trouble(self, topic: str, reason: str) -> None:
         """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
         self.availability.set_trouble(topic, reason)
@@ -154,10 +148,6 @@ class StarterTelemetry:
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
         return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
-
-    def use_fast_words(self, block: MappedBlock | None) -> None:
-        """Read the points of this block in one request from now on; None: as they stand in the starter."""
-        self._polling.use_fast_words(block)
 
     async def prove(self, *, lane: Priority) -> None:
         """Raise CommandError unless the device that answers now is the one that was identified."""
@@ -307,10 +297,6 @@ class StarterTelemetry:
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
-        if said is None:
-            self._come_online()
-            self._lose_fast_words("they are not mapped as they were")
-            return
         self._polling.note_answer(key, at_s=answer.at_s)
         if self._contact.gap:
             self._contact.end_gap()
@@ -318,13 +304,6 @@ class StarterTelemetry:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)
         self._take_decoded(said.rows, answer.at_s, said.decoded)
-
-    def _lose_fast_words(self, reason: str) -> None:
-        """Read everything as it stands in the starter again, at once."""
-        self._polling.use_fast_words(None)
-        self._polling.expedite()
-        self._on_fast_words_lost(reason)
-        self._publish()
 
     def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
@@ -335,9 +314,6 @@ class StarterTelemetry:
         if self._polling.is_vital(block):
             self._contact.doubt()
         unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
-        if isinstance(block, MappedBlock) and self._polling.is_refused(key):
-            self._lose_fast_words(f"they are refused ({why})")
-            return
         self.snapshot.refuse(self._sources.fed_by(unknown))
         if unknown and self._polling.block(key) is None:
             logger.info("%s refuses %s (%s)", self._where, *unknown, why)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gateway.storage.audit.chain import Head, read_line
-from gateway.storage.formats.copies import write_whole
+from gateway.system.whole_files import write_whole
 
 FOLDER = "audit"  # in the state directory
 LOCK = "lock"  # in that folder

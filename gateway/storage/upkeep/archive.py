@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.storage.formats.copies import NEW, private, put_in_place, sync_file
+from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 FORMAT = 1
 MANIFEST = "manifest.json"

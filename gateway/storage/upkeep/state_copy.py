@@ -1,7 +1,7 @@
 """A state directory's files, copied while a gateway may be writing them.
 
-Each file is as it was at one moment; different files may be of moments a second apart. What says something
-of this machine only is left out, and so are locks, sockets, and files that were set aside.
+Each file is as it was at one moment; different files may be of moments a second apart. Locks, sockets, and
+files that were set aside are left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from gateway.errors import DamagedError, StoreError
 from gateway.storage.audit.segments import ANCHOR, FOLDER, LOCK
 from gateway.storage.database import snapshot
-from gateway.storage.formats.catalogue import FORMATS, LOCK_FILE, OWN_NAMES, FileKind, require_known
+from gateway.storage.formats import LOCK_FILE, OWN_NAMES, STATE_FILES, FileKind, require_known
 from gateway.storage.json_file import JsonFile
 from gateway.storage.upkeep.versions import version_of
 
@@ -27,18 +27,18 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """Copy the files into a folder and return the version of each; StoreError, OSError."""
     versions: dict[str, int] = {}
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
-    for each in FORMATS.values():
+    for each in STATE_FILES.values():
         source, copy = state_dir / each.name, to / each.name
-        if each.is_of_box or not source.exists():
+        if not source.exists():
             continue
-        version = version_of(source, each)
+        version = version_of(source, each.kind)
         if version is None and not os.access(source, os.R_OK):
             raise StoreError(f"{source} may not be read by this user (make the backup as root)")
         if version is None:
             raise DamagedError(
                 f"{source} is damaged (start the gateway once, which sets it aside, or move it away)"
             )
-        require_known(source, version, each)
+        require_known(source, version)
         copy.parent.mkdir(parents=True, exist_ok=True)
         if each.kind is FileKind.SQLITE:
             snapshot(source, copy)
@@ -54,21 +54,20 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
 
 def is_state_name(name: str) -> bool:
     """Return whether a backup may hold a file of this name, relative to the state directory."""
-    known = {each.name for each in FORMATS.values() if not each.is_of_box}
+    known = {each.name for each in STATE_FILES.values()}
     folder, _, file = name.rpartition("/")
     return name in known or (folder == FOLDER and (file == ANCHOR or bool(_SEGMENT.fullmatch(file))))
 
 
 def replaced_in(state_dir: Path) -> list[Path]:
-    """Return what a restore replaces: a gateway's own files but the machine's, with SQLite's beside them."""
-    stays = (LOCK_FILE, *(each.name for each in FORMATS.values() if each.is_of_box))
+    """Return what a restore replaces: a gateway's own files, with SQLite's beside them."""
     paths = own_files(state_dir) if state_dir.is_dir() else ()
-    return sorted(path for path in paths if path.name != LOCK and not path.name.startswith(stays))
+    return sorted(path for path in paths if path.name != LOCK and not path.name.startswith(LOCK_FILE))
 
 
 def own_files(state_dir: Path) -> Iterator[Path]:
     """Yield what is a gateway's own in a folder, whatever it is: a folder may be in the way of a file."""
-    parents = {state_dir, *(state_dir / Path(each.name).parent for each in FORMATS.values())}
+    parents = {state_dir, *(state_dir / Path(each.name).parent for each in STATE_FILES.values())}
     for folder in parents:
         for path in folder.iterdir() if folder.is_dir() else ():
             if OWN_NAMES.fullmatch(path.name):

@@ -32,7 +32,7 @@ function axes(units, isTime) {
 async function draw(place, options, data) {
   const Plot = await uPlot();
   if (!Plot) {
-    place.replaceChildren(h("p", { class: "hint" }, "No plots: this gateway was installed without uPlot (make web)."));
+    place.replaceChildren(h("p", { class: "hint" }, "No plots: run make web in this gateway's checkout."));
     return;
   }
   const width = Math.max(place.clientWidth, 200);

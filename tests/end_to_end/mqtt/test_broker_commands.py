@@ -19,6 +19,7 @@ async def test_a_retained_command_that_is_there_already_is_not_delivered_and_a_l
 
     assert (incoming.topic, incoming.payload) == ("b/command/pump-2/alice/start", b"live")
     assert incoming.is_retained
+    assert incoming.is_live
 
 
 async def test_on_mqtt_3_a_retained_command_that_is_there_already_is_seen_as_retained(
@@ -31,6 +32,7 @@ async def test_on_mqtt_3_a_retained_command_that_is_there_already_is_seen_as_ret
 
     assert incoming.payload == b"old"
     assert incoming.is_retained
+    assert not incoming.is_live
 
 
 async def test_the_mqtt_5_properties_of_a_command_arrive(start_mosquitto: StartMosquitto) -> None:

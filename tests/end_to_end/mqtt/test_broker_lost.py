@@ -18,6 +18,7 @@ from tests.mqtt.fake_broker import (
     HANG_UP,
     LEVEL_5,
     LEVEL_311,
+    PINGREQ,
     PUBLISH,
     FakeBroker,
 )
@@ -93,13 +94,26 @@ async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
 async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
     async with (
         FakeBroker(answers_pings=False) as broker,
-        MqttRig(settings(broker.port, keepalive_s=1)) as rig,
+        MqttRig(settings(broker.port, keepalive_s=1, pong_s=1.0)) as rig,
     ):
         await rig.until_connected()
         is_connected, trouble = await rig.link()
 
     assert not is_connected
     assert trouble.endswith("the broker has stopped answering")
+
+
+async def test_a_broker_that_is_late_with_its_answer_to_a_ping_is_not_left() -> None:
+    async with (
+        FakeBroker(answers_pings=False) as broker,
+        MqttRig(settings(broker.port, keepalive_s=1)) as rig,
+    ):
+        await rig.until_connected()
+        await asyncio.sleep(4.0)
+        received = [broker.received.get_nowait().kind for _ in range(broker.received.qsize())]
+
+        assert received.count(PINGREQ) == 1
+        assert rig.links.empty()
 
 
 async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
@@ -110,6 +124,23 @@ async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
         for _ in range(12):
             await rig.until_connected()
             broker._writers[-1].close()
+
+
+async def test_the_last_word_after_short_connections_is_connected_once_one_holds(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.INFO, "gateway.mqtt.connection.broker"):
+        async with FakeBroker() as broker, MqttRig(settings(broker.port, steady_s=0.3)) as rig:
+            for _ in range(3):
+                await rig.until_connected()
+                broker.hang_up()
+            await rig.until_connected()
+            said_before = [record.getMessage() for record in caplog.records]
+            await asyncio.sleep(1.0)
+
+    said = [record.getMessage().endswith("connected, MQTT 5") for record in caplog.records]
+    assert len(said_before) == 2
+    assert said == [True, False, True]
 
 
 async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:

@@ -110,8 +110,8 @@ async def test_a_command_word_that_never_reads_twice_the_same_is_not_built_upon(
 @pytest.mark.parametrize(
     ("outcome", "code"),
     [
-        (Silent(), "no_answer"),
-        (Garbled("bad CRC", b"\x07"), "no_answer"),
+        (Silent(), "expired"),
+        (Garbled("bad CRC", b"\x07"), "expired"),
         (Silent("port closed", is_sent=False), "line_down"),
     ],
 )
@@ -122,11 +122,24 @@ async def test_a_starter_whose_status_cannot_be_read_freshly_is_not_started(
     rig = await ready()
     rig.line.rules.append(lambda request: outcome)
 
-    rig.submit("start")
+    rig.submit("start", expires_s=rig.clock.now_s() + 4.0)
     await asyncio.sleep(5.0)
 
     assert rig.sink.phases() == [ACCEPTED, ("rejected", code)]
     assert rig.line.writes == []
+
+
+@virtually
+async def test_a_start_ends_at_once_when_the_starter_goes_offline_under_it() -> None:
+    rig = await ready()
+    rig.line.rules.append(lambda request: Silent())
+
+    rig.submit("start", expires_s=rig.clock.now_s() + 4.0)
+    await asyncio.sleep(0.2)
+    rig.lose()
+    await asyncio.sleep(0.8)
+
+    assert rig.sink.phases() == [ACCEPTED, ("rejected", "no_answer")]
 
 
 @virtually

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from gateway.records import Phase, ResultRecord
-from gateway.starters.commands.ledger import LONGEST_S, Key, Ledger, Proofs
+from gateway.starters.commands.ledger import LONGEST_S, Key, Ledger
 
 PROOF_S = 62.0
 
@@ -14,21 +14,6 @@ def result(
     id_: str | None, phase: Phase = Phase.CONFIRMED, *, client: str = "alice", verb: str = "start"
 ) -> ResultRecord:
     return ResultRecord("pump-1", client, id_, verb, phase, "ok", "", 0.0)
-
-
-class Boots:
-    """The boot of the moment; `renewed` counts how often the ledger had it replaced."""
-
-    def __init__(self) -> None:
-        self.present = "boot-1"
-        self.renewed = 0
-
-    def renew(self) -> None:
-        self.renewed += 1
-        self.present = f"boot-{self.renewed + 1}"
-
-    def proofs(self) -> Proofs:
-        return Proofs(PROOF_S, boot=lambda: self.present, renew=self.renew)
 
 
 def test_an_unknown_id_is_not_found() -> None:
@@ -131,35 +116,6 @@ def test_a_full_ledger_still_takes_a_stop_and_forgets_nothing_for_it() -> None:
     ledger.store(result("3", Phase.ACCEPTED, verb="stop"), now_s=1.0)
 
     assert all(ledger.find("alice", id_) is not None for id_ in ("1", "2", "3"))
-
-
-def test_what_the_boot_proves_fresh_stays_as_long_as_the_boot() -> None:
-    boots = Boots()
-    ledger = Ledger(most_entries=3, proofs=boots.proofs())
-    ledger.store(result("1"), now_s=0.0, boot="boot-0")
-    boots.present = "boot-0"
-    for id_ in ("2", "3"):
-        ledger.store(result(id_), now_s=0.0)
-
-    ledger.store(result("4"), now_s=10 * LONGEST_S)
-    assert ledger.find("alice", "1") is not None
-    boots.present = "boot-1"
-    ledger.store(result("5"), now_s=10 * LONGEST_S)
-
-    assert ledger.find("alice", "1") is None
-
-
-def test_the_boot_is_replaced_before_what_it_proves_fresh_fills_the_ledger() -> None:
-    boots = Boots()
-    ledger = Ledger(most_entries=10, proofs=boots.proofs())
-
-    for number in range(1000):
-        now_s = number * 100.0
-        assert ledger.has_room(now_s)
-        ledger.store(result(f"{number}"), now_s=now_s, boot=boots.present)
-
-    assert boots.renewed == 200
-    assert len(ledger) <= 10
 
 
 def test_an_entry_is_forgotten_after_seven_days_of_this_run() -> None:

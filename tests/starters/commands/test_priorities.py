@@ -58,7 +58,7 @@ async def test_a_start_whose_slot_on_the_line_comes_when_it_is_no_longer_valid_i
     await asyncio.sleep(5.0)
 
     final = rig.sink.final()
-    assert (final.phase, final.code) == (Phase.REJECTED, "line_full")
+    assert (final.phase, final.code) == (Phase.REJECTED, "expired")
     assert "nothing was written" in final.text
     assert rig.starts() == 0
 

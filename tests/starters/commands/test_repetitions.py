@@ -228,27 +228,6 @@ async def test_what_is_refused_under_the_id_of_another_command_counts_as_a_dupli
 
 
 @virtually
-async def test_a_start_repeated_behind_ten_thousand_other_commands_under_the_same_boot_is_known() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "first", boot="boot")
-    await asyncio.sleep(3.0)
-    rig.submit("stop", "down")
-    await asyncio.sleep(3.0)
-    rig.lose()  # so that all others are refused, and stored
-
-    for number in range(10_600):
-        await asyncio.sleep(0.25)  # within the limit
-        rig.submit("reset", f"other {number}", boot="boot")
-    rig.poll()
-    rig.submit("start", "first", boot="boot")
-    await asyncio.sleep(5.0)
-
-    assert rig.starts() == 1
-    assert rig.sink.of(ResultRecord)[-1].is_duplicate
-
-
-@virtually
 async def test_a_full_ledger_refuses_all_but_stops_until_its_first_proof_is_over() -> None:
     rig = CommandRig()
     await rig.online()

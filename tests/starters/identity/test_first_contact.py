@@ -39,7 +39,7 @@ async def test_unknown_watchdogs_are_met_from_the_first_lap_on(first: int) -> No
 
 
 @virtually
-async def test_it_goes_before_all_else_while_it_is_not_known_and_behind_the_first_lap_when_it_is() -> None:
+async def test_it_goes_before_the_polls_while_it_is_not_known_and_behind_the_first_lap_when_it_is() -> None:
     rig = Rig()
     rig.unit.holding |= {313: 1, P314: 30}
     await rig.online()
@@ -58,6 +58,6 @@ async def test_it_goes_before_all_else_while_it_is_not_known_and_behind_the_firs
     await asyncio.sleep(1.0)
     first = unknown.line.sent[0]
 
-    assert known == [Priority.READ_BACK, Priority.READ_BACK]
-    assert (first.request, first.lane) == (WATCHDOG, Priority.COMMAND)
+    assert known == [Priority.IDENTITY, Priority.IDENTITY]
+    assert (first.request, first.lane) == (WATCHDOG, Priority.WATCHDOG)
     assert unknown.line.deadlines_s[7] == 30.0

@@ -38,7 +38,7 @@ async def test_every_family_is_identified_by_reading(family: str) -> None:
     questions = {each.request for each in identify_requests(rig.setup.profile) if not each.is_for_doubt}
     asked = [sent for sent in rig.line.sent if sent.request in questions]
     assert {sent.request for sent in asked} == questions
-    assert {sent.lane for sent in asked} == {Priority.READ_BACK}
+    assert {sent.lane for sent in asked} == {Priority.IDENTITY}
 
 
 @virtually

@@ -45,13 +45,13 @@ def test_the_entries_of_a_client_add_up_but_do_not_mix() -> None:
 def test_the_entries_that_give_a_right_say_what_proves_it_fresh() -> None:
     rights = Rights(
         [
-            Operator("alice", ("start",), ("pump-*",), "boot"),
+            Operator("alice", ("start",), ("pump-*",), "token"),
             Operator("alice", ("*",), ("*",), "issued_at"),
-            Operator("bob", ("*",), ("*",), "boot"),
+            Operator("bob", ("*",), ("*",), "token"),
         ]
     )
 
-    assert rights.freshness("alice", verb="start", starter="pump-1") == ("boot", "issued_at")
+    assert rights.freshness("alice", verb="start", starter="pump-1") == ("token", "issued_at")
     assert rights.freshness("alice", verb="set", starter="pump-1") == ("issued_at",)
     assert rights.freshness("alice", verb="start", starter="mill") == ("issued_at",)
     assert rights.freshness("carol", verb="start", starter="mill") == ("token",)

@@ -74,7 +74,7 @@ async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     telemetry = StarterTelemetry(setup, line=LineClient(scheduler, post_here), records=records)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     policy = Policy(PolicySettings(), ["pump"], rights=rights, records=records)
-    services = StarterServices(policy, may_write=True, monitor_every_s=LAP_S, records=records)
+    services = StarterServices(monitor_every_s=LAP_S)
     services.add(telemetry)
     router.add(telemetry)
     dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, records=records)

@@ -1,34 +1,23 @@
 """How long a starter gets no request while the gateway is restarted, and whether its watchdog outlasts that.
 
 The gap is what had passed since the last request, the end of the process after its lines, and the time from
-the start of the next process to the first state that was read of the starter. Both times are measured at each
-end and each start, and stored. What was never measured is computed for the worst case.
+the start of the next process to the first request to the starter; all computed, for the worst case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from gateway.app.capacity import LineCapacity
 from gateway.app.site import Site
 from gateway.config.convert import setups_of
-from gateway.errors import DamagedError
 from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.storage.json_file import JsonFile, JsonStore, ReadOnlyStore
+from gateway.storage.json_file import JsonFile, ReadOnlyStore
 
-RESTART_FILE = "restart.json"  # in state_dir
-STOP_S = 4.0  # from the lines' end to the process's, where it was never measured: the farewell may take 3 s
-
-
-@dataclass(frozen=True, slots=True)
-class RestartTimes:
-    """What earlier restarts have taken."""
-
-    stop_s: float | None = None  # from the lines' end to the process's
-    start_s: Mapping[str, float] = field(default_factory=dict)  # by starter, from the process's start
+STOP_S = 4.0  # from the lines' end to the process's: the farewell may take 3 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +26,6 @@ class RestartGap:
 
     starter: str
     gap_s: float
-    is_measured: bool
     limit_s: float | None  # of its watchdog; None: off, or not known
 
     @property
@@ -50,7 +38,6 @@ class RestartGap:
         return {
             "starter": self.starter,
             "gap_s": round(self.gap_s, 3),
-            "is_measured": self.is_measured,
             "watchdog_s": self.limit_s,
             "wanted_s": round(self.wanted_s, 3),
             "is_safe": self.is_safe,
@@ -63,28 +50,24 @@ class RestartGap:
 
 
 def restart_gaps(
-    prospects: Iterable[LineCapacity], times: RestartTimes, *, limit_of: Callable[[str], float | None]
+    prospects: Iterable[LineCapacity], *, limit_of: Callable[[str], float | None]
 ) -> Iterator[RestartGap]:
     """Yield the gap of each enabled starter; `limit_of` returns its watchdog's time by its name."""
-    stop_s = STOP_S if times.stop_s is None else times.stop_s
     for line in prospects:
         for starter in line.starters:
             name = starter.table.name
-            start_s = times.start_s.get(name)
-            again_s = START_UP_S + starter.first_poll_s if start_s is None else start_s
-            is_measured = start_s is not None and times.stop_s is not None
-            yield RestartGap(name, starter.gap_s + stop_s + again_s, is_measured, limit_of(name))
+            gap_s = starter.gap_s + STOP_S + START_UP_S + starter.first_poll_s
+            yield RestartGap(name, gap_s, limit_of(name))
 
 
 def announcement(
     reason: str,
     prospects: Iterable[LineCapacity],
-    times: RestartTimes,
     *,
     limit_of: Callable[[str], float | None],
 ) -> tuple[str, dict[str, Any]]:
     """Return the text and the data of the event with which a gateway ends."""
-    gaps = list(restart_gaps(prospects, times, limit_of=limit_of))
+    gaps = list(restart_gaps(prospects, limit_of=limit_of))
     longest = max(gaps, key=lambda gap: gap.gap_s, default=None)
     too_short = [gap.starter for gap in gaps if not gap.is_safe]
     text = f"the gateway ends: {reason}"
@@ -105,30 +88,5 @@ def planned_gaps(site: Site) -> list[RestartGap]:
     """Return the gaps of a restart with this site, by what its state directory says; NewerError."""
     watchdogs = KnownWatchdogs(memory=ReadOnlyStore(JsonFile(site.state_dir / WATCHDOGS_FILE)))
     setups = {setup.name: setup for line in site.config.lines for setup in setups_of(line)}
-    times = stored_times(JsonFile(site.state_dir / RESTART_FILE))
     limits_s = {name: watchdogs.limit_s(setup) for name, setup in setups.items()}
-    return list(restart_gaps(site.prospects, times, limit_of=limits_s.get))
-
-
-def times_in(document: Mapping[str, Any] | None) -> RestartTimes:
-    """Return the times that a document holds; what makes no sense counts as not measured."""
-    stored = document or {}
-    starts = stored.get("start_s")
-    found = {str(name): value for name, value in starts.items()} if isinstance(starts, dict) else {}
-    stop_s = stored.get("stop_s")
-    return RestartTimes(
-        stop_s if _is_time(stop_s) else None,
-        {name: value for name, value in found.items() if _is_time(value)},
-    )
-
-
-def stored_times(store: JsonStore) -> RestartTimes:
-    """Return what was measured before; nothing when it cannot be read."""
-    try:
-        return times_in(store.load())
-    except DamagedError:
-        return RestartTimes()
-
-
-def _is_time(value: object) -> bool:
-    return isinstance(value, float | int) and not isinstance(value, bool) and 0.0 <= value < 3600.0
+    return list(restart_gaps(site.prospects, limit_of=limits_s.get))

@@ -1,11 +1,9 @@
-"""Files that appear whole or not at all, also over a power cut; and the copies of earlier versions."""
+"""Files that appear whole or not at all, also over a power cut."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-
-from gateway.storage.formats.catalogue import copy_path, other_copies
 
 NEW = ".new"  # ends the name of a file that is still being written
 
@@ -48,14 +46,3 @@ def sync_file(path: Path) -> None:
 def sync_folder(folder: Path) -> None:
     """Let a file's new name outlive a power cut as well; OSError."""
     sync_file(folder)
-
-
-def write_copy(path: Path, version: int, content: bytes) -> None:
-    """Store what a file of an earlier version holds beside it; OSError."""
-    write_whole(copy_path(path, version), content)
-
-
-def forget_other_copies(path: Path, version: int) -> None:
-    """Delete the copies of all versions but this one; OSError."""
-    for each in other_copies(path, version):
-        each.unlink()
