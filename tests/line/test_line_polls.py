@@ -8,9 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Refused
+from gateway.line.rtu.outcome import Answered, Garbled
 from gateway.modbus import adu
-from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import ALTERNATES, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
 from tests.line.served import READ, run_for
 from tests.virtual_time import run_virtually
@@ -18,68 +17,6 @@ from tests.virtual_time import run_virtually
 
 def asked(rig: LineRig) -> Counter[int]:
     return Counter(frame[0] for _, frame in rig.port.sent)
-
-
-def test_polls_are_asked_in_their_rhythm_and_their_answers_reported() -> None:
-    rig = run_for(9.5, Units({1}), [poll("a", every_s=1.0), poll("b", every_s=5.0, address=50)])
-
-    assert len(rig.listener.outcomes("a")) == 10
-    assert len(rig.listener.outcomes("b")) == 3
-    first = rig.listener.outcomes("b")[0]
-    assert isinstance(first, Answered)
-    assert first.value == tuple(range(50, 60))
-    assert [event[1:] for event in rig.listener.ports] == [(True, "open")]
-    assert [event[1:4] for event in rig.listener.units] == [(1, True, "answers")]
-
-
-def test_a_refused_poll_is_reported_and_its_unit_answers() -> None:
-    rig = run_for(0.5, Units({1}, refused={1: 2}), [poll("a")])
-
-    assert isinstance(rig.listener.outcomes("a")[0], Refused)
-    assert rig.listener.units[0][1:3] == (1, True)
-
-
-def test_polls_without_a_period_use_the_whole_line() -> None:
-    rig = run_for(30.0, Units({1, 2}), [poll("a", 1, 0.0), poll("b", 2, 0.0)])
-
-    a, b = len(rig.listener.outcomes("a")), len(rig.listener.outcomes("b"))
-    one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-    assert abs(a - b) <= 1
-    assert a + b == pytest.approx(30.0 / one_s, rel=0.01)
-
-
-@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
-def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) -> None:
-    timing = LineTiming(baud, Framing.parse("8E1"))
-    polls = [poll(str(unit), unit, 0.0) for unit in range(1, 9)]
-
-    healthy = asked(run_for(60.0, Units(set(range(1, 8))), polls[:7], timing))
-    rig = run_for(60.0, Units(set(range(1, 8))), polls, timing)
-
-    assert asked(rig)[8] == 9
-    for unit in range(1, 8):
-        assert asked(rig)[unit] > 0.9 * healthy[unit]
-    assert rig.port.shortest_silence_s >= timing.silence_s - 1e-9
-
-
-def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer() -> None:
-    units = Units({1})
-    rig = LineRig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(20.0)
-            units.alive.add(2)
-            await asyncio.sleep(30.0)  # its probes are 16 s apart by now
-
-    run_virtually(scenario())
-
-    silent, back = [event for event in rig.listener.units if event[1] == 2]
-    assert 1.0 < silent[0] < 5.0
-    assert silent[2:4] == (False, "no reply")
-    assert silent[4][-1].split()[1:4] == [">>", "02", "03"]
-    assert back[2:4] == (True, "answers")
-    assert len([outcome for outcome in rig.listener.outcomes("current") if isinstance(outcome, Answered)]) > 5
 
 
 def test_a_garbled_poll_is_reported_only_when_its_repetition_is_no_better() -> None:

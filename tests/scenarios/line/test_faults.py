@@ -32,6 +32,7 @@ from tests.scenarios.line.wires import (
     TWO,
     asked_within,
     chatter,
+    healed,
     impaired,
     states_only,
     true_values,
@@ -169,6 +170,12 @@ LATE = [
             5.0: [late_by(1, 3.0), publish("command/pump/alice/stop", client="alice")],
         },
         then={14.9: result("stop written ok"), 20.0: result("stop unconfirmed not_seen")},
+    ),
+    row(
+        "a reply that comes after its port was lost and opened again is no answer either",
+        given=FOUR,
+        at={3.1: impaired(Late(40.0)), 3.3: "line pumps unplug", 3.8: [healed, "line pumps plug"]},
+        then={30.0: [true_values, msg("starter/pump/availability", state="online")]},
     ),
     row(
         "a starter that answers later than its manual says for half a minute is not lost",
@@ -365,7 +372,7 @@ REFUSED = [
 
 TOGETHER = [
     row(
-        f"where everything goes wrong now and then nobody starves, and nothing is wrong, {words}",
+        f"where everything goes wrong now and then nobody is left for longer than the back-off, {words}",
         given=site + ALICE,
         at={
             second: impaired(by, *names, chance=0.03)
@@ -385,7 +392,7 @@ TOGETHER = [
         },
     )
     for words, site, most_s in (
-        ("without watchdogs", EIGHT, 3 * 1.4 + 1.0),  # three sweeps and a second
+        ("without watchdogs", EIGHT, 16.0),
         ("with watchdogs of 3 s", EIGHT.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"), 3.0),
     )
 ]

@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from gateway.sim.bus.faults import NoReply
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -25,7 +26,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SSW06, SSW07, line, starter
-from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, true_values
+from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, impaired, true_values
 
 WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
 CLOSE = (
@@ -199,7 +200,13 @@ WATCHDOGS = [
         then={40.0: asked_within(3.0, since=1.0, until=40.0)},
     ),
     row(
-        "a watchdog is kept where a twentieth of the replies is lost and its starter is taken for silent",
+        "watchdogs are kept where a twentieth of the replies is lost",
+        given=WATCHED.replace("every_s = 5.0", "every_s = 1.0"),
+        at={3.1: impaired(NoReply(), chance=0.05)},
+        then={120.0: asked_within(3.0, since=1.0, until=120.0)},
+    ),
+    row(
+        "a watchdog is kept while a starter receives everything and none of its replies arrives",
         given=WATCHED,
         at={3.1: [fault("lose", f"pump-{n}") for n in (2, 5)]},
         then={60.0: asked_within(3.0, since=1.0, until=60.0)},
@@ -276,7 +283,7 @@ FIGURES = [
     ),
     row(
         "late replies are counted for their starter",
-        given=TWO,
+        given=SSW07,
         at={10.0: fault("delay", "pump", 0.2, count=1)},
         then={65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] == 1 else "not one"},
     ),

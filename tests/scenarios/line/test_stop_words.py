@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, never, play, publish, result, row
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, never, play, publish, result, row, seen
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SSW06, SSW07, SSW900, line, starter
 from tests.scenarios.line.wires import STOP_07, final_text, without, written
@@ -81,6 +81,13 @@ SCENARIOS = [
         then={3.0: [result("stop confirmed ok"), lambda plant: _first(plant, MASK_1)]},
     ),
     row(
+        "of slot 2 in the other one",
+        given=MILL_2 + ALICE,
+        sim={"mill": {"slot": 2, **QUICK}},
+        at={0.05: stop("mill")},
+        then={3.0: [result("stop confirmed ok"), lambda plant: _first(plant, MASK_2)]},
+    ),
+    row(
         "of an SSW900 whose slot is unknown the words of both slots are cleared",
         given=SSW900 + ALICE,
         at={0.01: [SILENT_READS, stop("mill")]},
@@ -116,10 +123,17 @@ SCENARIOS = [
         then={12.0: [written("mill", MASK_1), lambda plant: _phase(plant, "unconfirmed")]},
     ),
     row(
-        "a stop takes an SST out of its configuration mode",
+        "a stop takes an SST out of its configuration mode, and what configures it ends",
         given=line() + starter("belt", 4, "sst") + ALICE,
-        at={3.0: "belt COIL2 = 1", 6.0: stop("belt"), 6.5: "belt COIL2 = -"},
-        then={12.0: [lambda plant: _first(plant, "05 00 00 00 00", "belt"), result("stop confirmed ok")]},
+        at={3.0: command("belt/alice/configure"), 3.6: stop("belt")},
+        then={
+            9.0: [
+                lambda plant: "" if "05 00 01 ff 00" in _written(plant, "belt") else "it was not in it",
+                lambda plant: "" if _written(plant, "belt")[-1] != "05 00 01 ff 00" else "it is still in it",
+                seen("result/belt/alice", verb="configure", code="stopped_first"),
+                result("stop confirmed ok"),
+            ]
+        },
     ),
 ]
 WRONG = [
@@ -153,6 +167,10 @@ WRONG = [
     )
     for family, found in (("ssw06", "sst"), ("ssw07", "sst"), ("ssw900", "sst"), ("sst", "ssw07"))
 ]
+
+
+def _written(plant: RigPlant, name: str) -> list[str]:
+    return [pdu for _, pdu in plant.starter(name).writes]
 
 
 def _first(plant: RigPlant, pdu: str, name: str = "mill") -> str:

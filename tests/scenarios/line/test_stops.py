@@ -64,6 +64,7 @@ SCENARIOS = [
             9.0: [
                 results(*(f"{verb} {each}" for verb in ("start", "stop") for each in OK)),
                 frames("pump", START_07, STOP_07),
+                final_text("read back from the starter"),
                 msg("starter/pump/state", state="ready"),
                 clean_line,
             ]
@@ -289,11 +290,19 @@ SCENARIOS = [
         then={5.0: [result("stop confirmed ok"), Paced("pump", 0.2, (0.0,), within_s=0.3)]},
     ),
     row(
-        "a stop needs no known identity",
+        "a stop needs no known identity, and says in whose words it was sent",
         given=SSW07 + ALICE,
         sim={"pump": {"product": "CFW-11"}},
         at={5.0: START, 6.0: STOP},
-        then={9.0: [seen("result/pump/alice", verb="start", phase="rejected"), frames("pump", STOP_07)]},
+        then={
+            9.0: [
+                seen("result/pump/alice", verb="start", phase="rejected"),
+                result("stop confirmed ok"),
+                final_text("of no known family (FC43 names 'CFW-11 85.0A')"),
+                final_text("as ssw07 takes it, as configured"),
+                frames("pump", STOP_07),
+            ]
+        },
     ),
     row(
         "a stop of who has no right to it is refused, and nothing is written",
