@@ -92,8 +92,8 @@ class Line:
 
 CONFLICT, LATE, NOISY = ADDRESS_CONFLICT, BABBLING, LINE_NOISE
 
-# a: an answer; s: a reply unasked, t: its beginning, f: of another shape; g: a reply garbles another, b: so do
-# bytes; c: a reply is cut; n1, n: noise, one byte; o: a reply is owed; -: so much sooner.
+# a: an answer; s: a reply unasked, t: its beginning, f: of another shape; g: a reply garbles another,
+# b: bytes do; c: a reply is cut; n1, n: noise, one byte; o: a reply is owed; -: so much sooner.
 # =n: the number of the round, =p: of the one before it.
 SIGNS = {  # so many rounds of these: who is named
     "one address, two answers": (3, "a7=1 s7=2", {(CONFLICT, 7)}),

@@ -27,7 +27,7 @@ def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_othe
         waits_s = []
         loop = asyncio.get_running_loop()
         async with rig:
-            for _ in range(300):
+            for _ in range(100):
                 await asyncio.sleep(chance.uniform(0.0, 0.3))
                 others = [asyncio.create_task(rig.transact(2, WRITE)) for _ in range(3)]
                 await asyncio.sleep(0)
@@ -72,7 +72,7 @@ def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
 
 def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
     chance = random.Random(5)
-    for _ in range(200):
+    for _ in range(40):
         rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
         async def scenario(rig: LineRig = rig) -> tuple[float, float]:

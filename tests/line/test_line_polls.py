@@ -3,7 +3,6 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-from collections import Counter
 from collections.abc import Iterable
 
 import pytest
@@ -11,12 +10,8 @@ import pytest
 from gateway.line.rtu.outcome import Answered, Garbled
 from gateway.modbus import adu
 from tests.line.fakes import ALTERNATES, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
-from tests.line.served import READ, run_for
+from tests.line.served import run_for
 from tests.virtual_time import run_virtually
-
-
-def asked(rig: LineRig) -> Counter[int]:
-    return Counter(frame[0] for _, frame in rig.port.sent)
 
 
 def test_a_garbled_poll_is_reported_only_when_its_repetition_is_no_better() -> None:
@@ -115,38 +110,6 @@ def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> Non
     seen = run_virtually(scenario())
 
     assert all(earlier < later for earlier, later in itertools.pairwise(seen))
-
-
-def test_statistics_count_outcomes_by_unit_and_show_how_busy_the_line_is() -> None:
-    rig = LineRig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
-
-    async def scenario() -> None:
-        assert rig.client.statistics()["utilisation"] == 0.0
-        async with rig:
-            await rig.transact(1, READ)
-            await asyncio.sleep(60.0)
-            statistics = rig.client.statistics()
-            assert statistics["is_open"]
-            one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-            assert statistics["utilisation"] == pytest.approx(10 * one_s, rel=0.1)
-            assert statistics["sweep_s"] == pytest.approx(2.7 * one_s, rel=0.3)
-            assert statistics["jobs"] == 1
-            assert statistics["polls"] == pytest.approx(670, abs=5)
-            assert statistics["answered"] == statistics["units"][1]["answered"] == pytest.approx(602, abs=3)
-            assert statistics["refused"] == statistics["units"][2]["refused"] == 61
-            assert statistics["silent"] == statistics["units"][3]["silent"] == statistics["units"][3]["asked"]
-            assert [statistics["units"][unit]["state"] for unit in (1, 2, 3)] == [
-                "answering",
-                "answering",
-                "silent",
-            ]
-            assert statistics["units"][1]["response_time_s"] == pytest.approx({"p50": 0.005, "p99": 0.005})
-            assert statistics["units"][3]["response_time_s"] == {"p50": None, "p99": None}
-            assert statistics["stop_latency_s"]["worst"] is None
-            assert statistics["progress"] > 600
-        assert not rig.client.statistics()["is_open"]
-
-    run_virtually(scenario())
 
 
 def test_the_computed_stop_latency_is_the_longest_poll_unanswered() -> None:

@@ -106,20 +106,6 @@ def test_a_read_that_is_given_up_while_it_is_on_the_wire_is_not_repeated_for_a_c
     assert len(rig.port.sent) == (1 if is_given_up else 2)
 
 
-def test_an_answer_is_reported_when_the_next_request_is_on_its_way() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(1.0)
-
-    run_virtually(scenario())
-
-    published_s = [at_s for at_s, *_ in rig.listener.polls]
-    sent_s = [at_s for at_s, _ in rig.port.sent]
-    assert published_s[:20] == pytest.approx(sent_s[1:21])
-
-
 def test_the_answer_to_the_last_request_is_reported_at_once() -> None:
     rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
 

@@ -25,7 +25,7 @@ def check_confirmation(here: LargeLine, id_: str, asked_s: float, address: int =
 
 
 @pytest.mark.parametrize("every_s", [0.0])
-@pytest.mark.parametrize("after_s", [0.05, 1.0])
+@pytest.mark.parametrize("after_s", [0.05])
 @virtually
 async def test_a_stop_in_the_first_second_goes_on_while_the_motor_turns_and_is_confirmed_once_it_stops(
     every_s: float, after_s: float
@@ -54,14 +54,14 @@ async def test_a_stop_in_the_first_second_goes_on_while_the_motor_turns_and_is_c
 
 @pytest.mark.long
 @virtually
-async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
+async def test_two_hundred_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
     None
 ):
     async with large_line(2, every_s=2.0) as here:
         await asyncio.sleep(2.0)
-        for number in range(1000):
+        for number in range(200):
             here.submit("stop", f"first {number}")
-            await asyncio.sleep(0.02 + 0.29 * number / 1000)
+            await asyncio.sleep(0.02 + 0.29 * number / 200)
             here.run_locally(1)
             await asyncio.sleep(0.005 * (number % 7))
             asked_s = here.clock.now_s()
@@ -108,9 +108,9 @@ async def test_stops_of_dead_starters_leave_the_others_watchdogs_their_polls(dea
 
 @virtually
 async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had_been_stopped_once() -> None:
-    async with large_line(120) as here:
+    async with large_line(60) as here:
         await asyncio.sleep(8.0)
-        for address in range(1, 121):
+        for address in range(1, 61):
             here.unit(address).motor.start()
         asked = {}
         for number in range(4):
@@ -122,6 +122,6 @@ async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had
         assert {number: here.phase(str(number), ALL) for number in range(4)} == dict.fromkeys(
             range(4), Phase.CONFIRMED
         )
-        for address in range(1, 121):
+        for address in range(1, 61):
             frames_s = here.frames(address)
             assert all(any(at_s > asked_s for at_s in frames_s) for asked_s in asked.values())

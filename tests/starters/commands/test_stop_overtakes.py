@@ -36,7 +36,7 @@ async def test_a_start_waiting_for_the_line_is_withdrawn_by_a_stop() -> None:
     assert rig.sink.final("2").phase is Phase.CONFIRMED
 
 
-@pytest.mark.parametrize("start_age_s", [0.001 * step for step in range(0, 120, 7)])
+@pytest.mark.parametrize("start_age_s", [0.001 * step for step in range(0, 120, 14)])
 @virtually
 async def test_no_start_ever_goes_out_after_the_stop_that_overtook_it(start_age_s: float) -> None:
     rig = CommandRig()
@@ -136,7 +136,7 @@ async def test_of_a_flood_of_stops_each_has_a_frame_that_left_within_a_tenth_of_
     rig = await running()
     rig.unit.on_write = ignore
     asked_s = []
-    for number in range(1000):
+    for number in range(300):
         asked_s.append(rig.clock.now_s())
         rig.submit("stop", str(number), client="alice" if number % 2 else "victor")
         await asyncio.sleep(0.005)
@@ -144,4 +144,4 @@ async def test_of_a_flood_of_stops_each_has_a_frame_that_left_within_a_tenth_of_
 
     frames_s = [sent.at_s for sent in rig.stops()]
     assert all(any(0 <= at_s - each <= 0.1 + 2 * TRANSACTION_S for at_s in frames_s) for each in asked_s)
-    assert len(frames_s) <= 8 + 10 * 6 + 10
+    assert len(frames_s) <= 8 + 10 * 3 + 10
