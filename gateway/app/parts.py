@@ -24,8 +24,7 @@ from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.app.site import Site
-from gateway.app.state_files import StateFiles
+from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
 from gateway.line.thread import LineHost

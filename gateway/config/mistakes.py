@@ -20,9 +20,13 @@ from gateway.config.toml_lines import Key
 from gateway.config.values import (
     BASE_PATH_PATTERN,
     FIRMWARE_PATTERN,
+    GLOB_PATTERN,
     HOST_PATTERN,
     NAME_PATTERN,
     PROM_FILE_PATTERN,
+    SPARKPLUG_ID_PATTERN,
+    TOPIC_PATTERN,
+    URL_PATTERN,
     USER_PATTERN,
 )
 from gateway.system.password_hash import LINE_PATTERN
@@ -121,6 +125,11 @@ _MISSING_HINTS = {
     "web.user.password": "paste the line that starter-gateway web-password prints",
 }
 _PATTERN_HINTS = {
+    NAME_PATTERN: "only a-z, 0-9, _ and -",
+    GLOB_PATTERN: "only a-z, 0-9, _ and -, and * or ? for any others",
+    SPARKPLUG_ID_PATTERN: "one level of a topic: without +, / and #",
+    TOPIC_PATTERN: "levels of a topic, such as homeassistant/status: only letters, digits, _ . and -",
+    URL_PATTERN: "an address that begins with http:// or https://",
     FIRMWARE_PATTERN: "two numbers with a point between them, such as 1.30",
     USER_PATTERN: "only letters, digits, _ . @ and -",
     HOST_PATTERN: "a name or address without port, such as mcc1.plant",
@@ -132,8 +141,7 @@ _PATTERN_HINTS = {
 def _of_pattern(value: Any, pattern: str) -> tuple[str, str]:
     if pattern == LINE_PATTERN:  # perhaps a password: it is not shown
         return "is no password line", "paste the line that starter-gateway web-password prints"
-    also = "" if pattern == NAME_PATTERN else ", and * or ? for any others"
-    return f"is {short(value)}", _PATTERN_HINTS.get(pattern, f"only a-z, 0-9, _ and -{also}")
+    return f"is {short(value)}", _PATTERN_HINTS[pattern]
 
 
 def _known_keys(table: Key) -> list[str]:

@@ -126,8 +126,13 @@ def _planned(profile: Profile, firmware: str | None, timing: LineTiming | None) 
 
 
 def split(block: Block) -> tuple[Block, ...]:
-    """Return one block for each row of a block that was refused; a single row stays as it is."""
-    return tuple(_block(block.group, [row]) for row in block.rows)
+    """Return one block for each row of a block that was refused.
+
+    Their names are no planned block's: an answer that is still under way cannot be taken for another's.
+    """
+    return tuple(
+        replace(_block(block.group, [row]), name=f"{block.group}:{row.code} alone") for row in block.rows
+    )
 
 
 def _block(group: str, rows: Sequence[Parameter]) -> Block:

@@ -2,7 +2,8 @@
 
 1. On its first connection a run reads what is stored below `gateway` and `starter`, until a token of its own
    (`gateway/fresh`) comes back: what was stored came before it. Only then is the gateway online.
-2. Starters and lines that are not configured are cleared at once; an alarm that an earlier run left active,
+2. Starters and lines that are not configured are cleared at once, and values of points that a starter no
+   longer has, since a run begins with all its points; an alarm that an earlier run left active,
    once its starter was read in this run and did not show it.
 3. Only that is cleared whose topic and fields are those of the contract, and nothing while another gateway is
    there. Its heartbeat shows that, or a status that comes now; a stored status may be that of a gateway
@@ -30,13 +31,13 @@ WITHIN_S = 10.0  # after the connection: online at the latest
 HEARTBEAT_S = 3.0  # so long a doubtful status waits for its gateway's heartbeat, which comes each second
 SETTLED_S = 3.0  # after a starter's first state: a fault's number is published by then
 QUIET_S = 60.0  # without a sign of the other gateway, before it is reported again
-ALARM = "alarm"
+VALUE, ALARM = "value", "alarm"
 
 _FIELDS: Mapping[str, frozenset[str]] = {
     "info": frozenset({"family", "model", "line", "address", "points", "commands"}),
     "availability": frozenset({"state", "since", "reason"}),
     "state": frozenset({"state", "quality", "time", "seq"}),
-    "value": frozenset({"value", "unit", "quality", "time", "seq"}),
+    VALUE: frozenset({"value", "unit", "quality", "time", "seq"}),
     ALARM: frozenset({"active", "severity", "text", "time", "cleared", "count"}),
     LINE: frozenset({"utilisation", "polls", "answered", "silent"}),
 }
@@ -87,7 +88,7 @@ class Leftovers:
         self._is_refused = False
         self._is_doubtful = False  # another's status is stored
         self._may_clear = False  # everything is read, and nothing is doubtful
-        self._gone: set[str] = set()  # topics of starters and lines that are not configured
+        self._gone: set[str] = set()  # topics of starters, lines and points that are no more
         self._alarms: dict[str, set[str]] = {}  # topics, by starter, that were left active
         self._seen: set[str] = set()  # starters that were read in this run
         self._settled: set[str] = set()  # those whose faults and alarms are published
@@ -154,13 +155,15 @@ class Leftovers:
         found = self._topics.parse_retained(incoming.topic)
         if found is None:
             return
-        is_current = self._is_current(found)
-        if is_current and found.kind != ALARM:
+        is_left = not self._is_current(found) or (
+            found.kind == VALUE and not self._is_published(incoming.topic)
+        )
+        if not is_left and found.kind != ALARM:
             return
         fields = _fields_of(incoming)
         if not fields.keys() >= _FIELDS[found.kind]:
             return
-        if not is_current:
+        if is_left:
             self._gone.add(incoming.topic)
         elif fields["active"] and fields.get("boot") != self._tokens.boot.run:
             self._alarms.setdefault(found.name, set()).add(incoming.topic)

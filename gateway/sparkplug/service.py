@@ -30,9 +30,8 @@ from gateway.sparkplug.settings import SparkplugSettings
 from gateway.sparkplug.topics import REBIRTH, EdgeTopics
 from gateway.starters.policy.rights import Rights
 from gateway.storage.json_file import JsonStore
-from gateway.system.backoff import Backoff
 from gateway.system.clock import Clock
-from gateway.system.rate_limits import Bucket, ChangeDetector, Rate
+from gateway.system.rate_limits import Backoff, Bucket, ChangeDetector, Rate
 from gateway.system.supervised import InThread
 
 log = logging.getLogger(__name__)

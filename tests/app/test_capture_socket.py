@@ -133,11 +133,6 @@ async def test_where_the_folder_cannot_be_made_the_gateway_does_without(
     assert "Not a directory" in caplog.text
 
 
-async def test_the_folder_is_made(tmp_path: Path) -> None:
-    async with serving(tmp_path / "state" / "c"):
-        assert (tmp_path / "state" / "c").is_socket()
-
-
 async def test_a_file_that_is_no_socket_is_left_alone(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

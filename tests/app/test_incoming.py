@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.contract.commands import RETAINED_STOP, Incoming
+from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import AuditRecord, ResultRecord, Severity, rfc3339
@@ -44,104 +44,6 @@ async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: fl
 
 
 @virtually
-async def test_a_live_stop_with_the_retain_flag_stops_and_its_result_says_that_others_are_refused() -> None:
-    here = await desk()
-    here.plant.machines["pump-1"].set_motor(is_on=True)
-
-    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"1"}', is_retained=True, is_live=True))
-    await here.plant.wait(3.0)
-    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"2"}', is_retained=True))
-    await here.plant.wait(3.0)
-
-    assert here.plant.stops() == 1
-    final = here.plant.sink.final("1")
-    assert (final.phase, final.code) == ("confirmed", "ok")
-    assert final.text.endswith(f"; {RETAINED_STOP}")
-    assert here.plant.sink.final("2").code == "retained"
-
-
-@virtually
-async def test_a_stop_that_waited_stops_all_the_same() -> None:
-    here = await desk()
-    here.plant.machines["pump-1"].set_motor(is_on=True)
-    await asyncio.sleep(30.0)
-
-    here.take("stop", "1")
-    await here.plant.wait(3.0)
-
-    assert here.plant.stops() == 1
-
-
-@virtually
-async def test_after_a_suspension_the_new_token_and_what_is_issued_from_then_on_are_fresh() -> None:
-    here = await desk()
-    await asyncio.sleep(3.0)
-    here.take("read", "old", boot="run")
-
-    here.take("start", "1", token=here.token())
-    await here.plant.wait(3.0)
-    here.take("stop", "2")
-    await here.plant.wait(3.0)
-    for look in range(2):  # more often than what counts as a suspension
-        here.take("read", f"look-{look}", boot="run")
-        await here.plant.wait(1.5)
-    here.take("start", "3", issued_at=rfc3339(here.plant.clock.utc_s()))
-    await here.plant.wait(3.0)
-
-    assert [here.plant.sink.final(id_).code for id_ in "123"] == ["ok", "ok", "ok"]
-
-
-@pytest.mark.parametrize("step_s", [-20.0, 20.0])
-@virtually
-async def test_a_clock_that_was_set_makes_no_old_command_fresh(step_s: float) -> None:
-    here = await desk()
-    true_utc_s = here.plant.clock.utc_s()
-    here.plant.clock.epoch_s += step_s
-
-    here.take("start", "late", issued_at=rfc3339(true_utc_s - 20.0))
-    here.take("start", "now", issued_at=rfc3339(true_utc_s))
-    before = here.plant.starts()
-    here.take("start", "by token", token=here.token())
-    await here.plant.wait(3.0)
-
-    late, now = here.plant.sink.final("late"), here.plant.sink.final("now")
-    by = "back" if step_s < 0 else "ahead"
-    assert (before, here.plant.starts()) == (0, 1)
-    assert late.code == now.code == "not_fresh"
-    assert late.text.startswith(f"this gateway's clock was set {by} by 20.0 s, so issued_at does not count")
-    assert here.plant.sink.final("by token").code == "ok"
-
-
-@virtually
-async def test_the_boot_alone_starts_nothing_and_a_read_needs_no_proof() -> None:
-    here = await desk()
-
-    here.take("start", "1", boot="run")
-    here.take("read", "2", args={"parameter": "P003"})
-    await here.plant.wait(3.0)
-
-    assert [here.plant.sink.final(id_).code for id_ in "12"] == ["not_fresh", "ok"]
-
-
-@virtually
-async def test_a_step_of_the_clock_is_published_and_so_is_that_it_counts_again() -> None:
-    here = await desk()
-    looking = asyncio.create_task(here.incoming.run())
-
-    here.plant.clock.epoch_s -= 20.0
-    await asyncio.sleep(55.0)
-    stepped = [(code, severity) for code, severity, *_ in here.events]
-    await asyncio.sleep(10.0)
-    looking.cancel()
-
-    assert stepped == [("clock_stepped", Severity.WARNING)]
-    assert here.events[0][2].startswith(
-        "this gateway's clock was set back by 20.0 s: issued_at does not count"
-    )
-    assert [code for code, *_ in here.events] == ["clock_stepped", "clock_trusted"]
-
-
-@virtually
 async def test_a_start_whose_token_is_old_when_it_comes_expires_within_the_gateway_as_well() -> None:
     here = await desk()
     token = here.token()
@@ -155,29 +57,6 @@ async def test_a_start_whose_token_is_old_when_it_comes_expires_within_the_gatew
 
 
 @virtually
-async def test_without_a_suspension_the_token_stays_what_it_is() -> None:
-    here = await desk()
-    for number in range(100):
-        await asyncio.sleep(0.5)
-        here.take("read", f"{number}", boot="run", args={"parameter": "P003"})
-
-    assert here.boot.token == "run"
-    assert here.events == []
-
-
-@virtually
-async def test_what_is_no_command_topic_is_nobodys() -> None:
-    here = await desk()
-
-    here.incoming.take(Incoming("b/result/pump-1/alice", b""))
-    here.incoming.take(Incoming("b/command/pump-1/alice/start", b"no JSON"))
-    await asyncio.sleep(1.0)
-
-    assert [each.code for each in here.plant.sink.of(ResultRecord)] == ["bad_json"]
-    assert here.events == []
-
-
-@virtually
 async def test_a_command_under_way_learns_of_a_suspension_that_was_not_noticed_yet() -> None:
     here = await desk()
     before_s = here.standstill.ended_s()
@@ -186,41 +65,6 @@ async def test_a_command_under_way_learns_of_a_suspension_that_was_not_noticed_y
 
     assert here.standstill.ended_s() == here.plant.clock.now_s() > before_s
     assert [event[0] for event in here.events] == ["stood_still"]
-
-
-@pytest.mark.parametrize(
-    ("topic", "result", "problem"),
-    [
-        ("pump-1/alice/STOP", ("pump-1", "alice", "STOP", "malformed_topic"), "level_misspelt"),
-        ("PUMP-1/alice/stop", ("pump-1", "alice", "stop", "malformed_topic"), "level_misspelt"),
-        ("pump-1/alice/stop/", ("pump-1", "alice", "stop/", "malformed_topic"), "level_empty"),
-        ("pump-1/alice/stpo", ("pump-1", "alice", "stpo", "unknown_verb"), "unknown_verb"),
-        ("pump-1/stop", None, "level_missing"),
-        ("pump-1//stop", None, "level_empty"),
-        ("pump-1/ALICE/stop", None, "level_misspelt"),
-    ],
-)
-@pytest.mark.parametrize("is_retained", [False, True])
-@virtually
-async def test_a_mistyped_command_topic_is_answered_and_does_nothing(
-    topic: str, result: tuple[str, str, str, str] | None, problem: str, is_retained: bool
-) -> None:
-    here = await desk()
-    here.plant.machines["pump-1"].set_motor(is_on=True)
-    here.plant.sink.clear()
-
-    here.incoming.take(Incoming(f"b/command/{topic}", b"", is_retained=is_retained))
-    await here.plant.wait(3.0)
-
-    reported = [(r.starter, r.client, r.verb, r.code) for r in here.plant.sink.of(ResultRecord)]
-    assert reported == ([] if result is None else [result])
-    (audit,) = here.plant.sink.of(AuditRecord)
-    assert (audit.decision, audit.code) == ("rejected", result[3] if result else "malformed_topic")
-    ((code, severity, text, data),) = here.events
-    assert (code, severity) == ("malformed_topic", Severity.WARNING)
-    assert data == {"problem": problem, "topic": f"b/command/{topic}", "count": 1}
-    assert topic in text
-    assert here.plant.stops() == 0
 
 
 @virtually
@@ -305,23 +149,6 @@ def test_no_payload_and_no_topic_raises_and_everything_reported_can_be_published
             json.dumps(audit.args, ensure_ascii=False).encode()
 
     run_virtually(run())
-
-
-@pytest.mark.parametrize("field", ["id", "operator", "reason", "args", "expect"])
-@virtually
-async def test_half_a_surrogate_pair_anywhere_in_a_command_is_no_json(field: str) -> None:
-    here = await desk()
-    odd: Any = {"args": {"parameter": "\ud800"}, "expect": {"state": "\udfff"}}.get(field, "x\ud800")
-
-    here.take("start", **{"id_": "1", "token": here.token(), field.replace("id", "id_"): odd})  # type: ignore[arg-type]
-    here.take("start", "2", token=here.token(), reason="\U0001f600")
-    await here.plant.wait(3.0)
-
-    assert [(r.id, r.code) for r in here.plant.sink.of(ResultRecord) if r.phase.is_final] == [
-        (None, "bad_json"),
-        ("2", "ok"),
-    ]
-    assert here.plant.starts() == 1
 
 
 @virtually

@@ -52,12 +52,10 @@ FAN = starter("fan", 2, "ssw06")
     "changes",
     [
         ((BELT, ""),),
-        ((BELT, BELT.replace("every_s = 1.0", "every_s = 0.5")),),
-        ((BELT, BELT + starter("new", 3, "ssw07")),),
         ((YARD, YARD.replace('port = "/dev/yard"', 'port = "/dev/yard"\nadapter_allowance_s = 0.05')),),
         ((YARD, ""),),
     ],
-    ids=["starter gone", "other period", "starter added", "line reopened", "line gone"],
+    ids=["starter gone", "line reopened", "line gone"],
 )
 def test_a_line_that_stays_is_polled_at_the_same_instants_as_without_a_reload(
     changes: tuple[tuple[str, str], ...],
@@ -76,12 +74,9 @@ def test_a_line_that_stays_is_polled_at_the_same_instants_as_without_a_reload(
     "changes",
     [
         ((FAN, ""),),
-        ((FAN, FAN.replace("every_s = 1.0", "every_s = 0.5")),),
-        ((FAN, FAN.replace("ssw06", 'ssw06"\nresponse_time_s = 0.5  # "')),),
-        ((FAN, starter("blower", 2, "ssw06")),),
         ((FAN, FAN + starter("new", 3, "ssw07")),),
     ],
-    ids=["gone", "other period", "other machine", "other name", "one more that is not there"],
+    ids=["gone", "one more that is not there"],
 )
 def test_a_starter_that_stays_on_a_changed_line_misses_no_poll(changes: tuple[tuple[str, str], ...]) -> None:
     reloaded = run_virtually(times_of(*changes))

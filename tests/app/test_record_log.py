@@ -38,28 +38,8 @@ async def test_a_command_that_was_not_carried_out_says_why() -> None:
 
 
 @virtually
-async def test_a_value_that_was_read_stands_in_the_line() -> None:
-    values = {"parameter": "P314", "value": 30, "unit": "s"}
-    lines = await logged([result(Phase.CONFIRMED, values=values)])
-
-    assert lines == [("INFO", "alice start pump-1: confirmed, P314 = 30 s")]
-
-
-@virtually
 async def test_a_repeated_result_is_not_logged_again() -> None:
     assert await logged([result(Phase.CONFIRMED, is_duplicate=True)]) == []
-
-
-@virtually
-async def test_a_stop_that_was_not_confirmed_is_logged_once() -> None:
-    lines = await logged(
-        [
-            event("stop_unconfirmed", "no reply: the motor may be turning"),
-            result(Phase.UNCONFIRMED, "no_reply", "no reply: the motor may be turning"),
-        ]
-    )
-
-    assert [level for level, _ in lines] == ["ERROR"]
 
 
 @virtually
@@ -104,18 +84,6 @@ async def test_a_fault_of_a_starter_is_logged_once_with_its_number() -> None:
 
     texts = [text for _, text in await logged(rig.sink.records)]
     assert texts == ["pump-1 fault E05 Motor overload"]
-
-
-@virtually
-async def test_a_fault_whose_number_is_not_read_is_logged_without_it() -> None:
-    fault = event("fault", "fault, its number is not known")
-
-    lines = await logged([fault, event("remote_operation", "the starter takes commands again")])
-
-    assert [text for _, text in lines] == [
-        "pump-1 fault, its number is not known",
-        "pump-1 takes commands again",
-    ]
 
 
 async def logged(records: list[Any]) -> list[tuple[str, str]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import gc
-import logging
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,8 +17,6 @@ from gateway.app.site import Site
 from gateway.errors import ConfigError, Problem
 from gateway.records import Severity
 from tests.config.sites import site
-
-MISTAKES = [Problem("line[0].baud", "is 7", "9600"), Problem("operator[0].may", "is empty")]
 
 
 @pytest.fixture(autouse=True)
@@ -91,53 +88,6 @@ def world() -> World:
     return World()
 
 
-async def test_a_good_configuration_is_applied_and_systemd_is_notified_of_both_ends(world: World) -> None:
-    world.reload().begin()
-    await world.begun()
-    assert world.systemd == ["reloading"]
-
-    world.gate.set()
-    await world.done()
-
-    assert [each.config for each in world.changed] == [site()]
-    assert world.changed[0].computed["pumps"]["load"] > 0
-    assert "secret" not in repr(world.changed[0])
-    assert world.systemd[1].startswith("ready: polling")
-    assert world.reported == []
-
-
-async def test_a_bad_configuration_is_refused_with_all_its_mistakes_and_nothing_changes(
-    world: World, caplog: pytest.LogCaptureFixture
-) -> None:
-    world.mistakes = MISTAKES
-    world.gate.set()
-
-    world.reload().begin()
-    await world.done()
-
-    ((code, severity, text, data),) = world.reported
-    assert (code, severity) == ("reload_refused", Severity.ERROR)
-    assert "the old one stays in force: line[0].baud: is 7 (9600) (and 1 more)" in text
-    assert data == {"mistakes": ["line[0].baud: is 7 (9600)", "operator[0].may: is empty"]}
-    assert [record.message for record in caplog.records if record.levelno == logging.ERROR] == [
-        "reload refused: line[0].baud: is 7 (9600)",
-        "reload refused: operator[0].may: is empty",
-    ]
-    assert world.systemd == ["reloading", f"ready: {text}"]
-    assert world.changed == []
-
-
-async def test_what_needs_a_restart_is_refused_in_the_same_way(world: World) -> None:
-    world.trouble = ConfigError("site.toml", MISTAKES[:1])
-    world.gate.set()
-
-    world.reload().begin()
-    await world.done()
-
-    assert [code for code, *_ in world.reported] == ["reload_refused"]
-    assert world.reported[0][2].endswith("line[0].baud: is 7 (9600)")
-
-
 async def test_a_bug_is_reported_and_the_next_reload_tries_again(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -200,20 +150,3 @@ async def test_the_memory_of_starters_that_are_gone_is_cleared_only_now_and_then
         counts.append(len(collections))
 
     assert counts == [0, 0, 0, 1, 1, 1, 1, 2]
-
-
-async def test_a_site_is_read_with_its_secret_and_its_folder(tmp_path: Path) -> None:
-    text = (
-        '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://localhost"\n'
-        'password_file = "secret"\nusername = "g"\n[[line]]\nname = "l"\nport = "/dev/ttyUSB0"\nbaud = 9600\n'
-        'framing = "8N2"\n[[line.starter]]\nname = "s"\naddress = 1\nfamily = "ssw07"\n'
-    )
-    (tmp_path / "site.toml").write_text(text, "utf-8")
-    (tmp_path / "secret").write_text("hush\n", "utf-8")
-    (tmp_path / "secret").chmod(0o600)
-
-    read = Site.read(tmp_path / "site.toml", {})
-
-    assert read.password == "hush"
-    assert read.state_dir == tmp_path / "state"
-    assert set(read.computed) == {"l"}

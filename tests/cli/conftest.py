@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from gateway.cli.main import main
 from tests.cli.backup_site import build_site
-from tests.cli.parameters_place import RUNNERS
-from tests.virtual_time import VirtualTimeLoop
-
-
-@pytest.fixture
-def one_loop() -> Iterator[None]:
-    """Let all commands of a test run on one loop, since a starter's life has one clock."""
-    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
-        RUNNERS.append(runner)
-        yield
-        RUNNERS.clear()
 
 
 @pytest.fixture

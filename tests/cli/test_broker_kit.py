@@ -361,4 +361,4 @@ def test_a_proof_without_a_kit_says_so(
 ) -> None:
     assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--prove"]) == 2
 
-    assert "holds no kit" in capsys.readouterr().err
+    assert "no kit that can be read" in capsys.readouterr().err

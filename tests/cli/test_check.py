@@ -38,101 +38,6 @@ def test_every_example_site_is_right_with_its_password_file(
     assert f"{site}: valid, " in capsys.readouterr().out
 
 
-def test_the_budget_of_every_line_is_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(folder / "site.toml")]) == 0
-
-    out = capsys.readouterr().out
-    assert "valid, 2 starters on 1 line, 1 operator\n" in out
-    assert "line pumps: /dev/rs485-pumps, 19200 8E1\n" in out
-    assert "load " in out
-    assert "a stop waits at most " in out
-    assert "not stated, must be above " in out
-    assert "warning" not in out
-
-
-def test_json_has_the_same_statistics(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
-
-    shown = json.loads(capsys.readouterr().out)
-    (line,) = shown["lines"]
-    assert shown["is_valid"] is True
-    assert shown["warnings"] == []
-    assert 0.0 < line["load"] < 1.0
-    assert line["sweep_s"] > 0.0
-    assert line["stop_latency_s"] > 0.0
-    assert line["starters"][0]["watchdog_margin_s"] is None
-
-
-def test_json_has_the_problems_of_a_wrong_configuration(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "site.toml").write_text(changed(("address = 2", "address = 1")), "utf-8")
-
-    assert main(["check", "--json", str(folder / "site.toml")]) == 78
-
-    captured = capsys.readouterr()
-    shown = json.loads(captured.out)
-    assert shown["is_valid"] is False
-    assert shown["problems"] == [
-        {
-            "line": 20,
-            "key": "line[0].starter[1].address",
-            "what": "1 is also line[0].starter[0].address",
-            "hint": "each starter on a line needs its own address",
-            "mend": "each starter on a line needs its own address",
-        }
-    ]
-    assert captured.err.startswith("starter-gateway: ")
-
-
-@pytest.mark.parametrize(
-    ("changes", "warning"),
-    [
-        (
-            [("address = 1\n", "address = 1\nevery_s = 0.02\n")],
-            "line pumps: asked for ",
-        ),
-        (
-            [("every_s = 2.0", "watchdog_s = 2.5")],
-            "starter pump-2: its watchdog of 2.5 s has ",
-        ),
-        (
-            [("/dev/rs485-pumps", "/dev/ttyUSB9")],
-            "/dev/ttyUSB9 may be another adapter tomorrow (use a name below /dev/serial/by-id)",
-        ),
-        ([("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"')], "plant-ca.pem is not there"),
-        (
-            [("[mqtt]", '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n[mqtt]')],
-            "web.pem is not there",
-        ),
-        (
-            [("[mqtt]", '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n[mqtt]')],
-            "web.key_file: ",
-        ),
-        (
-            [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
-            "mqtt.url: passwords and commands cross the network unencrypted",
-        ),
-        (
-            [
-                ('name = "mcc1"', 'name = "mcc1"\nclock = "untrusted"'),
-                ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"'),
-            ],
-            "operator alice: commands need issued_at, but the configuration does not trust",
-        ),
-    ],
-)
-def test_what_is_right_but_unwise_is_a_warning(
-    folder: Path, changes: list[tuple[str, str]], warning: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "site.toml").write_text(changed(*changes), "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 0
-
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
-    assert warning in line
-
-
 def test_a_name_that_is_not_stable_gets_the_advice_of_the_stable_one(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,23 +62,6 @@ def test_one_adapter_under_two_names_is_a_mistake(folder: Path, capsys: pytest.C
 
     error = capsys.readouterr().err
     assert f"line[1].port: '{device}' is also line[0].port (put all starters of a port under" in error
-
-
-def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    changes = [("address = 1\n", "address = 1\nwatchdog_s = 0\n"), ("every_s = 2.0", "enabled = false")]
-    (folder / "site.toml").write_text(changed(*changes), "utf-8")
-    main(["check", str(folder / "site.toml")])
-    off = capsys.readouterr().out
-
-    (folder / "site.toml").write_text(changed(("1\n", "1\nenabled = false\n"), changes[1]), "utf-8")
-    main(["check", str(folder / "site.toml")])
-    disabled = capsys.readouterr().out
-
-    assert " off\n" in off
-    assert "load 0%" in disabled
-    assert "starter  " not in disabled
 
 
 @pytest.mark.parametrize(
@@ -210,29 +98,6 @@ def _refused_by_run(path: Path) -> list[Problem]:
     except ConfigError as error:
         return error.problems
     return []
-
-
-def test_a_password_file_that_is_missing_is_refused_by_check_as_by_run(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "site.toml").write_text(changed(PASSWORD), "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 78
-    checked = capsys.readouterr().err
-    assert main(["run", str(folder / "site.toml")]) == 78
-
-    assert capsys.readouterr().err == checked
-    assert "mqtt.password: password_file: No such file or directory" in checked
-
-
-def test_a_line_that_is_asked_for_more_than_it_has_is_the_first_line(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "site.toml").write_text(changed(("address = 1\n", "address = 1\nevery_s = 0.02\n")), "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 0
-
-    assert capsys.readouterr().out.splitlines()[0].startswith("warning: line pumps: asked for ")
 
 
 @pytest.mark.parametrize(
@@ -278,11 +143,3 @@ def test_the_language_of_the_names_is_printed_with_the_families_that_lack_it(
     spanish = printed("es", "ssw07")
     assert 'names in language = "es"; ssw07, ssw900 in English, since no manual of theirs is in it' in spanish
     assert "there are also: pt (no family)" in spanish
-
-
-def test_an_unknown_language_is_a_mistake_with_those_that_exist(tmp_path: Path) -> None:
-    path = tmp_path / "site.toml"
-    path.write_text(changed(('name = "mcc1"', 'name = "mcc1"\nlanguage = "de"')), "utf-8")
-
-    with pytest.raises(ConfigError, match=r"gateway\.language: is 'de' \(one of en, es, pt\)"):
-        Site.read(path, {})

@@ -44,7 +44,7 @@ def damaged(text: str, dice: random.Random) -> str:
 def test_both_end_alike_for_a_configuration_and_for_what_becomes_of_it_by_mistakes(
     example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def serve(path: Path, site: Any) -> None:
+    async def serve(path: Path, site: Any, **_: Any) -> None:
         pass  # everything before it is what is compared
 
     monkeypatch.setattr(run_command, "serve_site", serve)

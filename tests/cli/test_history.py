@@ -63,16 +63,6 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def test_starts_and_trips_are_listed(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["history", str(config), "pump"]) == 0
-
-    first, trip, last = capsys.readouterr().out.splitlines()
-    assert first.endswith("start  full voltage, 8.25 s, 412.5 A, summary only")
-    assert "b1-7" in trip
-    assert trip.endswith("trip   e05 Motor overload, was running")
-    assert last.endswith("start  full voltage, 8.25 s, 412.5 A")
-
-
 def test_records_are_printed_as_they_are_stored(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["history", str(config), "pump", "--json", "--id", "b1-7"]) == 0
 
@@ -123,11 +113,6 @@ def test_what_cannot_be_done_is_said(
 ) -> None:
     assert main(["history", str(config), *arguments]) == code
     assert reason in capsys.readouterr().err
-
-
-def test_a_starter_without_records_says_so(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["history", str(config), "fan"]) == 0
-    assert "no starts and no trips" in capsys.readouterr().out
 
 
 def test_without_a_history_the_error_says_where_it_was_looked_for(

@@ -20,7 +20,6 @@ from gateway.cli.report.labels import _WORDS, translator
 from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.report import make_report
 from gateway.cli.report.text import WIDTH, to_text
-from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
 from tests.history.year import STARTER, Year, lived, write
 from tests.report_picture import PUBLISHED
@@ -192,37 +191,11 @@ def replace_data(row: HistoryRow, **data: Any) -> HistoryRow:
     return row._replace(data={**row.data, **data})
 
 
-def test_a_starter_without_history_has_a_report(tmp_path: Path) -> None:
-    path = asyncio.run(write(tmp_path, ()))
-
-    text = text_of(path, published={})
-    assert text.count("none recorded") == 3
-    assert "Nothing unusual" in text
-    assert Page(page_of(path, published={})).open == []
-
-
 def test_damaged_records_are_left_out_and_that_is_said(year: Year, tmp_path: Path) -> None:
     start = next(row for row in year.rows if row.kind == "start")
     rows = [replace_data(row, outcome="?") if row is start else row for row in year.rows]
 
     assert "1 damaged records are left out" in text_of(asyncio.run(write(tmp_path, rows)), published={})
-
-
-def test_it_reads_beside_a_gateway_that_writes(year: Year, tmp_path: Path) -> None:
-    path = asyncio.run(write(tmp_path, year.rows))
-    last = [row for row in year.rows if row.kind == "trip"][-1]
-
-    async def scenario() -> str:
-        store = HistoryStore(tmp_path / "state", on_news=lambda *_: None)
-        store.start()
-        new = replace_data(last, text="Phase loss again", id="new")
-        store.put(STARTER, "trip", "new", time_s=1.0, data=new.data, limit=100, is_urgent=True)
-        await store.load()
-        text = text_of(path)
-        assert await store.close(10.0)
-        return text
-
-    assert "Phase loss again" in asyncio.run(scenario())
 
 
 def test_the_command_prints_or_writes_and_says_what_it_could_not_have(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import io
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.cli.command import Progress
-from gateway.cli.main import main
-from gateway.cli.scan.scan import addresses_in, clean, config_text, scan, show, stable_name
+from gateway.cli.scan.scan import addresses_in, clean, config_text, scan, stable_name
 from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
@@ -58,13 +56,6 @@ def functions(bus: SimulatedLine) -> set[int]:
     return {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0}
 
 
-def test_every_family_is_found_and_distinguished() -> None:
-    found = search(SimulatedLine(TIMING, four_units()))
-
-    assert families(found) == {3: "sst", 4: "ssw06", 5: "ssw07", 6: "ssw900"}
-    assert [find.identity.model for find in found][1:3] == ["SSW-06 85.0A", "SSW-07 85.0A"]
-
-
 @pytest.mark.parametrize("is_thorough", [False, True])
 def test_x_05_nothing_is_written_and_only_reads_that_every_family_allows_are_sent(
     *, is_thorough: bool
@@ -87,15 +78,6 @@ def test_running_motors_go_on_running() -> None:
     search(bus)
 
     assert all(unit.motor.is_turned_on for unit in bus.units)
-
-
-def test_the_setting_is_found_among_all_and_the_search_ends_with_it() -> None:
-    bus = SimulatedLine(LineTiming(9600, Framing.parse("8E1")), [make_unit("ssw900", 9)])
-
-    found = search(bus, timings=timings_in_order((19200, 9600), ("8E1", "8N2")), addresses="1-40")
-
-    assert families(found) == {9: "ssw900"}
-    assert found[0].timing == bus.timing
 
 
 def test_likely_addresses_are_tried_at_every_setting_before_the_others() -> None:
@@ -166,18 +148,6 @@ def test_a_unit_of_no_known_family_is_reported_with_what_it_says() -> None:
     assert "PM-5000" in found.identity.reason
 
 
-def test_the_configuration_that_is_printed_is_accepted_by_check(tmp_path: Path) -> None:
-    found = search(SimulatedLine(TIMING, four_units()))
-    path = tmp_path / "found.toml"
-    path.write_text(config_text("/dev/ttyUSB0", found), "utf-8")
-
-    assert main(["check", str(path)]) == 0
-    line = tomllib.loads(path.read_text("utf-8"))["line"][0]
-    assert (line["baud"], line["framing"]) == (19200, "8N2")
-    assert [starter["family"] for starter in line["starter"]] == list(FAMILIES)
-    assert "operator" not in path.read_text("utf-8").replace("[[operator]]", "")
-
-
 def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -> Find:
     profile = None if family is None else load_profile(family)
     return Find(address, LineTiming(19200, Framing.parse(framing)), profile, Identity(**facts))
@@ -214,41 +184,6 @@ def test_texts_of_a_unit_cannot_harm_the_terminal() -> None:
     assert clean("SSW-07\x07 \u202e85A") == "SSW-07? ?85A"
 
 
-def test_what_is_found_goes_to_stdout_and_what_is_to_be_said_to_stderr(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    said = io.StringIO()
-    found = search(SimulatedLine(TIMING, [make_unit("ssw07", 1, settings={314: 30})]))
-
-    assert show(found, "/dev/ttyUSB0", Progress(said)) == 0
-    assert parse(capsys.readouterr().out, "x")
-    assert "P314 runs since this scan: after 30 s" in said.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("found", "text"), [([], "no starter was found"), ([find("sst", 3, "8E1")], "is left out")]
-)
-def test_a_scan_without_a_starter_fails(
-    found: list[Find], text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    said = io.StringIO()
-
-    assert show(found, "/dev/ttyUSB0", Progress(said)) == 1
-    assert capsys.readouterr().out == ""
-    assert text in said.getvalue()
-
-
-def test_progress_and_the_time_left_are_shown() -> None:
-    steps = io.StringIO()
-
-    search(SimulatedLine(TIMING, four_units()), addresses="1-100", progress=Progress(steps))
-
-    shares = [int(line[:3]) for line in steps.getvalue().splitlines() if " left" in line]
-    assert shares == sorted(shares)
-    assert len(shares) == 10
-    assert "address 4 at 19200 8N2: SSW-06 85.0A" in steps.getvalue()
-
-
 @pytest.mark.parametrize(("text", "expected"), [("7", (7,)), ("1-3", (1, 2, 3)), ("2,1-2,247", (2, 1, 247))])
 def test_addresses_are_given_as_ranges(text: str, expected: tuple[int, ...]) -> None:
     assert addresses_in(text) == expected
@@ -258,26 +193,6 @@ def test_addresses_are_given_as_ranges(text: str, expected: tuple[int, ...]) -> 
 def test_impossible_addresses_are_refused(text: str) -> None:
     with pytest.raises(UsageError):
         addresses_in(text)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--baud", "12345"],
-        ["--baud", "fast"],
-        ["--framing", "7E1"],
-        ["--reply-within", "0"],
-        ["--address", "300"],
-    ],
-)
-def test_impossible_options_are_a_wrong_use(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["scan", "/dev/null", *options]) == 2
-    assert capsys.readouterr().err.startswith("starter-gateway: --")
-
-
-def test_a_port_that_is_none_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["scan", str(tmp_path / "none"), "--baud", "19200", "--framing", "8n2"]) == 1
-    assert capsys.readouterr().err.splitlines()[-1].startswith("starter-gateway: port ")
 
 
 def test_the_stable_name_of_an_adapter_is_preferred(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from gateway.cli.main import USAGE, main
 from gateway.cli.watch.overview import Overview, Signal
 from gateway.cli.watch.table import render
 from gateway.records import rfc3339
@@ -100,14 +99,6 @@ def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
     assert "NOT LIVE for 13 s" in published.text(NOW_S + 13.0)
 
 
-def test_a_gateway_that_has_ended_is_not_live_at_once() -> None:
-    published = Published()
-    published.live()
-    published.put("gateway/status", state="offline", reason="ended by SIGTERM")
-
-    assert "offline (ended by SIGTERM)  NOT LIVE" in published.text()
-
-
 def test_ages_go_by_the_gateways_own_clock() -> None:
     published = Published()
     published.live(ahead_s=-3600.0)
@@ -189,16 +180,3 @@ def test_what_does_not_fit_the_terminal_is_counted() -> None:
     assert len(text.splitlines()) <= 24
     assert "pump-246" in text
     assert "more starters" in text
-
-
-@pytest.mark.parametrize(
-    ("args", "problem"),
-    [
-        (["ftp://x"], "is no broker"),
-        (["mqtt://127.0.0.1", "--base", "Plant/#"], "each level is"),
-        (["mqtt://broker.plant", "--username", "alice"], "unencrypted"),
-    ],
-)
-def test_a_wrong_argument_is_said(args: list[str], problem: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["watch", *args]) == USAGE
-    assert problem in capsys.readouterr().err

@@ -54,37 +54,6 @@ def test_a_group_has_all_starters_that_fit_in_the_order_of_the_lines() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("more", "problem"),
-    [
-        ('[[group]]\nname = "pump-1"\nstarters = ["pump-*"]', "group[0].name: 'pump-1' is also line[0]"),
-        (
-            '[[group]]\nname = "a"\nstarters = ["pump-*"]\n[[group]]\nname = "a"\nstarters = ["pump-1"]',
-            "group[1].name: 'a' is also group[0].name",
-        ),
-        ('[[group]]\nname = "a"\nstarters = ["fan"]', "group[0].starters[0]: 'fan' fits no starter"),
-        ('[[group]]\nname = "a"\nstarters = []', "group[0].starters: is empty"),
-        ('[[rules]]\nstarters = ["fan-*"]', "rules[0].starters[0]: 'fan-*' fits no starter"),
-        ("[[rules]]\nstarts_per_hour = 1", "rules[0].starters: is missing"),
-        ('[rules]\nstarters = ["pump-1"]', "rules: is not a list of tables (write [[rules]]"),
-        ('[[rules]]\nstarters = ["pump-1"]\nstart_per_hour = 1', "rules[0].start_per_hour: unknown key"),
-        ('[[rules]]\nstarters = ["pump-1"]\ntwo_step = ["stop"]', "rules[0].two_step[0]: is 'stop'"),
-        (
-            '[[rules]]\nstarters = ["pump-1"]\nfeeder = "a"',
-            "line[0].starter[0].name: 'pump-1' has feeder without stagger_s",
-        ),
-        (
-            '[[rules]]\nstarters = [7, "pump-1"]\nstagger_s = 5.0',
-            "line[0].starter[0].name: 'pump-1' has stagger_s without feeder",
-        ),
-    ],
-)
-def test_a_mistake_in_rules_or_groups_is_reported(more: str, problem: str) -> None:
-    reported = problems(more + "\n")
-
-    assert any(text.startswith(problem) for text in reported), reported
-
-
 def test_an_unknown_rule_of_a_starter_is_reported_with_what_might_be_meant() -> None:
     reported = problems(own="[line.starter.rules]\nminimum_pauses_s = 5\n")
 

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.capacity import check_watchdogs, computed_of, prospects_of
+from gateway.app.capacity import computed_of, prospects_of
 from gateway.config.convert import rights_of, setups_of, timing_of, tls_of
-from gateway.config.load import parse
-from gateway.errors import ConfigError
 from gateway.line.capacity.forecast import forecast
 from gateway.mqtt.connection.settings import TlsSettings
-from tests.config.sites import SITE, changed, site
+from tests.config.sites import site
 
 
 def test_a_starter_is_left_for_a_period_and_a_sweep_at_most() -> None:
@@ -67,48 +65,10 @@ def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap_with_com
     assert not has_margin or line.forecast.watchdog_gaps_s[2] > starter.gap_s
 
 
-def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None:
-    with pytest.raises(ConfigError) as caught:
-        parse(
-            changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 0.5")), "site.toml", check=check_watchdogs
-        )
-
-    (problem,) = caught.value.problems
-    assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
-    assert "pump-2: 0.5 s is missed by 0." in problem.what
-    assert problem.hint == "1 of its 2 starters on another line, or no watchdog below 1 s"
-
-
 def test_a_watchdog_is_served_however_long_the_periods_are() -> None:
     (line,) = prospects_of(site(("every_s = 2.0", "every_s = 60.0\nwatchdog_s = 5.0")))
 
     assert 2.5 < line.starters[1].gap_s < 3.1
-
-
-def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_help_is_reported() -> None:
-    head, tail = SITE.split("[[line.starter]]")[0], SITE[SITE.index("[[operator]]") :]
-    starters = "".join(
-        f'[[line.starter]]\nname = "pump-{at}"\naddress = {at}\nfamily = "ssw07"\nwatchdog_s = 2.0\n'
-        for at in range(1, 31)
-    )
-
-    with pytest.raises(ConfigError) as caught:
-        parse(head.replace("19200", "9600") + starters + tail, "site.toml", check=check_watchdogs)
-
-    assert len(caught.value.problems) == 30
-    problem = caught.value.problems[0]
-    assert "pump-1: 2 s is too short: the watchdogs on this line need " in problem.what
-    assert "of its 30 starters on another line, or no watchdog below " in problem.hint
-
-
-def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
-    text = changed(
-        ("baud = 19200", "baud = 9600"), ('family = "ssw07"', 'family = "ssw07"\nwatchdog_s = 0.72')
-    )
-    with pytest.raises(ConfigError) as caught:
-        parse(text, "site.toml", check=check_watchdogs)
-
-    assert caught.value.problems[0].hint.startswith("baud = ")
 
 
 def test_the_lower_layers_get_plain_values() -> None:

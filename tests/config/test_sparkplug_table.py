@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from gateway.app.integrations.sparkplug import is_wanted, settings_of
-from gateway.cli.main import main
 from gateway.errors import ConfigError
 from gateway.mqtt.connection.reconnect import Version
 from tests.sparkplug.sites import site
@@ -68,39 +66,8 @@ def test_no_secret_is_shown(tmp_path: Path) -> None:
     assert "secret of" not in repr(site(tmp_path, '[sparkplug]\ngroup = "plant"\n'))
 
 
-@pytest.mark.parametrize(
-    ("table", "expected"),
-    [
-        ('operator = "x"', "sparkplug.operator: 'x' is no [[operator]]'s client"),
-        ("commands = true", "sparkplug.commands: needs operator beside it"),
-        ('username = "x"', "sparkplug.username: needs urls beside it"),
-        ('urls = ["http://x"]', "sparkplug.urls[0]: 'http://x' is no broker address"),
-        ('urls = ["mqtt://x"]', "sparkplug.urls[0]: would send passwords and commands unencrypted"),
-        ('urls = ["mqtts://a:b@x"]', "sparkplug.urls[0]: holds a login"),
-        (
-            'urls = ["mqtts://x"]\npassword_file = "own.password"',
-            "sparkplug.password_file: needs username beside it",
-        ),
-        ('urls = ["mqtts://x"]\ncert_file = "x"', "sparkplug.cert_file: needs key_file beside it"),
-    ],
-)
-def test_a_mistake_is_named(tmp_path: Path, table: str, expected: Any) -> None:
-    assert problems(tmp_path, f'[sparkplug]\ngroup = "plant"\n{table}\n') == [expected]
-
-
 @pytest.mark.parametrize("group", ["", "a/b", "a+", "#"])
 def test_a_group_has_no_reserved_sign(tmp_path: Path, group: str) -> None:
     (problem,) = problems(tmp_path, f'[sparkplug]\ngroup = "{group}"\n')
 
     assert problem.startswith("sparkplug.group")
-
-
-def test_check_says_that_every_host_is_the_same_person(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    site(tmp_path, '[sparkplug]\ngroup = "plant"\ncommands = true\noperator = "scada"\n')
-
-    assert main(["check", str(tmp_path / "site.toml")]) == 0
-
-    warning = "warning: sparkplug.commands: every Sparkplug host is the same person, operator scada"
-    assert f"{warning} (let the broker's access list say who may write" in capsys.readouterr().out

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.line.capacity.outage import Restart
+
 TOP = Path(__file__).parents[2]
 DEPLOY = TOP / "deploy"
 SERVICE = DEPLOY / "starter-gateway.service"
@@ -96,3 +98,12 @@ def test_the_udev_rules_also_hold_for_adapters_that_are_plugged_in_already() -> 
 def test_the_scripts_that_get_programs_are_right_shell_scripts() -> None:
     for script in (*DEPLOY.glob("get-*.sh"), TOP / ".ci" / "run"):
         subprocess.run(["bash", "-n", script], check=True)
+
+
+def test_the_assumed_times_are_those_of_the_shipped_service() -> None:
+    unit = SERVICE.read_text("utf-8")
+    manager = Restart()
+
+    assert f"\nRestartSec={manager.restart_s * 1000:.0f}ms\n" in unit
+    assert f"\nWatchdogSec={manager.watchdog_s:.0f}s\n" in unit
+    assert f"\nTimeoutAbortSec={manager.abort_s:.0f}s\n" in unit

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import signal
 import time
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
@@ -21,7 +20,6 @@ PUMP = '\n[[line.starter]]\nname = "pump"\naddress = 1\nfamily = "ssw07"\nevery_
 FAN = '\n[[line.starter]]\nname = "fan"\naddress = 2\nfamily = "ssw06"\nevery_s = 0.2\n'
 FILTER = "homeassistant/#"
 TOPICS = {f"homeassistant/device/sg_plant{each}/config" for each in ("", "_pump", "_fan")}
-RIGHT_AGAIN_S = 10.0
 
 
 @asynccontextmanager
@@ -86,50 +84,3 @@ async def test_a_press_starts_and_stops_the_motor_and_a_copy_or_a_late_one_does_
 
     assert "reset" not in buttons  # no right to it
     assert copy["phase"] in ("confirmed", "rejected")
-
-
-async def test_a_birth_is_answered_and_a_broker_that_lost_all_has_it_again_within_ten_seconds(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with announcing(broker, tmp_path) as (scada, _, _, discovery):
-        await seen(discovery, TOPICS)
-        await scada.ready("fan")
-        while discovery.has_more():
-            await discovery.next()
-        await asyncio.to_thread(broker.publish, "homeassistant/status", "online")
-        await seen(discovery, TOPICS)
-        await asyncio.to_thread(broker.kill)
-        await asyncio.sleep(3.0)
-        await asyncio.to_thread(broker.restart)
-        back_s = time.monotonic()
-        async with broker.watch(FILTER) as again, broker.watch("starters/plant/#") as watcher:
-            await seen(again, TOPICS)
-            await Scada(broker, watcher).until("gateway/status", state="online")
-            took_s = time.monotonic() - back_s
-
-    assert took_s < RIGHT_AGAIN_S
-
-
-async def test_a_reload_deletes_a_starter_and_without_the_table_everything(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with announcing(broker, tmp_path) as (scada, gateway, config, discovery):
-        await seen(discovery, TOPICS)
-        boot = await scada.boot()
-        text = config.read_text("utf-8")
-        config.write_text(text.replace('name = "fan"', 'name = "blower"'), "utf-8")
-        gateway.signal(signal.SIGHUP)
-        (old,) = (topic for topic in TOPICS if "_fan" in topic)
-        await seen(discovery, [old.replace("_fan", "_blower")], deleted=[old])
-        config.write_text(text.replace('name = "fan"', 'name = "blower"').replace(TABLE, ""), "utf-8")
-        gateway.signal(signal.SIGHUP)
-        gone = {topic.replace("_fan", "_blower") for topic in TOPICS}
-        await seen(discovery, [], deleted=gone)
-        async with broker.watch(FILTER) as watcher:
-            left = [each.topic for each in watcher._early if each.topic.startswith("homeassistant/")]
-        after = await scada.boot()
-
-    assert left == []
-    assert after == boot  # neither the connection nor the starters noticed

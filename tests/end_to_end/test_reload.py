@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -11,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from tests.end_to_end.plant import plant
 from tests.end_to_end.service_manager import UNUSED_PORT, ServiceManager
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import MosquittoBroker, StartMosquitto
@@ -35,51 +33,6 @@ class Hup:
         self._config.write_text(text, "utf-8")
         self._gateway.signal(signal.SIGHUP)
         return await self._scada.until("gateway/event", code=code)
-
-
-@pytest.mark.alone
-async def test_new_rights_count_at_once_and_neither_port_nor_broker_notice(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with plant(start_mosquitto(), tmp_path) as (scada, gateway, config):
-        hup, boot = Hup(gateway, config, scada), await scada.boot()
-        scada.events.clear()
-
-        event = await hup.reload(hup.good + RIGHTS)
-        bob = Scada(scada.broker, scada.watcher, client="bob")
-        await bob.publish(
-            "command/pump/bob/read", json.dumps({"id": "1", "boot": boot, "args": {"parameter": "P003"}})
-        )
-        await bob.result("pump", id="1", phase="confirmed")
-        info = await bob.until("gateway/info")
-        after = await scada.boot()
-        availability = scada.latest.get("starter/pump/availability")
-
-    assert event["data"] == {}
-    assert [each["client"] for each in info["operators"]] == ["alice", "bob"]
-    assert after == boot
-    assert availability["state"] == "online"
-    assert {event["code"] for event in scada.events + bob.events} <= {"reloaded", "readiness"}
-
-
-async def test_a_starter_that_is_gone_is_gone_from_the_broker_and_a_new_one_is_there(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with plant(broker, tmp_path) as (scada, gateway, config):
-        hup = Hup(gateway, config, scada)
-        event = await hup.reload(hup.good.replace('name = "fan"', 'name = "blower"'))
-        await scada.until("starter/blower/event", code="readiness")  # it is identified
-        await scada.command("blower", "read", "1", parameter="P003")
-        await scada.result("blower", id="1", phase="confirmed")
-        await scada.command("fan", "read", "2", parameter="P003")
-        refused = await scada.result("fan", id="2", phase="rejected")
-        async with broker.watch("starters/plant/starter/#") as watcher:
-            names = {seen.topic.split("/")[3] for seen in watcher._early}  # what is retained
-
-    assert event["data"] == {"starters_added": ["blower"], "starters_removed": ["fan"]}
-    assert refused["code"] == "unknown_starter"
-    assert names == {"pump", "blower", "mill", "belt"}
 
 
 @asynccontextmanager
@@ -138,42 +91,6 @@ async def test_a_line_that_is_opened_anew_is_back_before_any_watchdog_acts(
     assert event["data"]["lines_reopened"] == ["hall"]
     assert [each["trips"] for each in report["starters"].values()] == [[], [], [], []]
     assert longest_gap_s(report, "pump", "fan", "mill", "belt") < 2 * REGULAR_S + BOUND_S
-
-
-@pytest.mark.alone
-async def test_the_connection_moves_to_another_broker_and_the_polls_go_on(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    old, new = start_mosquitto(), start_mosquitto()
-    async with (
-        watched_plant(old, tmp_path) as (hup, starters, scada),
-        new.watch("starters/plant/#") as watcher,
-    ):
-        await hup.reload(hup.good.replace(str(old.port), str(new.port)))
-        goodbye = await scada.until("gateway/status", state="offline")
-        there = Scada(new, watcher)
-        await there.until("gateway/status", state="online")
-        await there.until("starter/pump/state", state="ready", quality="good")
-        await there.command("pump", "read", "1", parameter="P003")
-        await there.result("pump", id="1", phase="confirmed")
-        report = await starters.order("report")
-
-    assert "another broker" in goodbye["reason"]
-    assert longest_gap_s(report, "pump", "fan", "mill", "belt") < REGULAR_S + BOUND_S
-
-
-async def test_what_would_make_it_another_gateway_is_refused_with_a_hint(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with plant(start_mosquitto(), tmp_path) as (scada, gateway, config):
-        hup = Hup(gateway, config, scada)
-        other = hup.good.replace('"state"', '"elsewhere"')
-        event = await hup.reload(other, code="reload_refused")
-        boot = await scada.boot()
-
-    assert event["data"]["mistakes"][0].startswith("gateway.state_dir: state cannot become elsewhere")
-    assert "restart" in event["data"]["mistakes"][0]
-    assert boot
 
 
 async def test_systemd_is_notified_of_the_begin_and_the_end_of_a_reload_good_or_bad(

@@ -10,15 +10,8 @@ import sys
 import tty
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
-from pathlib import Path
 
 import pytest
-
-from gateway.config.load import parse
-from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.bus.pty import PtyLine
-from gateway.sim.factory import make_unit
 
 ALL_SETTINGS = 24
 
@@ -126,21 +119,3 @@ async def test_a_line_full_of_other_bytes_is_searched_to_its_end() -> None:
     assert code == 1
     assert out == ""
     assert "nothing that was found can be configured" in errors or "no starter was found" in errors
-
-
-@pytest.mark.parametrize(("baud", "framing"), [(9600, "8N2"), (38400, "8E1")])
-async def test_simulated_starters_are_found_at_the_setting_of_their_line_and_at_no_other(
-    baud: int, framing: str, tmp_path: Path
-) -> None:
-    timing = LineTiming(baud, Framing.parse(framing))
-    line = SimulatedLine(timing, [make_unit("ssw07", 3)], chunk_bytes=None, tolerance_s=0.0002)
-    served = PtyLine(line, link=tmp_path / "line")
-    await served.start()
-    try:
-        code, out, errors = await scanned(str(tmp_path / "line"), "--address", "3-4", "--reply-within", "0.2")
-    finally:
-        await served.stop()
-
-    assert code == 0, errors
-    (found,) = parse(out, "scan").lines
-    assert (found.baud, [each.address for each in found.starters]) == (baud, [3])

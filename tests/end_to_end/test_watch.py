@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from tests.end_to_end.plant import plant
-from tests.end_to_end.site import PATIENCE_S, Program
+from tests.end_to_end.site import PATIENCE_S
 from tests.mosquitto import StartMosquitto, missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
@@ -97,19 +97,6 @@ async def test_the_table_follows_a_start_and_says_when_it_is_not_live(
             assert await asyncio.wait_for(terminal.process.wait(), PATIENCE_S) == 1
         gateway.signal(signal.SIGTERM)
         assert await gateway.exit_code() == 0
-
-
-async def test_without_a_terminal_the_table_is_printed_once(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    url = f"mqtt://127.0.0.1:{broker.port}"
-    async with plant(broker, tmp_path), Program("gateway", "watch", url) as program:
-        assert await program.exit_code() == 0
-
-    assert "starters/plant  online  LIVE" in program.output
-    for starter in ("pump", "fan", "mill", "belt"):
-        assert starter in program.output
 
 
 @pytest.mark.parametrize("has_mosquitto", [True, False], ids=["Mosquitto", "the embedded broker"])

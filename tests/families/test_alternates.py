@@ -7,15 +7,13 @@ from typing import Any
 import pytest
 
 from gateway.families.alternates import MOST, alternates
-from gateway.families.profile.load import load_profile
+from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block, plan_blocks
 from gateway.line.rtu.late_replies import expected_shape
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
-
-FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
 
 
 def blocks_of(family: str) -> tuple[Block, ...]:

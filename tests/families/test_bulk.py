@@ -10,7 +10,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.rows import Access
 from gateway.families.reading import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
-from gateway.modbus.reads import ReadHoldingRegisters
+from tests.families.notation import shown
 
 
 def count(read: Read) -> int:
@@ -69,7 +69,7 @@ def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() 
     assert "P500" in codes
     assert "P089" not in codes
     assert "P200" not in codes
-    assert ReadHoldingRegisters(500, 1) in [each.request for each in reads]
+    assert "h500*1" in [shown(each.request) for each in reads]
 
 
 def test_a_family_without_raw_words_has_no_more_than_it_names() -> None:

@@ -118,106 +118,74 @@ def test_ranges_of_a_row_that_does_not_exist_are_a_problem(sst: Path) -> None:
     assert "ranges.csv: R99 is no parameter" in problems
 
 
-# One contradiction each: file, pattern, replacement, and the complaint.
-CONTRADICTIONS = [
-    ("parameters.csv", "^VB10,", "vb10,", "vb10: codes are written in upper case"),
-    ("parameters.csv", "^(VB09,.*),u16,", r"\1,u32,", "VB09: u32 takes 2 words, not 1"),
-    ("parameters.csv", "^(VB09,.*),u16,", r"\1,bit,", "VB09: a coil is a bit, and nothing else is"),
-    ("parameters.csv", "^(P220,.*),rw,P220,", r"\1,rw,P221,", "P220: enum 'P221' does not exist"),
-    ("parameters.csv", "^(P220,.*),rw,P220,", r"\1,rw,,", "P220: enum '' does not exist"),
-    ("parameters.csv", "^(P314,.*),0,999,", r"\1,0,70000,", "P314: limits 0..70000 do not fit u16"),
-    ("parameters.csv", "^(P314,.*),0,999,", r"\1,1000,999,", "P314: limits 1000..999 do not fit u16"),
-    ("parameters.csv", "^(P314,.*),0,999,", r"\1,,999,", "P314: limits None..999 do not fit u16"),
-    ("parameters.csv", "^(P314,.*),u16,", r"\1,string,", "P314: limits 0..999 do not fit string"),
-    ("parameters.csv", "^(P003,.*),holding,3,", r"\1,holding,2,", "P003: overlaps P002"),
-    ("parameters.csv", "^(VB00,.*),u16,", r"\1,bits,", "VB00: its bits are not named"),
-    ("enums.csv", r"\Z", "P999,0,Nothing\n", "enums.csv: no parameter uses P999"),
-    ("bits.csv", r"\Z", "VB11,0,Nothing\n", "bits.csv: VB11 is no row of bits"),
-    ("bits.csv", r"\Z", "VB01,16,Nothing\n", "bits.csv: VB01 has no bit 16"),
-    ("alarms.csv", r"\Z", "e28,fault,Again\n", "alarms.csv: e28 stands twice"),
-    ("family.toml", '"VB01"$', '"VB11"', "family.toml: VB11 is no parameter"),
-    (
-        "family.toml",
-        '^status_word = "VB01"',
-        'status_word = "VB05"',
-        "family.toml: VB05 is no parameter",
-    ),
-    ("family.toml", '^P308 = "2.1"', 'P390 = "2.1"', "protected: P390 is no parameter"),
-    ("family.toml", '^ready = \\["general_enabled"', 'ready = ["enabled"', "state: enabled is no point"),
-    (
-        "family.toml",
-        "set_bits = 0x02, mask_shift = 8",
-        "set_bits = 0x02",
-        "a bit that is written in VB03 is none of command_bits",
-    ),
-    ("family.toml", '^current = { code = "P003"', 'current = { code = "P004"', "points.current: P004 is no"),
-    ("family.toml", '^current = { code = "P003"', 'current = { code = "P200"', "points.current: P200 is no"),
-    ("family.toml", '^current = { code = "P003", ', "current = { ", "points.current: needs either a code"),
-    ("family.toml", "^p030 = .*", 'p030 = { none_of = ["p031", "p033"] }', "points.p030: p033 is no point"),
-    ("family.toml", "bit = 15", "bit = 16", "family.toml: points.fault.bit"),
-    ("family.toml", '"VB06", group', '"P003", bit = 3, group', "points.vb06: P003 has no bit 3"),
-    ("family.toml", 'point = "fault"', 'point = "error"', "commands.reset: error is no point"),
-    (
-        "family.toml",
-        "word = .VB03., set_bits = 0x01",
-        "set_bits = 0x01",
-        "commands.start: a write needs either",
-    ),
-    (
-        "family.toml",
-        "word = .VB03., set_bits",
-        'word = "VB08", set_bits',
-        "commands.start: VB08 is not there",
-    ),
-    (
-        "family.toml",
-        "word = .VB03., set_bits",
-        'word = "VB11", set_bits',
-        "commands.start: VB11 is not there",
-    ),
-    (
-        "family.toml",
-        "word = .VB03., set_bits = 0x01, mask_shift = 8",
-        "coil = 1",
-        "start: coil 1 is not there",
-    ),
-    ("family.toml", "word = .VB03., set_bits = 0x01, mask_shift = 8", "coil = 99", "coil 99 is not there"),
-    (
-        "family.toml",
-        "set_bits = 0x01, mask_shift = 8",
-        "set_bits = 0x01, mask_shift = 16",
-        "do not fit one word",
-    ),
-    ("family.toml", "set_bits = 0x01, ", "set_bits = 0x01, clear_bits = 1, ", "do not fit one word"),
-    (
-        "family.toml",
-        r"^\[commands.jog_off\]",
-        "[commands.jog_down]",
-        "commands.jog: commands.jog_off is missing",
-    ),
-    (
-        "family.toml",
-        "^restarts = true",
-        'flags = ["whole"]',
-        "commands.reset: commands.reset_whole is missing",
-    ),
-    (
-        "family.toml",
-        "needs = { P220",
-        "needs = { P22",
-        "commands.local_remote: P22 is no parameter",
-    ),
-    ("family.toml", "^bauds", 'alarm_rows = { P014 = "e" }\nbauds', "family.toml: P014 is no parameter"),
-    ("family.toml", '^function = "P277"', 'function = "P99"', "outputs.RL1: P99 is no parameter"),
-    ("family.toml", '^word = "VB09"', 'word = "VB19"', "outputs.AO1: VB19 is no parameter"),
-    ("family.toml", "^full_scale = 16383", "", "outputs.AO1: needs either a bit or full_scale"),
-    ("family.toml", r"functions = \[1, 3", "functions = [3", "the coil table cannot be read without 1"),
-    ("family.toml", "frame_bytes = 256", "frame_bytes = 254", "read_registers: 125 do not fit a frame"),
-    ("family.toml", "frame_bytes = 256", "frame_bytes = 254", "write_registers: 123 do not fit a frame"),
-]
+# One contradiction each, by file: pattern, replacement, and the complaint.
+START = "word = .VB03., set_bits = 0x01, mask_shift = 8"
+CONTRADICTIONS = {
+    "parameters.csv": [
+        ("^VB10,", "vb10,", "vb10: codes are written in upper case"),
+        ("^(VB09,.*),u16,", r"\1,u32,", "VB09: u32 takes 2 words, not 1"),
+        ("^(VB09,.*),u16,", r"\1,bit,", "VB09: a coil is a bit, and nothing else is"),
+        ("^(P220,.*),rw,P220,", r"\1,rw,P221,", "P220: enum 'P221' does not exist"),
+        ("^(P220,.*),rw,P220,", r"\1,rw,,", "P220: enum '' does not exist"),
+        ("^(P314,.*),0,999,", r"\1,0,70000,", "P314: limits 0..70000 do not fit u16"),
+        ("^(P314,.*),0,999,", r"\1,1000,999,", "P314: limits 1000..999 do not fit u16"),
+        ("^(P314,.*),0,999,", r"\1,,999,", "P314: limits None..999 do not fit u16"),
+        ("^(P314,.*),u16,", r"\1,string,", "P314: limits 0..999 do not fit string"),
+        ("^(P003,.*),holding,3,", r"\1,holding,2,", "P003: overlaps P002"),
+        ("^(VB00,.*),u16,", r"\1,bits,", "VB00: its bits are not named"),
+    ],
+    "enums.csv": [
+        (r"\Z", "P999,0,Nothing\n", "enums.csv: no parameter uses P999"),
+    ],
+    "bits.csv": [
+        (r"\Z", "VB11,0,Nothing\n", "bits.csv: VB11 is no row of bits"),
+        (r"\Z", "VB01,16,Nothing\n", "bits.csv: VB01 has no bit 16"),
+    ],
+    "alarms.csv": [
+        (r"\Z", "e28,fault,Again\n", "alarms.csv: e28 stands twice"),
+    ],
+    "family.toml": [
+        ('"VB01"$', '"VB11"', "family.toml: VB11 is no parameter"),
+        ('^status_word = "VB01"', 'status_word = "VB05"', "family.toml: VB05 is no parameter"),
+        ('^P308 = "2.1"', 'P390 = "2.1"', "protected: P390 is no parameter"),
+        (r'^ready = \["general_enabled"', 'ready = ["enabled"', "state: enabled is no point"),
+        (
+            "set_bits = 0x02, mask_shift = 8",
+            "set_bits = 0x02",
+            "written in VB03 is none of command_bits",
+        ),
+        ('^current = { code = "P003"', 'current = { code = "P004"', "points.current: P004 is no"),
+        ('^current = { code = "P003"', 'current = { code = "P200"', "points.current: P200 is no"),
+        ('^current = { code = "P003", ', "current = { ", "points.current: needs either a code"),
+        ("^p030 = .*", 'p030 = { none_of = ["p031", "p033"] }', "points.p030: p033 is no point"),
+        ("bit = 15", "bit = 16", "family.toml: points.fault.bit"),
+        ('"VB06", group', '"P003", bit = 3, group', "points.vb06: P003 has no bit 3"),
+        ('point = "fault"', 'point = "error"', "commands.reset: error is no point"),
+        ("word = .VB03., set_bits = 0x01", "set_bits = 0x01", "commands.start: a write needs either"),
+        ("word = .VB03., set_bits", 'word = "VB08", set_bits', "commands.start: VB08 is not there"),
+        ("word = .VB03., set_bits", 'word = "VB11", set_bits', "commands.start: VB11 is not there"),
+        (START, "coil = 1", "start: coil 1 is not there"),
+        (START, "coil = 99", "coil 99 is not there"),
+        ("set_bits = 0x01, mask_shift = 8", "set_bits = 0x01, mask_shift = 16", "do not fit one word"),
+        ("set_bits = 0x01, ", "set_bits = 0x01, clear_bits = 1, ", "do not fit one word"),
+        (r"^\[commands.jog_off\]", "[commands.jog_down]", "commands.jog: commands.jog_off is missing"),
+        ("^restarts = true", 'flags = ["whole"]', "commands.reset: commands.reset_whole is missing"),
+        ("needs = { P220", "needs = { P22", "commands.local_remote: P22 is no parameter"),
+        ("^bauds", 'alarm_rows = { P014 = "e" }\nbauds', "family.toml: P014 is no parameter"),
+        ('^function = "P277"', 'function = "P99"', "outputs.RL1: P99 is no parameter"),
+        ('^word = "VB09"', 'word = "VB19"', "outputs.AO1: VB19 is no parameter"),
+        ("^full_scale = 16383", "", "outputs.AO1: needs either a bit or full_scale"),
+        (r"functions = \[1, 3", "functions = [3", "the coil table cannot be read without 1"),
+        ("frame_bytes = 256", "frame_bytes = 254", "read_registers: 125 do not fit a frame"),
+        ("frame_bytes = 256", "frame_bytes = 254", "write_registers: 123 do not fit a frame"),
+    ],
+}
 
 
-@pytest.mark.parametrize(("file", "pattern", "by", "complaint"), CONTRADICTIONS)
+@pytest.mark.parametrize(
+    ("file", "pattern", "by", "complaint"),
+    [(file, *row) for file, table in CONTRADICTIONS.items() for row in table],
+)
 def test_parts_that_contradict_each_other_are_reported(
     ssw06: Path, file: str, pattern: str, by: str, complaint: str
 ) -> None:

@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import ProfileError, UsageError
-from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, LANGUAGES, languages_of, load_profile, read_profile
 from gateway.families.profile.names import MEANINGS, meaning_of, printed_name
-from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Alarm, Confidence
-from gateway.families.profile.schema import Point, Variant
+from gateway.families.profile.schema import Point
 
 SSW06 = Path(__file__).parents[2] / "gateway" / "families" / "profiles" / "ssw06"
 
@@ -155,17 +153,3 @@ def test_a_name_of_nothing_is_a_mistake_of_the_table(tmp_path: Path) -> None:
     assert "P999 is nothing that has a name" in text
     assert "VB01.15 7 is nothing that has a name" in text
     assert "E28 is nothing that has a name" in text
-
-
-def test_decode_shows_a_fault_by_code_and_name() -> None:
-    profile = load_profile("ssw07")
-    labels = [
-        decode_row(profile, Variant(), find(profile, "P014"), (number,)).label for number in (5, 28, 99, 0)
-    ]
-
-    assert labels == [
-        "E05 Motor overload",
-        "E28 Serial communication inactive",
-        "E99 (not in the manual)",
-        None,
-    ]

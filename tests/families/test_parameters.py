@@ -10,11 +10,11 @@ from gateway.errors import CommandError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find, raw_limits, read_request, to_words, write_request
-from gateway.families.profile.rows import RESERVED, Access, Confidence, Parameter
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.rows import RESERVED, Confidence, Parameter
+from gateway.families.profile.schema import Profile
 from gateway.families.profile.word_types import to_percent
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+from gateway.families.reading import rows_in
+from tests.families.notation import built, prepared, rows, shown
 
 WRITABLE = [
     (family, row)
@@ -26,7 +26,7 @@ WRITABLE = [
 
 def words(family: str, code: str, value: Any, *, model: str | None = None) -> tuple[int, ...]:
     profile = load_profile(family)
-    return to_words(profile, find(profile, code), value, variant=Variant(model=model))
+    return to_words(profile, find(profile, code), value, variant=rows(f"model={model}" if model else "")[0])
 
 
 def refusal(family: str, code: str, value: Any, *, model: str | None = None) -> str:
@@ -36,102 +36,106 @@ def refusal(family: str, code: str, value: Any, *, model: str | None = None) -> 
 
 
 @pytest.mark.parametrize(
-    ("family", "code", "found"),
+    ("family", "code", "found", "read"),
     [
-        ("ssw07", "p003", "P003"),
-        ("ssw07", "P3", "P003"),
-        ("ssw07", " vb08 ", "VB08"),
-        ("ssw07", "vb01.0", "VB01.0"),
-        ("ssw900", "c11.3.1", "C11.3.1"),
-        ("sst", "coil26", "COIL26"),
-        ("sst", "r41", "R41"),
+        # by its code in any case, whole, from its table
+        ("ssw07", "p003", "P003", "h3*1"),
+        ("ssw07", "P3", "P003", "h3*1"),
+        ("ssw07", " vb08 ", "VB08", "h5008*1"),
+        ("ssw07", "VB01", "VB01", "h5001*1"),
+        ("ssw07", "vb01.8", "VB01.8", "c8*1"),
+        ("ssw900", "c11.3.1", "C11.3.1", "h1110*2"),
+        ("ssw900", "S1.1.4", "S1.1.4", "h24*2"),
+        ("ssw900", "C8.6.3", "C8.6.3", "h808*8"),
+        ("sst", "coil26", "COIL26", "c25*1"),
+        ("sst", "r19", "R19", "i19*1"),
+        ("ssw07", "P102", "P102", "h102*1"),  # any other number
+        # any address has a code, the manual's where it names one
+        ("ssw900", "HR1600", "HR1600", "h1600*1"),
+        ("ssw900", "hr20000", "HR20000", "h20000*1"),
+        ("ssw900", "COIL100", "COIL100", "c100*1"),
+        ("ssw900", "DI7", "DI7", "d7*1"),
+        ("ssw07", "HR5002", "HR5002", "h5002*1"),
+        ("sst", "IR60", "IR60", "i60*1"),
+        ("sst", "COIL27", "COIL27", "c26*1"),
+        ("ssw900", "HR680", "S3.1.3.1", "h680*1"),
+        ("ssw900", "HR1300", "C8.1.1.5", "h1300*1"),
     ],
 )
-def test_a_row_is_found_by_its_code_in_any_case(family: str, code: str, found: str) -> None:
-    assert find(load_profile(family), code).code == found
+def test_a_row_is_found_by_its_code_and_read_whole(family: str, code: str, found: str, read: str) -> None:
+    profile = load_profile(family)
+
+    assert find(profile, code).code == found
+    assert shown(read_request(profile, find(profile, code))) == read
 
 
 @pytest.mark.parametrize(
-    ("family", "code"),
+    ("family", "code", "why"),
     [
-        ("ssw07", "P1000"),
-        ("ssw07", "S1.1.4"),
-        ("ssw07", ""),
-        ("ssw900", "P003"),
-        ("sst", "R43"),
-        ("sst", "P1"),
+        *[("ssw07", code, "unknown_parameter") for code in ("P1000", "S1.1.4", "", "HR")],
+        *[("sst", code, "unknown_parameter") for code in ("R43", "P1", "COIL0")],
+        ("ssw900", "P003", "unknown_parameter"),
+        ("ssw900", "HR65536", "unknown_parameter"),
+        *[
+            (family, code, f"unknown_parameter: .*Modbus function {function}, which the manual of the")
+            for family, code, function in (
+                ("ssw06", "DI1", "02"),
+                ("ssw07", "di1", "02"),
+                ("sst", "DI1", "02"),
+                ("ssw900", "IR5", "04"),
+                ("sst", "HR5", "03"),
+            )
+        ],
+        *[(family, code, "not_readable") for family in ("ssw06", "ssw07") for code in ("P200", "P215")],
     ],
 )
-def test_a_code_that_the_manual_does_not_name_is_unknown(family: str, code: str) -> None:
-    with pytest.raises(CommandError) as caught:
-        find(load_profile(family), code)
-    assert caught.value.code == "unknown_parameter"
+def test_what_cannot_be_asked_for_is_refused(family: str, code: str, why: str) -> None:
+    with pytest.raises(CommandError, match=why):
+        read_request(load_profile(family), find(load_profile(family), code))
 
 
-def test_any_other_parameter_number_of_the_ssw07_reads_as_a_raw_word_and_is_never_writable() -> None:
-    profile = load_profile("ssw07")
+def test_what_no_manual_names_is_a_raw_word_or_bit_and_is_never_written() -> None:
+    ssw900, ssw07 = load_profile("ssw900"), load_profile("ssw07")
+    status, marker = prepared("ssw900", "read HR1600 S5.1.1").reads
+    (bit,) = prepared("ssw900", "read DI7").reads
 
-    row = find(profile, "P102")
-
-    assert row.code == "P102"
-    assert row.confidence is Confidence.INFERRED
-    assert read_request(profile, row) == ReadHoldingRegisters(102, 1)
-    assert decode_row(profile, Variant(), row, (1234,)).value == 1234
+    assert (shown(marker.request), shown(status.request)) == ("h1600*1", "h680*1")
+    assert rows_in(ssw900, marker, (4711,)) == {"HR1600": (4711,)}
+    assert rows_in(ssw900, bit, (True,)) == {"DI7": (1,)}
+    for profile, code, word in ((ssw900, "HR1600", 4711), (ssw900, "DI7", 1), (ssw07, "P102", 1234)):
+        assert decode_row(profile, rows("")[0], find(profile, code), (word,)).value == word
+    assert built("ssw900", "read HR1600 S5.1.1").subjects == ("HR1600", "S5.1.1")
+    assert find(ssw07, "P102").confidence is Confidence.INFERRED
     assert refusal("ssw07", "P102", 1) == "not_writable"
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-@pytest.mark.parametrize("code", ["P200", "P215"])
-def test_p200_and_p215_cannot_be_read(family: str, code: str) -> None:
-    profile = load_profile(family)
-
-    with pytest.raises(CommandError) as caught:
-        read_request(profile, find(profile, code))
-    assert caught.value.code == "not_readable"
-
-
-@pytest.mark.parametrize(
-    ("family", "code", "request_"),
-    [
-        ("ssw07", "P003", ReadHoldingRegisters(3, 1)),
-        ("ssw07", "VB01", ReadHoldingRegisters(5001, 1)),
-        ("ssw07", "VB01.8", ReadCoils(8, 1)),
-        ("ssw900", "S1.1.4", ReadHoldingRegisters(24, 2)),
-        ("ssw900", "C8.6.3", ReadHoldingRegisters(808, 8)),
-        ("sst", "R19", ReadInputRegisters(19, 1)),
-        ("sst", "COIL26", ReadCoils(25, 1)),
-    ],
-)
-def test_a_row_is_read_whole_from_its_table(family: str, code: str, request_: object) -> None:
-    profile = load_profile(family)
-
-    assert read_request(profile, find(profile, code)) == request_
+    for code in ("HR1600", "HR20000", "COIL9", "HR685", "DI7"):
+        with pytest.raises(CommandError, match="not_writable"):
+            prepared("ssw900", f"set {code}=1")
 
 
 @pytest.mark.parametrize(
     ("family", "code", "sent", "request_"),
     [
-        ("ssw07", "P314", (30,), WriteRegister(314, 30)),
-        ("ssw07", "VB03.0", (1,), WriteCoil(100, is_on=True)),
-        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), WriteRegisters(1110, (0xFFFF, 0xFFFF))),
-        ("ssw900", "S5.2.5", (3,), WriteRegister(685, 3)),
-        ("sst", "R41", (5,), WriteRegister(41, 5)),
-        ("sst", "COIL1", (0,), WriteCoil(0, is_on=False)),
+        ("ssw07", "P314", (30,), "314:001E"),
+        ("ssw07", "VB03.0", (1,), "c100:1"),
+        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), "1110:FFFF,FFFF"),
+        ("ssw900", "S5.2.5", (3,), "685:0003"),
+        ("sst", "R41", (5,), "41:0005"),
+        ("sst", "COIL1", (0,), "c0:0"),
+        ("ssw07", "P003", (1,), "not_writable"),
+        ("ssw07", "P200", (1,), "not_writable"),
+        ("sst", "COIL5", (1,), "not_writable"),
     ],
 )
-def test_a_row_is_written_whole(family: str, code: str, sent: tuple[int, ...], request_: object) -> None:
+def test_a_row_is_written_whole_or_not_at_all(
+    family: str, code: str, sent: tuple[int, ...], request_: str
+) -> None:
     profile = load_profile(family)
 
-    assert write_request(profile, find(profile, code), sent) == request_
-
-
-@pytest.mark.parametrize(("family", "code"), [("ssw07", "P003"), ("ssw07", "P200"), ("sst", "COIL5")])
-def test_no_request_writes_a_row_that_is_read_only(family: str, code: str) -> None:
-    profile = load_profile(family)
-
-    with pytest.raises(CommandError) as caught:
-        write_request(profile, find(profile, code), (1,))
-    assert caught.value.code == "not_writable"
+    try:
+        found = shown(write_request(profile, find(profile, code), sent))
+    except CommandError as error:
+        found = error.code
+    assert found == request_
 
 
 @pytest.mark.parametrize(
@@ -231,7 +235,9 @@ def test_a_refusal_names_the_range_in_the_rows_unit() -> None:
 def test_limits_are_those_of_the_model_or_the_widest_while_it_is_unknown(
     model: str | None, limits: tuple[int, int]
 ) -> None:
-    assert raw_limits(load_profile("sst").parameters["R30"], Variant(model=model)) == limits
+    variant = rows(f"model={model}" if model else "")[0]
+
+    assert raw_limits(load_profile("sst").parameters["R30"], variant) == limits
 
 
 def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
@@ -240,7 +246,7 @@ def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
 
 
 def test_rows_without_model_limits_take_their_own() -> None:
-    assert raw_limits(load_profile("sst").parameters["R40"], Variant(model="SST130i-75-M")) == (1, 97)
+    assert raw_limits(load_profile("sst").parameters["R40"], rows("model=SST130i-75-M")[0]) == (1, 97)
     assert raw_limits(load_profile("sst").parameters["R40"]) == (1, 97)
     assert raw_limits(load_profile("sst").parameters["R12"]) is None
 
@@ -264,8 +270,8 @@ def test_what_is_set_is_what_is_read_back(data: st.DataObject) -> None:
     sent = to_words(profile, row, value)
 
     assert len(sent) == row.words
-    assert decode_row(profile, Variant(), row, sent).value == value
-    assert to_words(profile, row, decode_row(profile, Variant(), row, sent).value) == sent
+    assert decode_row(profile, rows("")[0], row, sent).value == value
+    assert to_words(profile, row, decode_row(profile, rows("")[0], row, sent).value) == sent
 
 
 def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -> None:
@@ -275,10 +281,6 @@ def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -
         for raw, label in members.items():
             if labels.count(label.casefold()) == 1 and label != RESERVED:
                 assert words(family, row.code, label)[0] == raw
-
-
-def test_access_none_and_command_rows_are_the_only_ones_beside_ro_and_rw() -> None:
-    assert {access.value for access in Access} == {"ro", "rw", "command", "none"}
 
 
 @pytest.mark.parametrize(

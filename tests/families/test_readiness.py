@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
@@ -29,19 +29,17 @@ SST = {"COIL5": 1, "COIL7": 0, "COIL8": 0, "COIL26": 1, "R41": 0, "R42": 0}
 GOOD = {"ssw06": SSW06, "ssw07": SSW07, "ssw900": SSW900, "sst": SST}
 
 
-def look(
-    family: str,
-    changes: dict[str, int | None] | None = None,
-    *,
-    gap_s: float | None = None,
-    slot: int | None = 1,
-    watchdog_s: float | None = None,
-) -> tuple[Finding, ...]:
-    """Return the findings for good settings with some changes; None takes a reading away."""
-    numbers = {**GOOD[family], **(changes or {})}
-    rows = {code: (number,) for code, number in numbers.items() if number is not None}
+def known(family: str, changes: dict[str, int | None], slot: int | None) -> tuple[Variant, dict[str, Any]]:
+    """Return the variant, and good settings with some changes; None takes a reading away."""
+    numbers = {**GOOD[family], **changes}
     variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
-    return readiness(load_profile(family), variant, rows, gap_s=gap_s, watchdog_s=watchdog_s)
+    return variant, {code: (number,) for code, number in numbers.items() if number is not None}
+
+
+def look(
+    family: str, changes: dict[str, int | None] | None = None, *, slot: int | None = 1, **times: float | None
+) -> tuple[Finding, ...]:
+    return readiness(load_profile(family), *known(family, changes or {}, slot), **times)
 
 
 def problems(findings: tuple[Finding, ...]) -> list[str]:
@@ -49,11 +47,9 @@ def problems(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def watchdogs_of(
-    family: str, changes: dict[str, int], *, slot: int | None = 1
+    family: str, changes: dict[str, int | None], slot: int | None = 1
 ) -> list[tuple[str, float, bool]]:
-    rows = {code: (number,) for code, number in {**GOOD[family], **changes}.items()}
-    variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
-    found = watchdogs(load_profile(family), variant, rows)
+    found = watchdogs(load_profile(family), *known(family, changes, slot))
     return [(each.code, each.after_s, each.is_felt) for each in found]
 
 
@@ -103,53 +99,40 @@ def test_a_setting_that_would_refuse_a_start_is_an_error_that_names_it(
     assert named in findings[0].text
 
 
-def test_an_accessory_in_slot_2_is_its_own_source() -> None:
+def test_an_accessory_in_slot_2_is_its_own_source_and_an_unknown_slot_refuses_every_command() -> None:
     assert problems(look("ssw900", {"C3.1": 12, "C3.3": 5, "S3.5.1": 0, "S3.5.2": 2}, slot=2)) == []
     assert refuses_start(look("ssw900", slot=2))
-
-
-def test_an_unknown_slot_refuses_every_command() -> None:
     assert "slot" in look("ssw900", slot=None)[0].text
 
 
 @pytest.mark.parametrize(("family", "code"), [("ssw07", "P220"), ("ssw900", "C3.1")])
-def test_somebody_else_who_chooses_local_or_remote_is_noted(family: str, code: str) -> None:
+def test_somebody_else_who_chooses_local_or_remote_is_noted_unless_it_is_always_remote(
+    family: str, code: str
+) -> None:
     findings = look(family, {code: 4})
 
     assert problems(findings) == []
     assert any("somebody else chooses" in finding.text and code in finding.text for finding in findings)
-
-
-@pytest.mark.parametrize(("family", "code"), [("ssw07", "P220"), ("ssw900", "C3.1")])
-def test_local_mode_is_no_matter_where_it_is_always_remote(family: str, code: str) -> None:
     assert not any(finding.topic is Topic.LOCAL for finding in look(family, {code: 1}))
 
 
-def test_the_start_delay_is_noted_when_it_is_set() -> None:
-    assert any("P630 = 5" in finding.text for finding in look("ssw06", {"P630": 5}))
-
-
-@pytest.mark.parametrize(("family", "code"), [("ssw07", "P230"), ("ssw900", "C3.3"), ("sst", "COIL8")])
+@pytest.mark.parametrize(
+    ("family", "code"), [("ssw07", "P230"), ("ssw900", "C3.3"), ("sst", "COIL8"), ("ssw07", "P314")]
+)
 def test_what_could_not_be_read_is_a_warning_and_never_taken_for_good(family: str, code: str) -> None:
     assert any(f"{code} could not be read" in text for text in problems(look(family, {code: None})))
+    assert not any("no watchdog" in finding.text for finding in look("ssw07", {"P314": None}))
 
 
-def test_an_unread_relay_function_is_left_out() -> None:
-    findings = look("ssw07", {"P277": None, "P278": None})
-
-    assert not any(finding.topic is Topic.OUTPUT for finding in findings)
+def test_the_start_delay_is_noted_when_it_is_set_and_an_unread_relay_is_left_out() -> None:
+    assert any("P630 = 5" in finding.text for finding in look("ssw06", {"P630": 5}))
+    unread = look("ssw07", {"P277": None, "P278": None})
+    assert not any(finding.topic is Topic.OUTPUT for finding in unread)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_watchdog_is_worth_a_note(family: str) -> None:
     assert any("no watchdog is on" in finding.text for finding in look(family))
-
-
-def test_unread_watchdog_settings_are_not_taken_for_no_watchdog() -> None:
-    findings = look("ssw07", {"P314": None})
-
-    assert not any("no watchdog" in finding.text for finding in findings)
-    assert any("P314 could not be read" in text for text in problems(findings))
 
 
 @pytest.mark.parametrize(
@@ -172,18 +155,17 @@ def test_unread_watchdog_settings_are_not_taken_for_no_watchdog() -> None:
     ],
 )
 def test_a_watchdog_is_reported_with_its_time_and_whether_the_motor_feels_it(
-    family: str, changes: dict[str, int], expected: list[tuple[str, float, bool]]
+    family: str, changes: dict[str, int | None], expected: list[tuple[str, float, bool]]
 ) -> None:
     assert watchdogs_of(family, changes) == expected
 
 
 def test_an_action_that_is_not_known_to_be_idle_is_taken_to_be_felt() -> None:
-    rows = {"P314": (3,)}
-    no_source = {"P314": (3,), "P313": (1,)}
+    no_action: dict[str, int | None] = dict.fromkeys(SSW07, None)
 
-    assert [each.is_felt for each in watchdogs(load_profile("ssw07"), Variant(), rows)] == [True]
-    assert [each.is_felt for each in watchdogs(load_profile("ssw07"), Variant(), no_source)] == [True]
-    assert watchdogs_of("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, slot=None) == [("C8.2.5.3", 1.5, True)]
+    assert watchdogs_of("ssw07", {**no_action, "P314": 3}) == [("P314", 3.0, True)]
+    assert watchdogs_of("ssw07", {**no_action, "P314": 3, "P313": 1}) == [("P314", 3.0, True)]
+    assert watchdogs_of("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, None) == [("C8.2.5.3", 1.5, True)]
 
 
 def test_a_timeout_of_zero_seconds_that_is_on_is_a_warning() -> None:
@@ -216,9 +198,8 @@ def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
 
 
 def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
-    rows = {code: (number,) for code, number in GOOD["ssw900"].items()}
-    trouble = slot_trouble(Variant(slot=2), Identity(slot=1))
-    found = readiness(load_profile("ssw900"), Variant(slot=1), rows, slot_trouble=trouble)
+    trouble = slot_trouble(load_profile("ssw900"), Variant(slot=2), Identity(slot=1))
+    found = readiness(load_profile("ssw900"), *known("ssw900", {}, 1), slot_trouble=trouble)
 
     assert problems(found) == [trouble]
     assert trouble.startswith("slot = 2 is configured, but the RS-485 accessory sits in slot 1")
@@ -229,26 +210,16 @@ def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> N
 def test_a_slot_that_is_not_contradicted_is_left_alone(
     configured: Literal[1, 2] | None, seen: Literal[1, 2] | None
 ) -> None:
-    assert slot_trouble(Variant(slot=configured), Identity(slot=seen)) == ""
+    assert slot_trouble(load_profile("ssw900"), Variant(slot=configured), Identity(slot=seen)) == ""
 
 
 @pytest.mark.parametrize(
     ("family", "changes", "watchdog_s", "text"),
     [
-        (
-            "ssw07",
-            {"P314": 30},
-            10.0,
-            "watchdog_s = 10 is configured, but the starter's own is set to 30 s: P314",
-        ),
+        ("ssw07", {"P314": 30}, 10.0, "= 10 is configured, but the starter's own is set to 30 s: P314"),
         ("ssw07", {"P314": 0}, 10.0, "watchdog_s = 10 is configured, but the starter's own is off: P314"),
         ("ssw06", {"P314": 30}, 0.0, "watchdog_s = 0 is configured, but the starter's own is set to 30 s"),
-        (
-            "sst",
-            {"R41": 8, "R42": 20},
-            20.0,
-            "watchdog_s = 20 is configured, but the starter's own is set to 8 s",
-        ),
+        ("sst", {"R41": 8, "R42": 20}, 20.0, "but the starter's own is set to 8 s"),
         ("ssw900", {"C8.2.5.1": 1, "C8.2.5.3": 34}, 3.0, "is set to 3.4 s: C8.2.5.1"),
         ("ssw07", {"P314": 30}, 30.0, ""),
         ("ssw07", {"P314": 0}, 0.0, ""),

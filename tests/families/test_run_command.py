@@ -16,31 +16,18 @@ from gateway.families.profile.procedure import Procedure, WriteStep
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from tests.families.starters import (
-    ENABLED,
-    FAULT,
-    READY,
-    REMOTE,
-    RUNNING,
-    SLOT_1,
-    SLOT_2,
-    built,
-    frame,
-)
+from tests.families.notation import built, rows, writes
 
+SLOTS = pytest.mark.parametrize("variant", [rows("slot=1")[0], rows("slot=2")[0]], ids=["slot 1", "slot 2"])
+SLOT_1 = rows("")[0]
 RUN_COIL = {"ssw06": 100, "ssw07": 100, "sst": 0}
 AT_REST = {
-    "ssw06": {"VB01": (READY,), "VB03": (0,), "VB06": (3,), "P220": (6,)},
-    "ssw07": {"VB01": (READY,), "VB03": (0,), "P220": (6,)},
-    "ssw900": {"S5.1.1": (ENABLED | REMOTE,), "S5.2.5": (0,), "S5.2.6": (0,), "C3.1": (10,)},
-    "sst": {"R19": (0,), "COIL1": (0,), "COIL5": (1,), "COIL7": (0,), "COIL8": (0,), "COIL9": (1,)},
+    "ssw06": "VB01=0x4102 VB03=0 VB06=3 P220=6",
+    "ssw07": "VB01=0x4102 VB03=0 P220=6",
+    "ssw900": "S5.1.1=0x0102 S5.2.5=0 S5.2.6=0 C3.1=10",
+    "sst": "R19=0 COIL1=0 COIL5=1 COIL7=0 COIL8=0 COIL9=1",
 }
-TURNING = {
-    "ssw06": {"VB01": (READY | RUNNING,)},
-    "ssw07": {"VB01": (READY | RUNNING,)},
-    "ssw900": {"S5.1.1": (ENABLED | REMOTE | RUNNING,)},
-    "sst": {"R19": (2,)},
-}
+TURNING = {"ssw06": "VB01=0x4103", "ssw07": "VB01=0x4103", "ssw900": "S5.1.1=0x0103", "sst": "R19=2"}
 # What may be written without run = 0 before it, as the manuals have it: a motion or its end, and the outputs
 # (ssw06-es 4.2.3, 4.2.6-4.2.8; ssw07 4.2.2, 4.2.3; ssw900 S5.2, S5.3; the SST's coil 1).
 HARMLESS_COILS = {"ssw06": {100, 102}, "ssw07": {100, 102}, "ssw900": set(), "sst": {0}}
@@ -121,12 +108,12 @@ def every_procedure(family: str, variant: Variant) -> Iterator[tuple[str, dict[s
     profile = load_profile(family)
     for verb, args in every_command(profile):
         try:
-            yield verb, args, build(profile, variant, verb, args, seen=AT_REST[family])
+            yield verb, args, build(profile, variant, verb, args, seen=rows(AT_REST[family])[1])
         except CommandError:
             continue
 
 
-@pytest.mark.parametrize("variant", [SLOT_1, SLOT_2], ids=["slot 1", "slot 2"])
+@SLOTS
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_procedure_of_any_verb_and_any_row_wakes_a_run_command_before_run_is_0(
     family: str, variant: Variant
@@ -150,7 +137,7 @@ def test_no_procedure_of_any_verb_and_any_row_wakes_a_run_command_before_run_is_
     assert count >= 4
 
 
-@pytest.mark.parametrize("variant", [SLOT_1, SLOT_2], ids=["slot 1", "slot 2"])
+@SLOTS
 @pytest.mark.parametrize("family", FAMILIES)
 def test_run_is_set_to_0_only_where_it_is_read_that_the_motor_stands(family: str, variant: Variant) -> None:
     profile = load_profile(family)
@@ -164,7 +151,7 @@ def test_run_is_set_to_0_only_where_it_is_read_that_the_motor_stands(family: str
         assert {"R19" if family == "sst" else profile.status_word} <= codes, (verb, args)
         assert check(profile, preparation.requires, {}), (verb, args)  # what is not known is not standing
         with pytest.raises(CommandError, match="motor_running"):
-            build(profile, variant, verb, args, seen={**AT_REST[family], **TURNING[family]})
+            build(profile, variant, verb, args, seen=rows(f"{AT_REST[family]} {TURNING[family]}")[1])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -175,7 +162,7 @@ def test_a_stop_and_the_end_of_a_motion_wait_for_no_reading_and_clear_nothing_el
         ends += [("jog", {"value": False}), ("general_enable", {"value": False})]
 
     for verb, args in ends:
-        procedure = build(profile, SLOT_1, verb, args, seen={**AT_REST[family], **TURNING[family]})
+        procedure = build(profile, SLOT_1, verb, args, seen=rows(f"{AT_REST[family]} {TURNING[family]}")[1])
         assert "is_stopped" not in prepare(profile, SLOT_1, verb, args).requires
         assert not any(step.is_run_off for step in procedure.steps)
 
@@ -191,62 +178,30 @@ def test_every_row_that_chooses_the_command_source_is_named_in_its_familys_data(
         )
 
 
-def frames_of(family: str, verb: str, args: dict[str, Any], variant: Variant = SLOT_1) -> list[str]:
-    procedure = build(load_profile(family), variant, verb, args, seen=AT_REST[family])
-    return [frame(step.request)[3:17] for step in procedure.steps]
-
-
 @pytest.mark.parametrize(
-    ("family", "verb", "args", "expected"),
-    [
-        ("ssw06", "reset", {}, ["06 13 8B 01 00", "06 13 8B 04 00", "06 13 8B 80 00", "06 13 8B 80 80"]),
-        ("ssw07", "general_enable", {"value": True}, ["05 00 64 00 00", "05 00 66 00 00", "05 00 65 FF 00"]),
-        ("ssw900", "reset", {}, ["06 02 AD 00 12", "06 02 AD 00 12", "06 02 AD 00 92"]),
-        ("sst", "reset", {}, ["05 00 00 00 00", "05 00 02 FF 00"]),
-        ("ssw06", "configure", {"leave": "P202"}, ["06 13 8B 01 00", "06 13 8B 04 00", "06 13 8F 00 02"]),
+    ("family", "text", "known", "expected"),
+    [  # run and jog are 0 before the words of the command
+        ("ssw06", "reset", "", "5003:0100 5003:0400 5003:8000 5003:8080"),
+        ("ssw07", "general_enable on", "", "c100:0 c102:0 c101:1"),
+        ("ssw07", "reset", "firmware=1.30", "c100:0 c107:0 c107:1"),  # a jog that it does not have
+        ("ssw900", "reset", "", "685:0012 685:0012 685:0092"),
+        ("sst", "reset", "", "c0:0 c2:1"),
+        ("ssw06", "configure leave=P202", "", "5003:0100 5003:0400 5007:0002"),
+        # where the source changes also behind them, since a deaf source may have ignored the first
+        ("ssw06", "local_remote remote", "", "5003:0100 5003:0400 5003:1010 5003:0100 5003:0400"),
+        ("ssw07", "local_remote remote", "", "c100:0 c102:0 c104:1 c100:0 c102:0"),
+        ("ssw07", "set P230=2", "", "c100:0 c102:0 230:0002 c100:0 c102:0"),
+        ("ssw900", "set C3.3=5", "slot=2", "685:0012 686:0012 230:0005"),  # the words of both slots
     ],
 )
-def test_run_and_jog_are_0_before_the_words_of_the_command(
-    family: str, verb: str, args: dict[str, Any], expected: list[str]
+def test_run_and_jog_are_0_around_the_words_of_a_command(
+    family: str, text: str, known: str, expected: str
 ) -> None:
-    assert frames_of(family, verb, args) == expected
-
-
-@pytest.mark.parametrize(
-    ("family", "verb", "args", "off", "own"),
-    [
-        ("ssw06", "local_remote", {"value": "remote"}, "06 13 8B 01 00", "06 13 8B 10 10"),
-        ("ssw07", "local_remote", {"value": "remote"}, "05 00 64 00 00", "05 00 68 FF 00"),
-        ("ssw07", "set", {"parameter": "P230", "value": 2}, "05 00 64 00 00", "06 00 E6 00 02"),
-    ],
-)
-def test_where_the_source_changes_run_is_0_behind_it_too_since_a_deaf_source_may_have_ignored_the_first(
-    family: str, verb: str, args: dict[str, Any], off: str, own: str
-) -> None:
-    found = frames_of(family, verb, args)
-
-    assert found[0] == off
-    assert found[2:4] == [own, off]
-
-
-def test_a_change_of_source_clears_the_words_of_both_slots_of_an_ssw900() -> None:
-    found = frames_of("ssw900", "set", {"parameter": "C3.3", "value": 5}, SLOT_2)
-
-    assert found == ["06 02 AD 00 12", "06 02 AE 00 12", "06 00 E6 00 05"]
-
-
-def test_a_jog_that_an_old_ssw07_does_not_have_is_not_taken_back() -> None:
-    procedure = built("ssw07", "reset", variant=Variant(firmware="1.30"), VB01=READY | FAULT, VB03=0)
-
-    assert [frame(step.request)[3:17] for step in procedure.steps] == [
-        "05 00 64 00 00",
-        "05 00 6B 00 00",
-        "05 00 6B FF 00",
-    ]
+    assert writes(family, text, f"{AT_REST[family]} {known}", whole=True) == expected
 
 
 def test_the_run_command_must_read_0_where_it_can_be_read() -> None:
-    first, *_ = built("ssw06", "reset", VB01=READY | FAULT, VB03=1).steps
+    first, *_ = built("ssw06", "reset", "VB01=0xC102 VB03=1").steps
 
     assert first.then is not None
     assert first.then.is_met({"VB03": (0x12,)})
@@ -254,22 +209,16 @@ def test_the_run_command_must_read_0_where_it_can_be_read() -> None:
 
 
 def test_only_an_sst_that_is_not_initialised_may_refuse_run_0() -> None:
-    barred, _ = build(load_profile("sst"), SLOT_1, "reset", {}, seen={**AT_REST["sst"], "COIL5": (0,)}).steps
-    free, _ = build(load_profile("sst"), SLOT_1, "reset", {}, seen=AT_REST["sst"]).steps
+    barred, _ = built("sst", "reset", AT_REST["sst"] + " COIL5=0").steps
+    free, _ = built("sst", "reset", AT_REST["sst"]).steps
 
     assert (barred.may_be_refused, free.may_be_refused) == (True, False)
 
 
 def test_the_words_of_an_ssw900_never_carry_a_run_command_that_was_seen_to_stand() -> None:
-    last = {"S5_2_5": 0x17}
-
-    for verb, args in (
-        ("reset", {}),
-        ("general_enable", {"value": True}),
-        ("direction", {"value": "reverse"}),
-    ):
-        procedure = built("ssw900", verb, args, **last)
-        assert all(not int.from_bytes(step.request.encode()[3:5], "big") & 0x05 for step in procedure.steps)
+    for text in ("reset", "general_enable on", "direction reverse"):
+        for step in built("ssw900", text, "S5.2.5=0x17").steps:
+            assert not int.from_bytes(step.request.encode()[3:5]) & 0x05
 
 
 def test_the_rows_that_a_family_protects_are_in_no_list_of_the_code() -> None:

@@ -9,8 +9,6 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.state import STATES, hindrance, state_of
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
-STARTING = load_profile("ssw900").state.starting
-
 WEG = ("ssw06", "ssw07", "ssw900")
 
 
@@ -46,43 +44,31 @@ def test_the_status_word_decides_the_state_of_a_weg_starter(
     assert state in STATES
 
 
-@pytest.mark.parametrize("bit", STARTING)
-def test_an_ssw900_is_starting_from_the_accepted_start_on_although_it_does_not_accelerate_yet(
-    bit: str,
-) -> None:
-    assert state_of(load_profile("ssw900"), {**WEG_AT_REST, bit: True}) == "starting"
-
-
-def test_an_ssw06_is_stopping_as_long_as_it_decelerates_although_it_says_that_it_does_not_run() -> None:
-    points = {**WEG_AT_REST, "running": False, "decelerating": True}
-
-    assert state_of(load_profile("ssw06"), points) == "stopping"
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-def test_a_starter_without_supply_is_not_ready(family: str) -> None:
-    assert state_of(load_profile(family), {**WEG_AT_REST, "power_present": False}) == "not_ready"
-
-
-def test_an_ssw900_needs_no_supply_bit_because_it_has_none() -> None:
-    points = {name: value for name, value in WEG_AT_REST.items() if name != "power_present"}
-
-    assert state_of(load_profile("ssw900"), points) == "ready"
-
-
 @pytest.mark.parametrize(
-    ("mode", "state"), [(1, "not_ready"), (2, "not_ready"), (0, "ready"), (None, "ready")]
+    ("family", "changes", "state"),
+    [
+        # an accepted start is one, although the motor does not accelerate yet
+        *[("ssw900", {bit: True}, "starting") for bit in load_profile("ssw900").state.starting],
+        ("ssw900", {"power_present": ...}, "ready"),  # it has no such bit
+        ("ssw900", {"s5_1_1_13": True}, "not_ready"),  # the time after a stop
+        ("ssw900", {"s5_1_1_13": False}, "ready"),
+        ("ssw900", {"s5_1_1_13": True, "running": True}, "running"),
+        # it says that it does not run as soon as the stop is received (S6-20)
+        ("ssw06", {"decelerating": True}, "stopping"),
+        ("ssw06", {"power_present": False}, "not_ready"),
+        ("ssw07", {"power_present": False}, "not_ready"),
+        *[
+            ("ssw06", {"vb06": mode}, state)
+            for mode, state in ((1, "not_ready"), (2, "not_ready"), (0, "ready"), (None, "ready"))
+        ],
+        # bits that old firmware does not have
+        ("ssw07", {"jog": None, "braking": None, "reversing": None}, "ready"),
+    ],
 )
-def test_an_ssw06_in_an_adjusting_mode_is_not_ready(mode: int | None, state: str) -> None:
-    assert state_of(load_profile("ssw06"), {**WEG_AT_REST, "vb06": mode}) == state
+def test_a_family_has_states_of_its_own(family: str, changes: dict[str, Any], state: str) -> None:
+    points = {name: value for name, value in {**WEG_AT_REST, **changes}.items() if value is not ...}
 
-
-def test_an_ssw900_is_not_ready_while_the_time_after_a_stop_runs() -> None:
-    profile = load_profile("ssw900")
-
-    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": True}) == "not_ready"
-    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": False}) == "ready"
-    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": True, "running": True}) == "running"
+    assert state_of(load_profile(family), points) == state
 
 
 @pytest.mark.parametrize(
@@ -100,12 +86,6 @@ def test_what_keeps_a_motor_from_being_started_is_said_in_words(
     family: str, points: dict[str, Any], why: str
 ) -> None:
     assert hindrance(load_profile(family), points) == why
-
-
-def test_bits_that_an_old_ssw07_does_not_have_leave_its_state_known() -> None:
-    points = {**WEG_AT_REST, "jog": None, "braking": None, "reversing": None}
-
-    assert state_of(load_profile("ssw07"), points) == "ready"
 
 
 @pytest.mark.parametrize(
@@ -126,76 +106,50 @@ def test_register_19_and_three_coils_decide_the_state_of_an_sst(changes: dict[st
     assert state_of(load_profile("sst"), {**SST_AT_REST, **changes}) == state
 
 
-def codes(family: str, points: dict[str, Any]) -> list[tuple[str, str, str]]:
+@pytest.mark.parametrize(
+    ("family", "points", "alarms"),
+    [
+        ("ssw07", {"fault": True, "fault_code": 28}, ["e28 fault Serial communication inactive"]),
+        ("ssw07", {"fault": True, "fault_code": 5}, ["e05 fault Motor overload"]),
+        ("ssw07", {"fault": True, "fault_code": 42}, ["e42 fault Fault E42 (not in the manual)"]),
+        ("ssw07", {"fault": True, "fault_code": None}, ["fault fault"]),  # just a fault
+        ("ssw07", {"fault": True, "fault_code": 0}, ["fault fault"]),
+        ("ssw07", {"fault": False, "fault_code": 5}, []),  # the last one, which is over
+        ("ssw06", {"fault": True, "alarm": True}, ["fault fault", "alarm alarm"]),
+        (
+            "ssw900",
+            {"fault": True, "fault_code": 1, "alarm": True, "d2_1_1": 128, "d2_1_3": 2, "d2_1_5": 128},
+            [
+                "f001 fault Motor voltage imbalance",
+                "a128 alarm Serial communication timeout",
+                "a002 alarm Motor undervoltage",
+            ],
+        ),
+        (
+            "ssw900",
+            {"fault": True, "fault_code": 999, "alarm": True, "d2_1_2": 998},
+            ["f999 fault Fault F999 (not in the manual)", "a998 alarm Alarm A998 (not in the manual)"],
+        ),
+        ("ssw900", {"fault": True, "fault_code": 0}, ["fault fault"]),
+        ("ssw900", {"alarm": True, "d2_1_1": 0}, ["alarm alarm"]),
+        (
+            "ssw900",
+            {"fault": False, "fault_code": 5, "alarm": False, "d2_1_1": 5},
+            [],
+        ),  # the status denies it
+        (
+            "sst",
+            {"fault": True, "coil12": True, "coil17": True, "coil13": None},
+            ["coil12 fault Overcurrent", "coil17 fault Phase loss"],
+        ),
+        ("sst", {"fault": True}, ["fault fault"]),
+        ("sst", {"fault": None}, []),
+    ],
+)
+def test_faults_and_alarms_are_named(family: str, points: dict[str, Any], alarms: list[str]) -> None:
     profile = load_profile(family)
-    return [(one.code, one.severity, one.text) for one in device_of(profile).alarms(profile, points)]
 
+    found = [f"{one.code} {one.severity} {one.text}" for one in device_of(profile).alarms(profile, points)]
 
-def test_an_ssw07_names_its_fault_by_the_number_it_gives() -> None:
-    assert codes("ssw07", {"fault": True, "fault_code": 28}) == [
-        ("e28", "fault", "Serial communication inactive")
-    ]
-    assert codes("ssw07", {"fault": True, "fault_code": 5}) == [("e05", "fault", "Motor overload")]
-    assert codes("ssw07", {"fault": True, "fault_code": 42}) == [
-        ("e42", "fault", "Fault E42 (not in the manual)")
-    ]
-
-
-@pytest.mark.parametrize("number", [None, 0])
-def test_a_fault_without_a_number_is_just_a_fault(number: int | None) -> None:
-    points = {"fault": True, "fault_code": number}
-
-    assert [code for code, _, _ in codes("ssw07", points)] == ["fault"]
-    assert [code for code, _, _ in codes("ssw900", points)] == ["fault"]
-
-
-def test_the_last_fault_of_an_ssw07_that_is_over_is_no_alarm() -> None:
-    assert codes("ssw07", {"fault": False, "fault_code": 5}) == []
-
-
-def test_the_alarm_bit_of_an_ssw06_is_an_alarm() -> None:
-    assert [(code, severity) for code, severity, _ in codes("ssw06", {"fault": True, "alarm": True})] == [
-        ("fault", "fault"),
-        ("alarm", "alarm"),
-    ]
-
-
-def test_an_ssw900_names_its_fault_and_up_to_five_alarms() -> None:
-    points = {"fault": True, "fault_code": 1, "alarm": True, "d2_1_1": 128, "d2_1_3": 2, "d2_1_5": 128}
-
-    assert codes("ssw900", points) == [
-        ("f001", "fault", "Motor voltage imbalance"),
-        ("a128", "alarm", alarm_text("a128")),
-        ("a002", "alarm", "Motor undervoltage"),
-    ]
-
-
-def alarm_text(code: str) -> str:
-    return next(alarm.text for alarm in load_profile("ssw900").alarms if alarm.code == code)
-
-
-def test_an_ssw900_fault_that_no_table_names_is_shown_by_its_number() -> None:
-    assert codes("ssw900", {"fault": True, "fault_code": 999, "alarm": True, "d2_1_2": 998}) == [
-        ("f999", "fault", "Fault F999 (not in the manual)"),
-        ("a998", "alarm", "Alarm A998 (not in the manual)"),
-    ]
-
-
-def test_an_ssw900_alarm_without_a_number_is_just_an_alarm() -> None:
-    assert [code for code, _, _ in codes("ssw900", {"alarm": True, "d2_1_1": 0})] == ["alarm"]
-
-
-def test_numbers_of_an_ssw900_count_no_more_once_its_status_denies_them() -> None:
-    assert codes("ssw900", {"fault": False, "fault_code": 5, "alarm": False, "d2_1_1": 5}) == []
-
-
-def test_each_error_coil_of_an_sst_is_a_fault_of_its_own() -> None:
-    assert codes("sst", {"fault": True, "coil12": True, "coil17": True, "coil13": None}) == [
-        ("coil12", "fault", "Overcurrent"),
-        ("coil17", "fault", "Phase loss"),
-    ]
-
-
-def test_coil_9_of_an_sst_alone_is_just_a_fault() -> None:
-    assert [code for code, _, _ in codes("sst", {"fault": True})] == ["fault"]
-    assert codes("sst", {"fault": None}) == []
+    assert len(found) == len(alarms)
+    assert all(one.startswith(alarm) for one, alarm in zip(found, alarms, strict=True))

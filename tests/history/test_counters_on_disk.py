@@ -65,9 +65,9 @@ class Run:
         if rows is not None:
             self.part.restore(rows)
 
-    def operate(self, seconds: int, state: str = "running") -> None:
-        for _ in range(seconds):
-            self.time.at_s += 1.0
+    def operate(self, seconds: int, state: str = "running", *, every_s: int = 1) -> None:
+        for _ in range(seconds // every_s):
+            self.time.at_s += every_s
             values = {"running": state == "running", "current_pct": 80.0}
             self.part.take_readings(Readings(self.time.at_s, self.time.utc_s(), state, values))
 
@@ -75,9 +75,9 @@ class Run:
         self.part.take_record(StartRecord("pump", "boot-1", {}))
 
 
-def test_a_hundred_kills_lose_at_most_ten_minutes_each() -> None:
+def test_many_kills_lose_at_most_ten_minutes_each() -> None:
     chance, disk, time = random.Random(15), Disk(), Time()
-    for run in range(100):
+    for run in range(30):
         before_s, seconds = disk.operating_s, chance.randrange(1, 4000)
         Run(disk, time, f"boot-{run}", rows=disk.counters).operate(seconds)  # and nothing more: killed
 
@@ -86,7 +86,7 @@ def test_a_hundred_kills_lose_at_most_ten_minutes_each() -> None:
 
 def test_counting_writes_every_ten_minutes() -> None:
     disk = Disk()
-    Run(disk, Time(), "boot-1", rows=[]).operate(86_400)
+    Run(disk, Time(), "boot-1", rows=[]).operate(86_400, every_s=10)
 
     assert 140 <= disk.writes <= 150
     assert len(disk.rows) == 1
@@ -96,7 +96,7 @@ def test_a_motor_that_stands_still_writes_once_a_day_and_at_an_orderly_end() -> 
     disk, time = Disk(), Time()
     run = Run(disk, time, "boot-1", rows=[])
     run.operate(600)
-    run.operate(2 * 86_400 + 3600, "ready")
+    run.operate(2 * 86_400 + 3600, "ready", every_s=10)
 
     assert disk.writes == 1 + 1 + 2  # while it ran, what came after that, and each day
 

@@ -14,7 +14,6 @@ from gateway.records import (
     RecordWriter,
     Severity,
     StartRecord,
-    TripRecord,
     ValueRecord,
 )
 from gateway.storage.history import HistoryStore, read_history
@@ -131,50 +130,6 @@ async def test_a_disk_that_hangs_delays_a_start_by_two_seconds_at_most() -> None
     await asyncio.sleep(HELD_AT_MOST_S + 0.1)
 
     assert len(run.sink.of(StartRecord)) == 1
-
-
-@virtually
-async def test_an_orderly_end_publishes_what_waits_for_the_disk() -> None:
-    run = Run(SlowFile(), "boot-1")
-    await run.service.loaded()
-    run.start()
-    await run.service.close()
-
-    assert len(run.sink.of(StartRecord)) == 1
-
-
-@virtually
-async def test_the_next_run_publishes_word_for_word_what_the_broker_has_not_acknowledged() -> None:
-    file = MemoryFile()
-    first = Run(file, "boot-1")
-    await first.service.loaded()
-    first.start()
-    await first.trip()  # and then it is killed
-
-    second = Run(file, "boot-2")
-    await second.service.loaded()
-
-    assert second.again == [*first.sink.of(StartRecord), *first.sink.of(TripRecord)]
-    assert second.sink.of(StartRecord) == [], "it is counted and recorded already"
-    assert [row["totals"]["starts"] for row in file.of("pump", "counters")][-1] == 1
-
-
-@virtually
-async def test_what_the_broker_has_acknowledged_is_not_published_again() -> None:
-    file = MemoryFile()
-    first = Run(file, "boot-1")
-    await first.service.loaded()
-    first.start()
-    first.start()
-    await asyncio.sleep(0.1)
-    one, other = first.sink.of(StartRecord)
-    first.service.delivered(one.key)
-    first.service.delivered("alice/c1")  # a result
-
-    second = Run(file, "boot-2")
-    await second.service.loaded()
-
-    assert second.again == [other]
 
 
 @virtually

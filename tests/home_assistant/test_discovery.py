@@ -74,29 +74,6 @@ def test_the_fault_code_is_that_of_the_state_since_the_point_keeps_the_last_one(
     assert found["state_topic"] == "starters/mcc1/starter/pump-1/state"
 
 
-def test_the_gateway_is_a_device_of_its_own_to_which_the_starters_belong() -> None:
-    assert set(ALL[""]["components"]) == {"status", "boot", "line_hall"}
-    assert {ALL[name]["device"]["via_device"] for name in STARTERS} == set(ALL[""]["device"]["identifiers"])
-
-
-def test_only_the_stop_is_there_unless_more_is_asked_for() -> None:
-    buttons = {"stop", "start", "reset"}
-    without = components("fan", table='[homeassistant]\noperator = "home-assistant"\n')
-
-    assert buttons & set(without) == {"stop"}
-    assert buttons & set(components("fan", table="[homeassistant]\n")) == set()
-    assert "result" not in components("fan", table="[homeassistant]\n")
-
-
-def test_a_button_is_there_only_where_the_operator_has_the_right_and_can_use_it() -> None:
-    operator = '[[operator]]\nclient = "home-assistant"\nmay = ["stop", "start"]\nstarters = ["fan"]\n'
-    rules = '[[rules]]\nstarters = ["fan"]\ntwo_step = ["start"]\n'
-
-    assert {"stop", "start", "reset"} & set(components("fan", operator=operator)) == {"stop", "start"}
-    assert {"stop", "start", "reset"} & set(components("mill", operator=operator)) == set()
-    assert {"stop", "start"} & set(components("fan", operator=operator, more=rules)) == {"stop"}
-
-
 def test_a_stop_can_be_pressed_though_the_starter_is_silent_and_a_start_cannot() -> None:
     found = ALL["fan"]["components"]
 
@@ -173,12 +150,3 @@ def test_every_point_that_is_announced_is_one_that_the_starter_publishes() -> No
         }
         for topic in topics:
             assert f'"{topic.rpartition("/")[2]}":' in infos[name].payload.decode()
-
-
-def test_a_page_that_others_reach_is_shown_at_each_device() -> None:
-    table = '[homeassistant]\npage_url = "https://mcc1.plant/"\n'
-
-    assert {each["device"]["configuration_url"] for each in announced(table).values()} == {
-        "https://mcc1.plant/"
-    }
-    assert "configuration_url" not in ALL["fan"]["device"]

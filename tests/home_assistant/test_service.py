@@ -17,7 +17,7 @@ from gateway.app.integrations.integration import Integration, IntegrationHost, I
 from gateway.app.site import Site
 from gateway.config.schema import Config
 from gateway.errors import DamagedError, StoreError
-from gateway.home_assistant.announcements import BORN, Announcements
+from gateway.home_assistant.announcements import Announcements
 from gateway.mqtt.contract.payloads import Message, Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
@@ -145,98 +145,6 @@ def play(scenario: Callable[[Disk, dict[str, bytes]], Coroutine[Any, Any, None]]
     run_virtually(scenario(Disk(), {}))
 
 
-def test_each_starter_and_the_gateway_are_announced_once_and_the_gateway_first() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(60)
-        sent = run.take_sent()
-        assert sent[0] == (OWN, True)
-        assert sorted(sent) == [(topic, True) for topic in sorted(TOPICS)]
-        assert set(broker) == TOPICS
-        await run.end()
-
-    play(scenario)
-
-
-def test_what_a_starter_says_of_itself_is_announced_and_the_others_not_again() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.take_sent()
-        run.identify("pump-1", "1.40")
-        await asyncio.sleep(1)
-        assert run.take_sent() == [("homeassistant/device/sg_mcc1_pump-1/config", True)]
-        run.identify("pump-1", "1.40")
-        await asyncio.sleep(10)
-        assert run.take_sent() == []
-        await run.end()
-
-    play(scenario)
-
-
-def test_a_renamed_starter_is_deleted_once_and_announced_by_its_new_name() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.take_sent()
-        site = config()
-        line = site.lines[0]
-        starters = tuple(
-            each.model_copy(update={"name": "blower"}) if each.name == "fan" else each
-            for each in line.starters
-        )
-        renamed = site.model_copy(update={"lines": (line.model_copy(update={"starters": starters}),)})
-        run._know(renamed)
-        run.service.move(site_of(renamed))
-        await asyncio.sleep(30)
-        assert sorted(run.take_sent()) == [
-            ("homeassistant/device/sg_mcc1_blower/config", True),
-            ("homeassistant/device/sg_mcc1_fan/config", False),
-        ]
-        assert disk.document is not None
-        assert "homeassistant/device/sg_mcc1_fan/config" not in disk.document["topics"]
-        await run.end()
-
-    play(scenario)
-
-
-def test_a_starter_that_went_between_two_runs_is_deleted_by_the_second() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        first = Run(disk, broker)
-        await asyncio.sleep(10)
-        await first.end()
-        disk.document = {"topics": [*sorted(TOPICS), "homeassistant/device/sg_mcc1_gone/config"]}
-        broker["homeassistant/device/sg_mcc1_gone/config"] = b"{}"
-        second = Run(disk, broker)
-        await asyncio.sleep(10)
-        assert set(broker) == TOPICS
-        assert second.take_sent().count(("homeassistant/device/sg_mcc1_gone/config", False)) == 1
-        await second.end()
-
-    play(scenario)
-
-
-def test_without_the_table_everything_is_deleted_also_by_the_next_run() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.reload(OFF)
-        await asyncio.sleep(10)
-        assert broker == {}
-        assert disk.document == {"topics": []}
-        assert run.listeners == {}
-        run.reload()
-        await asyncio.sleep(10)
-        assert set(broker) == TOPICS
-        await run.end()
-        run = Run(disk, broker, OFF)
-        await asyncio.sleep(10)
-        assert broker == {}
-        await run.end()
-
-    play(scenario)
-
-
 def test_what_was_to_be_deleted_while_the_broker_was_away_is_deleted_when_it_is_back() -> None:
     async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
         run = Run(disk, broker)
@@ -250,52 +158,6 @@ def test_what_was_to_be_deleted_while_the_broker_was_away_is_deleted_when_it_is_
         await asyncio.sleep(5)
         assert broker == {}
         assert disk.document == {"topics": []}
-        await run.end()
-
-    play(scenario)
-
-
-def test_a_broker_that_has_lost_everything_in_ten_minutes_has_it_again_at_once() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.outbox.disconnected()
-        run.identify("pump-1", "1.40")
-        await asyncio.sleep(600)
-        broker.clear()
-        run.connect()
-        assert set(broker) == TOPICS
-        assert b'"sw_version":"1.40"' in broker["homeassistant/device/sg_mcc1_pump-1/config"]
-        await run.end()
-
-    play(scenario)
-
-
-def test_the_birth_of_home_assistant_is_answered_within_five_seconds() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.take_sent()
-        run.listeners["homeassistant/status"](b"offline")
-        await asyncio.sleep(10)
-        assert run.take_sent() == []
-        run.listeners["homeassistant/status"](BORN)
-        await asyncio.sleep(6)
-        assert sorted(run.take_sent()) == [(topic, True) for topic in sorted(TOPICS)]
-        await run.end()
-
-    play(scenario)
-
-
-def test_another_birth_topic_or_prefix_is_followed() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.reload('[homeassistant]\ndiscovery_prefix = "ha/one"\nbirth_topic = "ha/born"\n')
-        await asyncio.sleep(10)
-        assert list(run.listeners) == ["ha/born"]
-        assert broker == {}
-        assert run.publisher.retained("ha/one/device/sg_mcc1/config") is not None
         await run.end()
 
     play(scenario)

@@ -1,6 +1,6 @@
 """Replies that come late, twice or in the wrong order are never taken for another request's answer.
 
-`make test` asks 40,000 times, `make late-replies` ten million times (`tests/line/late_lines.py`).
+`make test` asks 20,000 times, `make late-replies` ten million times (`tests/line/late_lines.py`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import pytest
 
 from tests.line.late_lines import ask_for_long, efficiency
 
-TRANSACTIONS = 40_000
+TRANSACTIONS = 20_000
 
 
 def test_no_late_reply_is_taken_for_another_answer() -> None:

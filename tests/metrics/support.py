@@ -1,28 +1,17 @@
-"""A plant that is scraped in virtual time, and what a scrape says, read by prometheus-client's own parser."""
+"""A gateway to be scraped, and what a scrape says, read by prometheus-client's own parser."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TypeVar, cast
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from gateway.app.integrations.integration import Integration, IntegrationHost
-from gateway.app.integrations.metrics import GatewaySource, metrics_integration
-from gateway.app.site import Site
-from gateway.config.load import parse
 from gateway.metrics.catalogue import PREFIX
-from gateway.metrics.scrape import MetricsSource, ScrapedGateway, ScrapedLine, ScrapedStarter
-from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import LockRecord, Quality
+from gateway.metrics.scrape import ScrapedGateway, ScrapedLine, ScrapedStarter
+from gateway.records import Quality
 from gateway.starters.telemetry.snapshot import Reading
-from gateway.system.stalls import DelayCounts, LagMeter
-from gateway.web.interface import MetricsAccess
-from tests.plant_rig import SITE, RunningPlant, running
+from gateway.system.stalls import DelayCounts
 
 T = TypeVar("T")
 
@@ -124,77 +113,3 @@ class Scrape:
     def one(self, name: str, **labels: str) -> float:
         (value,) = self.all(name, **labels)
         return value
-
-
-class StandingOutbox:
-    """An outbox in which one message waits."""
-
-    is_connected = True
-
-    def statistics(self, now_s: float) -> dict[str, Any]:
-        return {**OUTBOX, "depth": 1, "oldest_s": 5.0, "bytes": 100}
-
-
-def site_of(*tables: str, folder: Path = Path("/nowhere"), token: str | None = None) -> Site:
-    """Return the rig's site with these tables besides."""
-    config = parse(SITE + "\n" + "\n".join(tables), "site.toml")
-    return Site(config, folder, None, (), metrics_token=token)
-
-
-METRICS = "[web]\n[metrics]\n"
-
-
-@dataclass
-class ScrapedPlant:
-    """A plant of four families with its metrics."""
-
-    rig: RunningPlant
-    integration: Integration
-    events: list[str] = field(default_factory=list)
-    locks: dict[str, LockRecord] = field(default_factory=dict)
-
-    async def scrape(self) -> Scrape:
-        service = cast("MetricsAccess", self.integration.service)
-        return Scrape(await service.text())
-
-
-@asynccontextmanager
-async def scraped_plant(
-    site: Site | None = None,
-    *,
-    wrap: Callable[[MetricsSource], MetricsSource] = lambda source: source,
-    in_thread: Callable[[Callable[[], Any]], Awaitable[Any]] = here,
-    settled_s: float = 30.0,
-) -> AsyncIterator[ScrapedPlant]:
-    """Run the plant with metrics from its first second on, unless `site` wants none."""
-    async with running(0.0) as rig:
-        events: list[str] = []
-        locks: dict[str, LockRecord] = {}
-        source = GatewaySource(
-            name="plant",
-            plant=rig.plant,
-            outbox=cast("Outbox", StandingOutbox()),
-            clock=rig.records.clock,
-            started_s=rig.records.clock.utc_s(),
-            clock_doubt=lambda: None,
-            lock_of=locks.get,
-            loops={"gateway": LagMeter(), "lines": LagMeter()},
-            streams=lambda: 1,
-        )
-        integration = metrics_integration(
-            IntegrationHost(
-                site_of(METRICS) if site is None else site,
-                rig.records.clock,
-                lambda: True,
-                lambda code, *_: events.append(code),
-                in_thread,
-            ),
-            wrap(source),
-        )
-        bus = rig.records.sink
-        bus.connect(*bus._subscribers, integration)
-        task = asyncio.create_task(integration.run())
-        await asyncio.sleep(settled_s)
-        yield ScrapedPlant(rig, integration, events, locks)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)

@@ -66,16 +66,6 @@ async def test_other_settings_take_effect_with_the_next_scrape() -> None:
 
 
 @virtually
-async def test_what_was_counted_stays_when_the_settings_change() -> None:
-    rig = Service()
-    rig.service.put(StartRecord("pump-1", "s", {}))
-
-    rig.service.move(MetricsSettings(has_all_points=True))
-
-    assert Scrape(await rig.service.text()).one("starts_total") == 1.0
-
-
-@virtually
 async def test_while_a_text_is_made_nothing_else_waits_and_a_second_scrape_makes_no_second_one() -> None:
     going_on = asyncio.Event()
 
@@ -92,10 +82,6 @@ async def test_while_a_text_is_made_nothing_else_waits_and_a_second_scrape_makes
     going_on.set()
 
     assert [Scrape(text).one("starts_total") for text in await asyncio.gather(*scrapes)] == [0.0] * 3
-
-
-def said_in(path: Path) -> Scrape:
-    return Scrape(path.read_bytes())
 
 
 def names_in(folder: Path) -> list[str]:
@@ -121,18 +107,6 @@ def run_with_file(tmp_path: Path, scenario: Callable[[Service, Path], Any], name
     run()
 
 
-def test_the_file_is_written_again_and_again_and_removed_at_the_end(tmp_path: Path) -> None:
-    async def scenario(rig: Service, path: Path) -> None:
-        assert said_in(path).one("build_info") == 1.0
-        assert file_of(path).st_mode & 0o777 == 0o644
-        rig.service.put(StartRecord("pump-1", "s", {}))
-        await asyncio.sleep(WRITE_EVERY_S)
-        assert said_in(path).one("starts_total") == 1.0
-        assert names_in(tmp_path) == [path.name]
-
-    run_with_file(tmp_path, scenario)
-
-
 def test_a_reader_sees_a_whole_file_whenever_it_looks(tmp_path: Path) -> None:
     async def scenario(rig: Service, path: Path) -> None:
         with path.open("rb") as before:
@@ -154,18 +128,6 @@ def test_another_name_takes_the_first_files_place(tmp_path: Path) -> None:
         assert names_in(tmp_path) == []
 
     run_with_file(tmp_path, scenario)
-
-
-def test_a_folder_that_is_missing_is_said_once_and_so_is_that_it_came(tmp_path: Path) -> None:
-    async def scenario(rig: Service, path: Path) -> None:
-        await asyncio.sleep(3 * WRITE_EVERY_S)
-        assert rig.troubles == [f"{path}: No such file or directory"]
-        path.parent.mkdir()
-        await asyncio.sleep(WRITE_EVERY_S)
-        assert rig.troubles[1:] == [""]
-        assert names_in(path.parent) == [path.name]
-
-    run_with_file(tmp_path, scenario, "missing/sg.prom")
 
 
 def test_a_text_that_was_on_its_way_to_the_disk_at_the_end_does_not_come_back(tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
-"""Seeded random requests and replies, for comparisons by the ten thousand."""
+"""Requests by their function's number, and seeded random requests and replies by the ten thousand."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from typing import Any, cast
 
 from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception
@@ -19,43 +19,80 @@ from gateway.modbus.writes import (
 )
 
 Rng = random.Random
+CLASSES: dict[int, Any] = {
+    1: ReadCoils,
+    2: ReadDiscreteInputs,
+    3: ReadHoldingRegisters,
+    4: ReadInputRegisters,
+    5: WriteCoil,
+    6: WriteRegister,
+    15: WriteCoils,
+    16: WriteRegisters,
+    22: MaskWriteRegister,
+    23: ReadWriteRegisters,
+    43: ReadDeviceIdentification,
+}
+MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123, 23: 125}  # [APP 6]
 
 
-def random_request(rng: Rng) -> KnownRequest:
+def fc(function: int, *arguments: Any) -> KnownRequest:
+    """Return the request of this function."""
+    return cast(KnownRequest, CLASSES[function](*arguments))
+
+
+def random_request(rng: Rng, function: int | None = None) -> KnownRequest:
     """Return a request of any function; mostly short, sometimes as long as it may be."""
-    return rng.choice(_MAKERS)(rng)
+    number = function or rng.choice(list(CLASSES))
+    match number:
+        case 1 | 2 | 3 | 4:
+            return fc(number, *_run(rng, MOST[number]))
+        case 5:
+            return fc(number, rng.randrange(0x10000), rng.random() < 0.5)
+        case 15:
+            start, count = _run(rng, MOST[number])
+            return fc(number, start, _bits(rng, count))
+        case 16:
+            start, count = _run(rng, MOST[number])
+            return fc(number, start, _words(rng, count))
+        case 23:
+            start, count = _run(rng, 121)
+            return fc(number, *_run(rng, MOST[number]), start, _words(rng, count))
+        case 43:
+            return fc(number, rng.randint(1, 4), rng.randrange(256))
+        case _:
+            return fc(number, *_words(rng, {6: 2, 22: 3}[number]))
 
 
-def random_sibling(rng: Rng, request: KnownRequest) -> KnownRequest:
-    """Return another request of the same function, whose late reply might be taken for this one's."""
-    while not isinstance(sibling := random_request(rng), type(request)):
-        pass
-    return sibling
+def random_value(rng: Rng, request: KnownRequest) -> Any:
+    """Return what a reply to this request may say; None for a write."""
+    match request:
+        case ReadCoils() | ReadDiscreteInputs():
+            return _bits(rng, request.count)
+        case ReadHoldingRegisters() | ReadInputRegisters():
+            return _words(rng, request.count)
+        case ReadWriteRegisters():
+            return _words(rng, request.read_count)
+        case ReadDeviceIdentification():
+            return _identification(rng, request)
+        case _:
+            return None
+
+
+def reply_of(request: Any, value: Any) -> bytes:
+    """Return the PDU of the normal reply that says this."""
+    pdu: bytes = request.encode_reply() if value is None else request.encode_reply(value)
+    return pdu
 
 
 def random_reply(rng: Rng, request: KnownRequest) -> bytes:
     """Return the PDU of a reply to this request: mostly the normal one, sometimes an exception."""
     if rng.random() < 0.1:
         return encode_exception(request.function, rng.randrange(256))
-    match request:
-        case ReadCoils() | ReadDiscreteInputs():
-            return request.encode_reply(_bits(rng, request.count))
-        case ReadHoldingRegisters() | ReadInputRegisters():
-            return request.encode_reply(_words(rng, request.count))
-        case ReadWriteRegisters():
-            return request.encode_reply(_words(rng, request.read_count))
-        case ReadDeviceIdentification():
-            return request.encode_reply(_identification(rng, request))
-        case _:
-            return request.encode_reply()
+    return reply_of(request, random_value(rng, request))
 
 
 def _count(rng: Rng, most: int) -> int:
     return rng.randint(1, most if rng.random() < 0.1 else min(most, 12))
-
-
-def _start(rng: Rng, count: int) -> int:
-    return rng.randint(0, 0x10000 - count)
 
 
 def _words(rng: Rng, count: int) -> tuple[int, ...]:
@@ -66,46 +103,16 @@ def _bits(rng: Rng, count: int) -> tuple[bool, ...]:
     return tuple(rng.random() < 0.5 for _ in range(count))
 
 
+def _run(rng: Rng, most: int) -> tuple[int, int]:
+    count = _count(rng, most)
+    return rng.choice((0, rng.randint(0, 0x10000 - count), 0x10000 - count)), count
+
+
 def _identification(rng: Rng, request: ReadDeviceIdentification) -> DeviceIdentification:
     def text() -> str:
         return rng.randbytes(rng.randint(0, 16)).decode("latin-1")
 
     if request.read_code == ONE_OBJECT_CODE:
-        return DeviceIdentification(objects={request.object_id: text()})
+        return DeviceIdentification({request.object_id: text()})
     keys = rng.sample(range(256), rng.randint(0, 4))
     return DeviceIdentification({key: text() for key in keys}, rng.random() < 0.3, rng.randrange(256))
-
-
-def _run(rng: Rng, most: int) -> tuple[int, int]:
-    count = _count(rng, most)
-    return _start(rng, count), count
-
-
-def _write_coils(rng: Rng) -> KnownRequest:
-    start, count = _run(rng, 1968)
-    return WriteCoils(start, _bits(rng, count))
-
-
-def _write_registers(rng: Rng) -> KnownRequest:
-    start, count = _run(rng, 123)
-    return WriteRegisters(start, _words(rng, count))
-
-
-def _read_write(rng: Rng) -> KnownRequest:
-    start, count = _run(rng, 121)
-    return ReadWriteRegisters(*_run(rng, 125), start, _words(rng, count))
-
-
-_MAKERS: tuple[Callable[[Rng], KnownRequest], ...] = (
-    lambda rng: ReadCoils(*_run(rng, 2000)),
-    lambda rng: ReadDiscreteInputs(*_run(rng, 2000)),
-    lambda rng: ReadHoldingRegisters(*_run(rng, 125)),
-    lambda rng: ReadInputRegisters(*_run(rng, 125)),
-    lambda rng: WriteCoil(rng.randrange(0x10000), rng.random() < 0.5),
-    lambda rng: WriteRegister(*_words(rng, 2)),
-    _write_coils,
-    _write_registers,
-    lambda rng: MaskWriteRegister(*_words(rng, 3)),
-    _read_write,
-    lambda rng: ReadDeviceIdentification(rng.randint(1, 4), rng.randrange(256)),
-)

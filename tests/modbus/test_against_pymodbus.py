@@ -33,10 +33,10 @@ from gateway.modbus.writes import (
     WriteRegisters,
 )
 from tests.modbus.request_size import request_adu_size
-from tests.modbus.samples import random_reply, random_request, random_sibling
+from tests.modbus.samples import random_reply, random_request
 
-FRAMES_PER_SEED = 25_000
-SEEDS = (1, 2, 3, 4)
+FRAMES_PER_SEED = 8_000
+SEEDS = (1, 2)
 
 _CLIENT = FramerRTU(DecodePDU(is_server=False))
 _SERVER = FramerRTU(DecodePDU(is_server=True))
@@ -166,13 +166,14 @@ def is_beyond_comparison(frame: bytes) -> bool:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_of_a_hundred_thousand_frames_both_accept_the_same_and_read_the_same(seed: int) -> None:
+def test_of_thousands_of_frames_both_accept_the_same_and_read_the_same(seed: int) -> None:
     rng = random.Random(seed)
     accepted = refused = understood = laxer = 0
 
     for _ in range(FRAMES_PER_SEED):
         request = random_request(rng)
-        answered = random_sibling(rng, request) if rng.random() < 0.1 else request
+        # sometimes another request of the same function, whose late reply might be taken for this one's
+        answered = random_request(rng, request.function) if rng.random() < 0.1 else request
         frame = damaged(rng, adu.encode(rng.randint(1, 247), random_reply(rng, answered)))
         theirs = theirs_whole(_CLIENT, frame)
         ours = ours_whole(frame)
@@ -189,54 +190,45 @@ def test_of_a_hundred_thousand_frames_both_accept_the_same_and_read_the_same(see
         assert meaning == theirs_meaning(request, frame), (request, frame.hex(" "))
         understood += meaning != _REFUSED
 
-    assert accepted > 9_000  # no side may win by refusing all, or by accepting all
-    assert refused > 10_000
-    assert understood > 7_500
-    assert accepted - understood > 900  # answers to something else
-    assert 0 < laxer < 300
+    assert accepted > 2_800  # no side may win by refusing all, or by accepting all
+    assert refused > 3_200
+    assert understood > 2_300
+    assert accepted - understood > 250  # answers to something else
+    assert 0 < laxer < 100
+
+
+THEIRS: dict[type, tuple[type[ModbusPDU], tuple[str, ...]]] = {  # their class, and how it calls our fields
+    ReadCoils: (bits.ReadCoilsRequest, ("address", "count")),
+    ReadDiscreteInputs: (bits.ReadDiscreteInputsRequest, ("address", "count")),
+    ReadHoldingRegisters: (registers.ReadHoldingRegistersRequest, ("address", "count")),
+    ReadInputRegisters: (registers.ReadInputRegistersRequest, ("address", "count")),
+    WriteCoil: (bits.WriteSingleCoilRequest, ("address", "bits")),
+    WriteRegister: (registers.WriteSingleRegisterRequest, ("address", "registers")),
+    WriteCoils: (bits.WriteMultipleCoilsRequest, ("address", "bits")),
+    WriteRegisters: (registers.WriteMultipleRegistersRequest, ("address", "registers")),
+    MaskWriteRegister: (registers.MaskWriteRegisterRequest, ("address", "and_mask", "or_mask")),
+    ReadWriteRegisters: (
+        registers.ReadWriteMultipleRegistersRequest,
+        ("read_address", "read_count", "write_address", "write_registers"),
+    ),
+    ReadDeviceIdentification: (ReadDeviceInformationRequest, ("read_code", "object_id")),
+}
 
 
 def theirs_of(request: KnownRequest, unit: int) -> ModbusPDU:
     """Return the same request as pymodbus makes it."""
-    match request:
-        case ReadCoils(address, count):
-            return bits.ReadCoilsRequest(address=address, count=count, dev_id=unit)
-        case ReadDiscreteInputs(address, count):
-            return bits.ReadDiscreteInputsRequest(address=address, count=count, dev_id=unit)
-        case ReadHoldingRegisters(address, count):
-            return registers.ReadHoldingRegistersRequest(address=address, count=count, dev_id=unit)
-        case ReadInputRegisters(address, count):
-            return registers.ReadInputRegistersRequest(address=address, count=count, dev_id=unit)
-        case WriteCoil(address, is_on):
-            return bits.WriteSingleCoilRequest(address=address, bits=[is_on], dev_id=unit)
-        case WriteRegister(address, word):
-            return registers.WriteSingleRegisterRequest(address=address, registers=[word], dev_id=unit)
-        case WriteCoils(address, coils):
-            return bits.WriteMultipleCoilsRequest(address=address, bits=list(coils), dev_id=unit)
-        case WriteRegisters(address, words):
-            return registers.WriteMultipleRegistersRequest(
-                address=address, registers=list(words), dev_id=unit
-            )
-        case MaskWriteRegister(address, and_mask, or_mask):
-            return registers.MaskWriteRegisterRequest(
-                address=address, and_mask=and_mask, or_mask=or_mask, dev_id=unit
-            )
-        case ReadWriteRegisters(read_address, read_count, write_address, words):
-            return registers.ReadWriteMultipleRegistersRequest(
-                read_address=read_address,
-                read_count=read_count,
-                write_address=write_address,
-                write_registers=list(words),
-                dev_id=unit,
-            )
-        case ReadDeviceIdentification(read_code, object_id):
-            return ReadDeviceInformationRequest(read_code=read_code, object_id=object_id, dev_id=unit)
+    their, names = THEIRS[type(request)]
+    values = [getattr(request, name) for name in request.__match_args__]
+    fields: dict[str, Any] = dict(zip(names, values, strict=True))
+    for name in {"bits", "registers", "write_registers"} & set(fields):
+        fields[name] = list(fields[name]) if isinstance(fields[name], tuple) else [fields[name]]
+    return their(**fields, dev_id=unit)
 
 
 def test_both_make_the_same_bytes_of_a_request() -> None:
     rng = random.Random(5)
 
-    for _ in range(5_000):
+    for _ in range(2_000):
         request, unit = random_request(rng), rng.randint(0, 247)
         theirs = _CLIENT.buildFrame(theirs_of(request, unit))
 
@@ -248,7 +240,7 @@ def test_both_see_the_same_end_of_a_request_frame() -> None:
     rng = random.Random(6)
     accepted = 0
 
-    for _ in range(10_000):
+    for _ in range(4_000):
         frame = damaged(rng, adu.encode(rng.randint(0, 247), random_request(rng).encode()))
         theirs = theirs_whole(_SERVER, frame)
         try:
@@ -263,4 +255,4 @@ def test_both_see_the_same_end_of_a_request_frame() -> None:
         assert whole == theirs, frame.hex(" ")
         accepted += whole is not None
 
-    assert 3_000 < accepted < 7_000
+    assert 1_200 < accepted < 2_800

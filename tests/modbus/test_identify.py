@@ -1,85 +1,69 @@
+"""FC43: what an identification says, also one with the wrong lengths that the manuals print."""
+
 from __future__ import annotations
+
+from typing import Any
 
 import pytest
 
 from gateway.errors import BadReplyError
-from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
+from tests.modbus.samples import fc
 
-BASIC = ReadDeviceIdentification()
-
-
-def reply(tail: str) -> bytes:
-    """The reply to a basic stream, from the conformity level on."""
-    return bytes.fromhex("2B 0E 01 " + tail)
+BASIC: Any = fc(43)
 
 
-def test_a_request_is_four_bytes() -> None:
-    assert ReadDeviceIdentification(read_code=4, object_id=2).encode() == bytes.fromhex("2B 0E 04 02")
-
-
-def test_only_its_reply_contains_its_length() -> None:
+def test_a_request_is_four_bytes_whose_reply_contains_its_own_length() -> None:
+    assert fc(43, 4, 2).encode() == bytes.fromhex("2B 0E 04 02")
     assert BASIC.reply_size() is None
 
 
-def test_it_is_no_write() -> None:
-    assert not BASIC.is_write
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ((0,), "read code"),
+        ((5,), "read code"),
+        ((-1,), "read code"),
+        ((1, -1), "object"),
+        ((1, 256), "object"),
+    ],
+)
+def test_a_read_code_or_object_beyond_the_specification_is_refused(
+    arguments: tuple[int, ...], why: str
+) -> None:
+    with pytest.raises(ValueError, match=why):
+        fc(43, *arguments)
 
 
-@pytest.mark.parametrize("read_code", [0, 5, -1])
-def test_a_read_code_beyond_the_specification_is_refused(read_code: int) -> None:
-    with pytest.raises(ValueError, match="read code"):
-        ReadDeviceIdentification(read_code=read_code)
+@pytest.mark.parametrize(
+    ("tail", "objects"),
+    [
+        *[
+            (f"{conformity} 00 00 01 00 03 57 45 47", {0: "WEG"})
+            for conformity in ("00", "01", "51", "81", "FF")
+        ],
+        ("81 00 00 02 00 00 01 01 41", {0: "", 1: "A"}),
+        # an object that runs past the end keeps its printable characters, and the next begins after them
+        ("81 00 00 01 01 14 53 53 57 2D 30 36", {1: "SSW-06"}),
+        ("81 00 00 02 01 14 53 53 57 02 05 56 31 2E 31 31", {1: "SSW", 2: "V1.11"}),
+        ("81 00 00 03 00 03 57 45 47 01", {0: "WEG"}),  # announced, but missing
+        ("81 00 00 02 01 14 20 7E 7F 01 41", {1: " ~", 0x7F: "A"}),
+        ("81 00 00 01 01 09", {1: ""}),
+        (  # 13 characters, and the manual's length of 14h, which swallows no other object (ssw06-es 5.4.7)
+            "81 00 00 03 00 03 57 45 47 01 14" + b"SSW-06 100.0A".hex() + "02 05" + b"V1.60".hex(),
+            {0: "WEG", 1: "SSW-06 100.0A", 2: "V1.60"},
+        ),
+    ],
+)
+def test_objects_are_read(tail: str, objects: dict[int, str]) -> None:
+    said = BASIC.decode_reply(bytes.fromhex("2B 0E 01 " + tail))
 
-
-@pytest.mark.parametrize("object_id", [-1, 256])
-def test_an_object_that_fits_no_byte_is_refused(object_id: int) -> None:
-    with pytest.raises(ValueError, match="object"):
-        ReadDeviceIdentification(object_id=object_id)
-
-
-@pytest.mark.parametrize("conformity", ["00", "01", "51", "81", "FF"])
-def test_the_conformity_level_does_not_matter(conformity: str) -> None:
-    said = BASIC.decode_reply(reply(f"{conformity} 00 00 01 00 03 57 45 47"))
-
-    assert said == DeviceIdentification(objects={0: "WEG"})
+    assert (said.objects, said.more_follows) == (objects, False)
 
 
 def test_more_follows_and_where_to_go_on_are_reported() -> None:
-    said = BASIC.decode_reply(reply("81 FF 02 01 00 03 57 45 47"))
+    said = BASIC.decode_reply(bytes.fromhex("2B 0E 01 81 FF 02 01 00 03 57 45 47"))
 
     assert (said.more_follows, said.next_object) == (True, 2)
-
-
-def test_an_empty_object_is_an_empty_text() -> None:
-    assert BASIC.decode_reply(reply("81 00 00 02 00 00 01 01 41")).objects == {0: "", 1: "A"}
-
-
-def test_an_object_that_runs_past_the_end_keeps_its_printable_characters() -> None:
-    said = BASIC.decode_reply(reply("81 00 00 01 01 14 53 53 57 2D 30 36"))
-
-    assert said.objects == {1: "SSW-06"}
-
-
-def test_the_next_object_begins_after_the_printable_characters() -> None:
-    said = BASIC.decode_reply(reply("81 00 00 02 01 14 53 53 57 02 05 56 31 2E 31 31"))
-
-    assert said.objects == {1: "SSW", 2: "V1.11"}
-
-
-def test_objects_that_are_announced_but_missing_are_left_out() -> None:
-    said = BASIC.decode_reply(reply("81 00 00 03 00 03 57 45 47 01"))
-
-    assert said.objects == {0: "WEG"}
-
-
-def test_space_and_tilde_are_the_outermost_printable_characters() -> None:
-    said = BASIC.decode_reply(reply("81 00 00 02 01 14 20 7E 7F 01 41"))
-
-    assert said.objects == {1: " ~", 0x7F: "A"}
-
-
-def test_an_object_without_any_printable_character_is_empty() -> None:
-    assert BASIC.decode_reply(reply("81 00 00 01 01 09")).objects == {1: ""}
 
 
 @pytest.mark.parametrize(
@@ -93,7 +77,7 @@ def test_an_object_without_any_printable_character_is_empty() -> None:
         "2C 0E 01 81 00 00 00",  # another function
         "AB 01",  # an exception
         "2B 0E 01 81 00 00 01 00 03 57 45 47 00",  # bytes after the last object
-        "2B 0E 01 81 00 00 01 01 09 00 00",  # what runs past the end is not even text
+        "2B 0E 01 81 00 00 01 01 09 00 00",  # an object that runs past the end is not even text
     ],
 )
 def test_what_is_no_identification_is_refused(pdu: str) -> None:
@@ -101,40 +85,19 @@ def test_what_is_no_identification_is_refused(pdu: str) -> None:
         BASIC.decode_reply(bytes.fromhex(pdu))
 
 
-def test_one_object_is_answered_with_that_object() -> None:
-    request = ReadDeviceIdentification(read_code=4, object_id=1)
+def test_one_object_is_answered_with_that_object_only() -> None:
+    one: Any = fc(43, 4, 1)
 
-    said = request.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 01 03 53 53 57"))
-
-    assert said.objects == {1: "SSW"}
-
-
-def test_one_object_is_not_answered_with_another() -> None:
-    request = ReadDeviceIdentification(read_code=4, object_id=1)
-
+    assert one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 01 03 53 53 57")).objects == {1: "SSW"}
     with pytest.raises(BadReplyError):
-        request.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 02 03 53 53 57"))
+        one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 02 03 53 53 57"))
 
 
-def test_a_reply_longer_than_a_pdu_is_not_encoded() -> None:
-    fits = DeviceIdentification(objects={0: "x" * 244})
-    too_long = DeviceIdentification(objects={0: "x" * 245})
+def test_a_simulated_unit_may_claim_any_conformity_but_no_reply_longer_than_a_pdu() -> None:
+    empty = BASIC.decode_reply(bytes.fromhex("2B 0E 01 81 00 00 00"))
+    full = type(empty)(objects={0: "x" * 244})
 
-    assert len(BASIC.encode_reply(fits)) == 253
+    assert BASIC.encode_reply(empty, conformity=0x51) == bytes.fromhex("2B 0E 01 51 00 00 00")
+    assert len(BASIC.encode_reply(full)) == 253
     with pytest.raises(ValueError, match="254 bytes"):
-        BASIC.encode_reply(too_long)
-
-
-def test_the_simulated_unit_may_claim_any_conformity() -> None:
-    pdu = BASIC.encode_reply(DeviceIdentification(objects={}), conformity=0x51)
-
-    assert pdu == reply("51 00 00 00")
-
-
-def test_a_wrong_length_that_happens_to_fit_the_reply_swallows_no_other_object() -> None:
-    text = b"SSW-06 100.0A"  # 13 characters, and the manual's length of 14h (ssw06-es 5.4.7)
-    tail = bytes((0, 3)) + b"WEG" + bytes((1, 0x14)) + text + bytes((2, 5)) + b"V1.60"
-
-    said = BASIC.decode_reply(reply("81 00 00 03") + tail)
-
-    assert said.objects == {0: "WEG", 1: "SSW-06 100.0A", 2: "V1.60"}
+        BASIC.encode_reply(type(empty)(objects={0: "x" * 245}))

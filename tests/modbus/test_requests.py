@@ -9,237 +9,161 @@ import pytest
 
 from gateway.errors import BadReplyError
 from gateway.modbus.pdu import Request, encode_exception, exception_code
-from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
-from gateway.modbus.writes import (
-    MaskWriteRegister,
-    ReadWriteRegisters,
-    WriteCoil,
-    WriteCoils,
-    WriteRegister,
-    WriteRegisters,
-)
+from tests.modbus.samples import MOST, fc, reply_of
 
-# How to build a request of `count` things from `address` on, and the most of them [APP 6].
+# How a request of `count` things from `address` on is built, and the most of them.
 COUNTED: list[Any] = [
-    pytest.param(ReadCoils, 2000, id="FC01"),
-    pytest.param(ReadDiscreteInputs, 2000, id="FC02"),
-    pytest.param(ReadHoldingRegisters, 125, id="FC03"),
-    pytest.param(ReadInputRegisters, 125, id="FC04"),
-    pytest.param(lambda address, count: WriteCoils(address, (True,) * count), 1968, id="FC15"),
-    pytest.param(lambda address, count: WriteRegisters(address, (7,) * count), 123, id="FC16"),
-    pytest.param(lambda address, count: ReadWriteRegisters(address, count, 0, (7,)), 125, id="FC23-read"),
-    pytest.param(
-        lambda address, count: ReadWriteRegisters(0, 1, address, (7,) * count), 121, id="FC23-write"
-    ),
+    *[(lambda address, count, f=f: fc(f, address, count), MOST[f]) for f in (1, 2, 3, 4)],
+    (lambda address, count: fc(15, address, (True,) * count), 1968),
+    (lambda address, count: fc(16, address, (7,) * count), 123),
+    (lambda address, count: fc(23, address, count, 0, (7,)), 125),
+    (lambda address, count: fc(23, 0, 1, address, (7,) * count), 121),
 ]
-Build = Callable[[int, int], Request]
-
-SINGLE: list[Any] = [
-    pytest.param(lambda address: WriteCoil(address, True), id="FC05"),
-    pytest.param(lambda address: WriteRegister(address, 1), id="FC06"),
-    pytest.param(lambda address: MaskWriteRegister(address, 1, 1), id="FC22"),
+REQUESTS: list[tuple[Any, Any]] = [  # a request, and what its reply may say
+    (fc(1, 0, 9), (True,) * 9),
+    (fc(2, 0, 8), (True,) * 8),
+    (fc(3, 0, 3), (7, 7, 7)),
+    (fc(4, 0, 3), (7, 7, 7)),
+    (fc(5, 1, True), None),
+    (fc(6, 1, 2), None),
+    (fc(15, 1, (True, False)), None),
+    (fc(16, 1, (2, 3)), None),
+    (fc(22, 1, 2, 3), None),
+    (fc(23, 1, 2, 3, (4,)), (7, 7)),
 ]
-
-REQUESTS: list[Any] = [
-    ReadCoils(0, 9),
-    ReadDiscreteInputs(0, 8),
-    ReadHoldingRegisters(0, 3),
-    ReadInputRegisters(0, 3),
-    WriteCoil(1, True),
-    WriteRegister(1, 2),
-    WriteCoils(1, (True, False)),
-    WriteRegisters(1, (2, 3)),
-    MaskWriteRegister(1, 2, 3),
-    ReadWriteRegisters(1, 2, 3, (4,)),
-]
-every_request = pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: type(request).__name__)
-
-
-def normal_reply(request: Any) -> bytes:
-    match request:
-        case ReadCoils() | ReadDiscreteInputs():
-            return request.encode_reply((True,) * request.count)
-        case ReadHoldingRegisters() | ReadInputRegisters():
-            return request.encode_reply((7,) * request.count)
-        case ReadWriteRegisters():
-            return request.encode_reply((7,) * request.read_count)
-        case _:
-            pdu: bytes = request.encode_reply()
-            return pdu
 
 
 @pytest.mark.parametrize(("build", "most"), COUNTED)
-def test_as_many_are_asked_for_as_the_specification_allows(build: Build, most: int) -> None:
-    request = build(0, most)
+def test_a_run_has_as_many_places_as_the_specification_allows_and_ends_at_the_last_address(
+    build: Callable[[int, int], Request], most: int
+) -> None:
+    request = build(0x10000 - most, most)
 
-    assert len(request.encode()) <= 253
-    assert (request.reply_size() or 0) <= 253
-
-
-@pytest.mark.parametrize(("build", "most"), COUNTED)
-def test_none_or_too_many_are_refused(build: Build, most: int) -> None:
+    assert max(len(request.encode()), request.reply_size() or 0) <= 253
     for count in (0, most + 1):
         with pytest.raises(ValueError, match=f"count {count} is not in"):
             build(0, count)
-
-
-@pytest.mark.parametrize(("build", "most"), COUNTED)
-def test_a_run_ends_at_the_last_address_at_the_latest(build: Build, most: int) -> None:
-    build(0x10000 - most, most)
-
     for address, count in ((0x10000 - most + 1, most), (0x10000, 1), (-1, 1)):
         with pytest.raises(ValueError, match="addresses"):
             build(address, count)
 
 
-@pytest.mark.parametrize("build", SINGLE)
-def test_a_single_address_is_one_that_exists(build: Callable[[int], Request]) -> None:
-    build(0xFFFF)
+@pytest.mark.parametrize(("function", "arguments"), [(5, (True,)), (6, (1,)), (22, (1, 1))])
+def test_a_single_address_is_one_that_exists(function: int, arguments: tuple[Any, ...]) -> None:
+    fc(function, 0xFFFF, *arguments)
 
     for address in (-1, 0x10000):
         with pytest.raises(ValueError, match="addresses"):
-            build(address)
+            fc(function, address, *arguments)
 
 
 @pytest.mark.parametrize("word", [-1, 0x10000])
 def test_a_number_that_fits_no_register_is_refused(word: int) -> None:
-    for build in (
-        lambda: WriteRegister(0, word),
-        lambda: WriteRegisters(0, (1, word)),
-        lambda: MaskWriteRegister(0, word, 0),
-        lambda: MaskWriteRegister(0, 0, word),
-        lambda: ReadWriteRegisters(0, 1, 0, (word,)),
-        lambda: ReadHoldingRegisters(0, 1).encode_reply((word,)),
+    for arguments in (
+        (6, 0, word),
+        (16, 0, (1, word)),
+        (22, 0, word, 0),
+        (22, 0, 0, word),
+        (23, 0, 1, 0, (word,)),
     ):
         with pytest.raises(ValueError, match="fit a register"):
-            build()
+            fc(*arguments)
+    with pytest.raises(ValueError, match="fit a register"):
+        reply_of(fc(3, 0, 1), (word,))
 
 
 def test_reads_and_writes_are_distinguished() -> None:
-    reads = {type(request).__name__ for request in REQUESTS if not request.is_write}
-
-    assert reads == {"ReadCoils", "ReadDiscreteInputs", "ReadHoldingRegisters", "ReadInputRegisters"}
-
-
-@every_request
-def test_a_request_is_a_value(request_: Any) -> None:
-    fields = (getattr(request_, name) for name in request_.__match_args__)
-
-    assert {request_} == {type(request_)(*fields)}
+    assert [request.function for request, _ in REQUESTS if not request.is_write] == [1, 2, 3, 4]
+    assert not fc(43).is_write
 
 
-@every_request
-def test_the_reply_has_the_length_that_was_foretold(request_: Any) -> None:
-    assert request_.reply_size() == len(normal_reply(request_))
-
-
-@every_request
-def test_a_reply_of_another_length_is_refused(request_: Any) -> None:
-    reply = normal_reply(request_)
-
-    for wrong in (b"", reply[:1], reply[:-1], reply + b"\x00"):
-        with pytest.raises(BadReplyError):
-            request_.decode_reply(wrong)
-
-
-@every_request
-def test_a_reply_of_another_function_is_refused(request_: Any) -> None:
-    reply = normal_reply(request_)
-
-    with pytest.raises(BadReplyError):
-        request_.decode_reply(bytes((reply[0] ^ 1,)) + reply[1:])
-
-
-@every_request
-def test_an_exception_is_no_normal_reply(request_: Any) -> None:
-    pdu = encode_exception(request_.function, 2)
-
-    assert exception_code(request_, pdu) == 2
-    with pytest.raises(BadReplyError):
-        request_.decode_reply(pdu)
-
-
-@every_request
-def test_only_its_own_exception_counts(request_: Any) -> None:
+@pytest.mark.parametrize(("request_", "value"), REQUESTS)
+def test_only_the_whole_reply_of_its_function_is_taken(request_: Any, value: Any) -> None:
+    reply = reply_of(request_, value)
     function = request_.function
 
-    for pdu in (b"", bytes((function | 0x80,)), bytes((function | 0x80, 2, 0)), bytes((function ^ 0x81, 2))):
+    assert request_.reply_size() == len(reply)
+    assert {request_} == {type(request_)(*(getattr(request_, name) for name in request_.__match_args__))}
+    for wrong in (b"", reply[:1], reply[:-1], reply + b"\x00", bytes((reply[0] ^ 1,)) + reply[1:]):
+        with pytest.raises(BadReplyError):
+            request_.decode_reply(wrong)
+    exception = encode_exception(function, 2)
+    assert exception_code(request_, exception) == 2
+    with pytest.raises(BadReplyError):
+        request_.decode_reply(exception)
+    for pdu in (b"", exception[:1], exception + b"\0", bytes((function ^ 0x81, 2)), reply):
         assert exception_code(request_, pdu) is None
-    assert exception_code(request_, normal_reply(request_)) is None
 
 
-@pytest.mark.parametrize("code", [4, 6])
-def test_the_exceptions_of_the_sst_are_decoded(code: int) -> None:
-    assert exception_code(ReadInputRegisters(0, 43), bytes((0x84, code))) == code
-
-
-@pytest.mark.parametrize(
-    "request_",
-    [request for request in REQUESTS if request.is_write and not isinstance(request, ReadWriteRegisters)],
-    ids=lambda request: type(request).__name__,
-)
+@pytest.mark.parametrize("request_", [request for request, value in REQUESTS if value is None])
 def test_an_acknowledgement_with_any_other_byte_is_refused(request_: Any) -> None:
-    reply = normal_reply(request_)
+    reply = reply_of(request_, None)
 
     for at in range(len(reply)):
         with pytest.raises(BadReplyError):
             request_.decode_reply(reply[:at] + bytes((reply[at] ^ 0x01,)) + reply[at + 1 :])
 
 
-def test_the_first_coil_is_the_lowest_bit() -> None:
-    request = ReadCoils(0, 10)
-
-    bits = request.decode_reply(bytes.fromhex("01 02 01 02"))
-
-    assert bits == (True, *(False,) * 8, True)
-
-
-def test_bits_that_fill_up_the_last_byte_are_ignored() -> None:
-    assert ReadCoils(0, 2).decode_reply(bytes.fromhex("01 01 FE")) == (False, True)
-
-
-def test_registers_come_high_byte_first() -> None:
-    assert ReadInputRegisters(13, 1).decode_reply(bytes.fromhex("04 02 00 FF")) == (0x00FF,)
+@pytest.mark.parametrize(
+    ("request_", "reply", "value"),
+    [
+        (fc(1, 0, 10), "01 02 01 02", (True, *(False,) * 8, True)),  # the first coil is the lowest bit
+        (fc(1, 0, 2), "01 01 FE", (False, True)),  # bits that fill up the last byte are ignored
+        (fc(4, 13, 1), "04 02 00 FF", (0x00FF,)),  # high byte first
+        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 03", None),  # acknowledged by their own quantity
+    ],
+)
+def test_a_reply_says(request_: Any, reply: str, value: Any) -> None:
+    assert request_.decode_reply(bytes.fromhex(reply)) == value
 
 
-def test_a_reply_that_counts_registers_instead_of_bytes_is_refused() -> None:
-    # The SST's description of FC04 is copied from FC01; only twice the quantity is taken (sst-intecma, FC04).
+@pytest.mark.parametrize(
+    ("request_", "reply"),
+    [  # the SST's description of FC04 is copied from FC01; only twice the quantity is taken
+        (fc(4, 0, 2), "04 02 00 01 00 02"),
+        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 06"),
+        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 02"),
+        (fc(16, 30, (1, 2, 3)), "10 00 1F 00 03"),
+    ],
+)
+def test_a_reply_that_counts_otherwise_is_refused(request_: Any, reply: str) -> None:
     with pytest.raises(BadReplyError):
-        ReadInputRegisters(0, 2).decode_reply(bytes.fromhex("04 02 00 01 00 02"))
+        request_.decode_reply(bytes.fromhex(reply))
 
 
-def test_written_registers_are_acknowledged_by_their_own_quantity_alone() -> None:
-    request = WriteRegisters(30, (1, 2, 3))
-
-    request.decode_reply(bytes.fromhex("10 00 1E 00 03"))
-
-    for wrong in ("10 00 1E 00 06", "10 00 1E 00 02", "10 00 1F 00 03", "10 00 1E 00 0C"):
-        with pytest.raises(BadReplyError):
-            request.decode_reply(bytes.fromhex(wrong))
+@pytest.mark.parametrize("code", [4, 6])
+def test_the_exceptions_of_the_sst_are_decoded(code: int) -> None:
+    assert exception_code(fc(4, 0, 43), bytes((0x84, code))) == code
 
 
-def test_a_mask_sets_clears_and_keeps_bits() -> None:
-    assert MaskWriteRegister(4, 0x00F2, 0x0025).apply(0x0012) == 0x0017  # the example of [APP 6.16]
-    assert MaskWriteRegister(4, 0xFFFF, 0xFFFF).apply(0x1234) == 0x1234
-    assert MaskWriteRegister(4, 0x0000, 0xABCD).apply(0x1234) == 0xABCD
+@pytest.mark.parametrize(
+    ("and_mask", "or_mask", "old", "new"),
+    [
+        (0x00F2, 0x0025, 0x0012, 0x0017),  # the example of [APP 6.16]
+        (0xFFFF, 0xFFFF, 0x1234, 0x1234),
+        (0x0000, 0xABCD, 0x1234, 0xABCD),
+    ],
+)
+def test_a_mask_sets_clears_and_keeps_bits(and_mask: int, or_mask: int, old: int, new: int) -> None:
+    assert fc(22, 4, and_mask, or_mask).apply(old) == new  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_a_simulated_unit_answers_exactly_as_many_as_were_asked_for(count: int) -> None:
-    with pytest.raises(ValueError, match=f"{count} bits for a request of 2"):
-        ReadCoils(0, 2).encode_reply((True,) * count)
-    with pytest.raises(ValueError, match=f"{count} words for a request of 2"):
-        ReadInputRegisters(0, 2).encode_reply((1,) * count)
-    with pytest.raises(ValueError, match=f"{count} words for a request of 2"):
-        ReadWriteRegisters(0, 2, 0, (1,)).encode_reply((1,) * count)
+@pytest.mark.parametrize("request_", [fc(1, 0, 2), fc(4, 0, 2), fc(23, 0, 2, 0, (1,))])
+def test_a_simulated_unit_answers_exactly_as_many_as_were_asked_for(request_: Any, count: int) -> None:
+    with pytest.raises(ValueError, match=f"{count} (bits|words) for a request of 2"):
+        reply_of(request_, (1,) * count)
 
 
-def test_a_refused_reply_is_shown_in_hex_and_cut_short() -> None:
-    with pytest.raises(BadReplyError, match=r"function 3: 04 02 00 01$"):
-        ReadHoldingRegisters(0, 1).decode_reply(bytes.fromhex("04 02 00 01"))
-    with pytest.raises(BadReplyError, match=r"function 3: nothing$"):
-        ReadHoldingRegisters(0, 1).decode_reply(b"")
-    with pytest.raises(BadReplyError, match=r"function 3: 00( 00){31}$"):
-        ReadHoldingRegisters(0, 1).decode_reply(bytes(32))
-    with pytest.raises(BadReplyError, match=r"function 3: (00 ){32}\.\.$"):
-        ReadHoldingRegisters(0, 1).decode_reply(bytes(33))
+@pytest.mark.parametrize(
+    ("reply", "shown"),
+    [
+        (bytes.fromhex("04 02 00 01"), "04 02 00 01"),
+        (b"", "nothing"),
+        (bytes(32), "00( 00){31}"),
+        (bytes(33), r"(00 ){32}\.\."),
+    ],
+)
+def test_a_refused_reply_is_shown_in_hex_and_cut_short(reply: bytes, shown: str) -> None:
+    with pytest.raises(BadReplyError, match=f"function 3: {shown}$"):
+        fc(3, 0, 1).decode_reply(reply)

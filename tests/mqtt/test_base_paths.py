@@ -8,20 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.cli.watch.overview import Overview
 from gateway.config.load import parse
 from gateway.errors import ConfigError
-from gateway.mqtt.contract.commands import CommandRequest, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment
-from gateway.mqtt.contract.payloads import GatewayInfo, Payloads
-from gateway.mqtt.contract.topics import CommandAddress, Topics
-from gateway.records import Quality, StateRecord, ValueRecord
+from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import changed
-from tests.mqtt.commands import NOW_S, TOKEN, intake
 
-LEVEL = st.from_regex(r"[a-z0-9_-]{1,12}", fullmatch=True)
-OURS = st.sampled_from(["gateway", "starter", "command", "result", "audit", "value", "status"])
-BASE = st.lists(LEVEL | OURS, min_size=1, max_size=24).map("/".join)
 ODD = st.text(st.characters(exclude_categories=["Cs"]) | st.sampled_from("/+#$ a{}A\u00e4\t"), max_size=24)
 
 
@@ -34,42 +25,6 @@ def accepted_base(base: str) -> str | None:
         return parse(changed(("[mqtt]", f"[mqtt]\nbase = {text}")), "site.toml").base
     except ConfigError as error:
         return None if "line 5: mqtt.base: " in str(error) else f"another mistake: {error}"
-
-
-@given(BASE)
-@settings(max_examples=50)
-def test_topics_of_any_depth_are_built_and_commands_are_read_back(base: str) -> None:
-    topics = Topics(base)
-    payloads = Payloads(topics, "run-1")
-    state = StateRecord("pump-1", "running", Quality.GOOD, NOW_S, 1)
-    value = ValueRecord("pump-1", "current", 12.0, "A", Quality.GOOD, NOW_S, 2)
-    sent = [
-        payloads.message(state),
-        payloads.message(value),
-        payloads.gateway_info(GatewayInfo("1", (), (), ())),
-    ]
-    sent += [payloads.status("online", time_s=NOW_S, since_s=NOW_S, reason=None), payloads.fresh("t", NOW_S)]
-
-    assert accepted_base(base) == base
-    assert all(message.topic.startswith(f"{base}/") for message in sent)
-    command = topics.command("pump-1", "alice", "start")
-    assert topics.parse_command(command) == CommandAddress("pump-1", "alice", "start")
-    judge = intake(topics).judge
-    payload = json.dumps({"id": "c1", "token": TOKEN}).encode()
-    assert isinstance(judge(Incoming(command, payload), Moment(7.0, NOW_S)), CommandRequest)
-    assert isinstance(judge(Incoming(f"{base}/command/x", b""), Moment(7.0, NOW_S)), Rejection)
-    assert [judge(Incoming(message.topic, b"{}"), Moment(7.0, NOW_S)) for message in sent] == [None] * 5
-
-    overview = Overview(base)
-    for message in sent:
-        overview.take(message.topic, message.payload, NOW_S)
-    (row,) = overview.rows()
-    assert (row.gateway, row.name, row.state, row.readings["current"].value) == (
-        base,
-        "pump-1",
-        "running",
-        12.0,
-    )
 
 
 @given(ODD)

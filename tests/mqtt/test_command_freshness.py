@@ -11,33 +11,6 @@ from gateway.records import rfc3339
 from gateway.starters.policy.request import CommandRequest
 from tests.mqtt.commands import NOW, NOW_S, TOKEN, UNSYNCHRONISED, command, fresh, judge, refusal
 
-
-@pytest.mark.parametrize(
-    "issued_at",
-    [
-        NOW,
-        "2026-11-21T01:02:03.000000001z",
-        "2026-11-21t02:02:03+01:00",
-        "2026-11-20 21:02:03-04:00",
-        "2026-11-21T01:01:58Z",
-        "2026-11-21T01:02:05Z",
-    ],
-)
-def test_a_command_issued_within_its_time_to_live_is_fresh(issued_at: str) -> None:
-    assert isinstance(judge(command({"id": "c1", "issued_at": issued_at})), CommandRequest)
-
-
-@pytest.mark.parametrize(("ttl_s", "code"), [(60, None), (29.5, "expired"), (None, "expired")])
-def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | None) -> None:
-    fields: dict[str, object] = {"id": "c1", "issued_at": rfc3339(NOW_S - 30.0)}
-    if ttl_s is not None:
-        fields["ttl_s"] = ttl_s
-
-    judged = judge(command(fields))
-
-    assert getattr(judged, "code", None) == code
-
-
 WITHOUT_BRIDGE = 'or, without a bridge, give the operator freshness = "token"'
 AGAIN = "read B/gateway/fresh and send it again with a new id"
 HELD_UP = "it was held up on its way; decide again, then send again"
@@ -129,24 +102,6 @@ def test_an_operator_of_issued_at_alone_is_never_advised_to_send_a_token(fields:
     assert theirs.text == f"this operator's commands need issued_at; send it; {WITHOUT_BRIDGE}"
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"token": TOKEN},
-        {"token": TOKEN, "issued_at": "2026-11-22T00:00:00Z"},  # the sender's clock is ahead
-        {"token": "another", "issued_at": NOW},
-    ],
-)
-def test_one_proof_of_freshness_is_enough(fields: dict[str, object]) -> None:
-    assert isinstance(judge(command({"id": "c1", **fields})), CommandRequest)
-
-
-def test_the_right_token_does_not_save_a_command_whose_time_has_run_out() -> None:
-    fields = {"id": "c1", "token": TOKEN, "boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"}
-
-    assert refusal(command(fields)).code == "expired"
-
-
 def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:
     assert refusal(command(fresh(), expiry_s=0)).code == "expired"
     assert isinstance(judge(command(fresh(), expiry_s=1)), CommandRequest)
@@ -175,12 +130,3 @@ def test_no_stale_or_retained_start_is_ever_accepted(
     judged = judge(command(fields, is_retained=is_retained))
 
     assert isinstance(judged, Rejection)
-
-
-@given(age_s=st.floats(-1.999, 59.999), is_retained=st.booleans())
-def test_a_fresh_start_is_accepted_unless_it_is_retained(age_s: float, *, is_retained: bool) -> None:
-    fields = {"id": "c1", "ttl_s": 60, "issued_at": rfc3339(NOW_S - age_s)}
-
-    judged = judge(command(fields, is_retained=is_retained))
-
-    assert isinstance(judged, Rejection if is_retained else CommandRequest)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.commands import Incoming, Rejection
+from gateway.mqtt.contract.commands import Incoming
 from gateway.starters.policy.request import CommandRequest
 from tests.mqtt.commands import NOW, START, command, fresh, judge, refusal
 
@@ -44,10 +44,6 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
     )
 
 
-def test_what_is_no_command_topic_is_no_command() -> None:
-    assert judge(command(fresh(), topic="b/commands/pump-1/alice/start")) is None
-
-
 @pytest.mark.parametrize(
     ("topic", "starter", "client"),
     [("pump-1/alice/START", "pump-1", "alice"), ("pump-1/alice", "", ""), ("pump-1/Alice/start", "", "")],
@@ -73,26 +69,6 @@ def test_a_response_topic_elsewhere_is_ignored() -> None:
     assert judged.response_topic is None
 
 
-@pytest.mark.parametrize(
-    "payload",
-    [
-        b"",
-        b"stop please",
-        b"\xff\xfe",
-        b"{",
-        b"[]",
-        b'{"id": 7, "args": 3, "operator": "", "reason": "\\n", "surprise": 1}',
-        b'{"id": "' + b"x" * 65 + b'"}',
-        b"x" * 5000,
-        b'{"issued_at": "1999-01-01T00:00:00Z", "boot": "another"}',
-    ],
-)
-def test_a_stop_needs_nothing_but_its_topic(payload: bytes) -> None:
-    assert judge(Incoming(STOP, payload), clock_is_synchronised=False) == CommandRequest(
-        "pump-1", "alice", "stop", received_s=7.0
-    )
-
-
 def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
     incoming = command(
         {"id": "s1", "operator": "Ana", "reason": "smoke", "args": {"a": 1}, "b": 2}, topic=STOP
@@ -100,46 +76,6 @@ def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
 
     assert judge(incoming) == CommandRequest(
         "pump-1", "alice", "stop", id="s1", operator="Ana", reason="smoke", received_s=7.0
-    )
-
-
-def test_an_old_message_may_still_be_a_stop() -> None:
-    assert isinstance(judge(Incoming(STOP, b"", expiry_s=0)), CommandRequest)
-
-
-@pytest.mark.parametrize("is_live", [False, True])
-@pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
-def test_a_retained_command_is_never_acted_on_but_a_stop_that_was_sent_just_now(
-    verb: str, is_live: bool
-) -> None:
-    topic = f"b/command/pump-1/alice/{verb}"
-    incoming = command(fresh(), topic=topic, is_retained=True, is_live=is_live)
-
-    if verb == "stop" and is_live:
-        assert isinstance(judge(incoming), CommandRequest)
-    else:
-        assert refusal(incoming).code == "retained"
-
-
-def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> None:
-    incoming = command(
-        {"id": "c1", "operator": "Ana", "args": {"value": 3}, "surprise": 1}, correlation=b"42"
-    )
-
-    rejection = refusal(incoming)
-
-    assert rejection == Rejection(
-        CommandRequest(
-            starter="pump-1",
-            client="alice",
-            verb="start",
-            id="c1",
-            operator="Ana",
-            args={"value": 3},
-            correlation=b"42",
-        ),
-        code="bad_payload",
-        text="surprise is no known key",
     )
 
 
@@ -200,11 +136,6 @@ def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(
 )
 def test_a_field_of_the_wrong_form_is_refused(fields: dict[str, object]) -> None:
     assert refusal(command(fresh(**fields))).code == "bad_payload"
-
-
-@pytest.mark.parametrize("fields", [{}, {"id": None}])
-def test_every_command_but_stop_needs_an_id(fields: dict[str, object]) -> None:
-    assert refusal(command({"boot": "boot-1", **fields})).code == "no_id"
 
 
 @given(

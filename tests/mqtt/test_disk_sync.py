@@ -38,49 +38,6 @@ def test_what_is_acknowledged_at_once_never_goes_to_the_disk(tmp_path: Path) -> 
     run_virtually(main())
 
 
-def test_what_a_killed_run_could_not_send_the_next_one_sends_as_it_was_and_in_order(tmp_path: Path) -> None:
-    async def main() -> None:
-        first = await SpoolRun(tmp_path, "1").begin()
-        first.put(event(1), result(2), event(3), *(value(number) for number in range(10, 15)))
-        await asyncio.sleep(2 * BATCH_S)
-        first.kill()
-
-        second = await SpoolRun(tmp_path, "2").begin()
-        second.put(event(4))
-        second.connect()
-        await asyncio.sleep(2.0)
-
-        assert second.texts("event") == ["4", "1", "3"]  # news does not wait for what is old
-        assert second.texts("result") == ["2"]
-        assert second.items(boot="1") == [10, 11, 12, 13, 14]
-        assert second.outbox.is_idle
-        second.kill()
-        assert on_disk(tmp_path) == []
-
-    run_virtually(main())
-
-
-def test_what_was_acknowledged_is_not_sent_again_after_a_kill(tmp_path: Path) -> None:
-    async def main() -> None:
-        first = await SpoolRun(tmp_path, "1").begin()
-        first.put(event(1), event(2), value(3), value(4))
-        await asyncio.sleep(2 * BATCH_S)
-        first.connect()
-        await asyncio.sleep(2.0)
-        first.put(event(5))
-        first.disconnect()
-        first.kill()
-
-        second = await SpoolRun(tmp_path, "2").begin()
-        second.connect()
-        await asyncio.sleep(2.0)
-
-        assert second.reported == []
-        second.kill()
-
-    run_virtually(main())
-
-
 def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_reported_once_without_one(
     tmp_path: Path,
 ) -> None:
@@ -101,24 +58,6 @@ def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_reported_once
         await asyncio.sleep(2.0)
 
         assert second.texts() == ['p/history={"boot":"1","items":[4]}']
-        second.kill()
-
-    run_virtually(main())
-
-
-def test_an_orderly_end_leaves_what_could_not_be_sent_to_the_next_run(tmp_path: Path) -> None:
-    async def main() -> None:
-        first = await SpoolRun(tmp_path, "1").begin()
-        first.acknowledges = False
-        first.connect(window=2)
-        first.put(event(1), value(2), result(3))
-        await first.end()
-
-        second = await SpoolRun(tmp_path, "2").begin()
-        second.connect()
-        await asyncio.sleep(2.0)
-
-        assert second.texts() == ["event=1", "result=3", 'p/history={"boot":"1","items":[2]}']
         second.kill()
 
     run_virtually(main())
@@ -172,29 +111,6 @@ def test_a_long_backlog_of_events_comes_in_order_page_by_page(tmp_path: Path) ->
     run_virtually(main())
 
 
-def test_a_connection_that_breaks_over_and_over_only_repeats(tmp_path: Path) -> None:
-    async def main() -> None:
-        run = await SpoolRun(tmp_path, "1").begin()
-        for number in range(3000):
-            run.put(event(number), value(number))
-        await asyncio.sleep(2.0)
-        for _ in range(60):
-            run.connect()
-            await asyncio.sleep(0.13)
-            run.disconnect()
-            await asyncio.sleep(0.05)
-        run.connect()
-        await asyncio.sleep(20.0)
-
-        assert list(dict.fromkeys(run.texts("event"))) == [str(number) for number in range(3000)]
-        assert list(dict.fromkeys(run.items())) == list(range(2999))
-        assert run.outbox.is_idle
-        run.kill()
-        assert on_disk(tmp_path) == []
-
-    run_virtually(main())
-
-
 @pytest.mark.parametrize("is_reported_before", [True, False])
 def test_a_final_result_that_the_ledger_wants_reported_again_is_reported_once(
     tmp_path: Path, is_reported_before: bool
@@ -216,25 +132,6 @@ def test_a_final_result_that_the_ledger_wants_reported_again_is_reported_once(
         called: list[int] = []
         second.disk_sync.when_recalled(lambda: called.append(1))
         assert called == [1]
-        second.kill()
-
-    run_virtually(main())
-
-
-def test_times_of_earlier_runs_count_for_the_statistics(tmp_path: Path) -> None:
-    async def main() -> None:
-        first = await SpoolRun(tmp_path, "1").begin()
-        first.put(event(1), value(2), value(3))
-        await asyncio.sleep(1.0)
-        first.kill()
-        await asyncio.sleep(100.0)
-
-        second = await SpoolRun(tmp_path, "2").begin()
-
-        statistics = second.outbox.statistics(second.clock.now_s())
-        assert statistics["depth"] == 3
-        assert statistics["oldest_s"] == pytest.approx(101.3, abs=0.5)
-        assert statistics["bytes"] > 600
         second.kill()
 
     run_virtually(main())

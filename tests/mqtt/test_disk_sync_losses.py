@@ -10,7 +10,7 @@ import pytest
 from gateway.mqtt.outbox.backlog import WINDOWS
 from gateway.mqtt.outbox.disk_sync import BATCH_S
 from gateway.mqtt.outbox.segment import Segment
-from tests.mqtt.spooling import InlineStore, SpoolRun, event, on_disk, result, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, result, value
 from tests.virtual_time import run_virtually
 
 
@@ -102,52 +102,6 @@ def test_the_file_stays_below_its_bound_in_bytes_and_the_oldest_values_go(tmp_pa
         assert items == list(range(4999 - len(items), 4999))
         assert len(run.texts("event")) == 100
         run.kill()
-
-    run_virtually(main())
-
-
-def test_losses_that_go_on_are_summed_up(tmp_path: Path) -> None:
-    async def main() -> None:
-        run = await SpoolRun(tmp_path, "1", most_rows=100).begin()
-        run.connect(window=1)
-        run.acknowledges = False
-        run.put(event(0))
-        for number in range(1000):
-            run.put(value(number))
-            await asyncio.sleep(0.25)
-
-        assert 3 <= run.codes().count("gap") <= 6
-        run.kill()
-
-    run_virtually(main())
-
-
-def test_what_the_broker_refuses_is_set_aside_and_reported_once(tmp_path: Path) -> None:
-    async def main() -> None:
-        run = await SpoolRun(tmp_path, "1").begin()
-        run.put(event(0))
-        await asyncio.sleep(2 * BATCH_S)
-        run.refuses = lambda message: message.topic == "b/event"
-        run.connect()
-        for number in range(1, 150):
-            run.put(event(number), result(number))
-            await asyncio.sleep(0.1)
-        run.disconnect()
-        run.connect()
-        await asyncio.sleep(1.0)
-
-        assert len(run.texts("event")) == 150
-        assert run.codes() == ["publish_refused"]
-        assert run.outbox.statistics(0.0)["refused"] == 150
-        await asyncio.sleep(3600.0)
-        run.put(event(150))
-        await asyncio.sleep(1.0)
-        assert run.codes() == ["publish_refused"] * 2
-        assert run.events[1][1] == {"count": 148, "topic": "b/event", "reason_code": 0x87}
-        run.kill()
-        assert on_disk(tmp_path) == []
-        refused = on_disk(tmp_path, "reason_code, topic, payload", "refused")
-        assert refused == [(0x87, "b/event", str(number).encode()) for number in range(51, 151)]
 
     run_virtually(main())
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from pathlib import Path
 
 import pytest
@@ -138,23 +137,3 @@ def test_who_waits_for_the_disk_is_allowed_to_go_on_without_it(tmp_path: Path) -
         run.kill()
 
     run_virtually(main())
-
-
-def test_an_end_without_a_disk_is_an_end(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    async def main() -> None:
-        place = tmp_path / "state"
-        place.write_text("in the way")
-        run = await SpoolRun(place, "1").begin()
-        run.put(event(1))
-        began_s = run.loop.time()
-        await run.end()
-        assert run.loop.time() == began_s
-
-        failing = await SpoolRun(tmp_path, "2").begin()
-        failing.store.is_failing = True
-        failing.put(event(1))
-        await failing.end()
-
-    with caplog.at_level(logging.WARNING):
-        run_virtually(main())
-    assert [record.levelname for record in caplog.records] == ["WARNING"]

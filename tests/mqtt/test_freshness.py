@@ -9,9 +9,8 @@ import pytest
 
 from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import MAX_TTL_S, Moment, RunToken, Tokens
-from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord, rfc3339
+from gateway.records import rfc3339
 from gateway.starters.policy.request import CommandRequest
 
 NOW_S = 1_795_222_923.0
@@ -52,21 +51,6 @@ def issued(at_s: float) -> dict[str, Any]:
     return {"issued_at": rfc3339(NOW_S + at_s)}
 
 
-def test_the_token_of_the_first_connection_is_the_name_of_the_run() -> None:
-    assert RunToken("run").token == "run"
-
-
-def test_a_lost_connection_takes_its_token_along() -> None:
-    boot = RunToken("run")
-    tokens = set()
-    for _ in range(3):
-        boot.connected(1.0)
-        tokens.add(boot.token)
-        boot.disconnected()
-
-    assert len({*tokens, boot.token}) == 4
-
-
 def test_a_connection_is_as_old_as_when_it_was_first_reported() -> None:
     boot = RunToken("run")
     boot.connected(1.0)
@@ -87,17 +71,6 @@ def test_attempts_to_connect_that_fail_leave_the_token_as_it_is() -> None:
     assert boot.token == token
 
 
-@pytest.mark.parametrize("verb", ["start", "read"])
-def test_a_command_with_the_boot_of_an_earlier_connection_is_refused(verb: str) -> None:
-    desk = Desk()
-    boot = desk.boot.token
-    desk.boot.disconnected()
-    desk.boot.connected(105.0)
-
-    assert desk.judge({"boot": boot, **desk.token(109.0), **issued(109.0)}, verb=verb) == "wrong_boot"
-    assert isinstance(desk.judge({"boot": desk.boot.token, **desk.token(109.0)}, verb=verb), CommandRequest)
-
-
 def test_a_command_perhaps_issued_before_the_connection_is_refused_although_it_is_fresh() -> None:
     """Its sender's clock may be 2 s ahead: what it calls a moment after the connection was before it."""
     desk = Desk()
@@ -113,17 +86,6 @@ def test_the_right_token_outweighs_a_senders_clock_that_is_behind() -> None:
     judged = desk.judge({**issued(99.0), **desk.token(100.5)}, at_s=101.0)
 
     assert isinstance(judged, CommandRequest)
-
-
-def test_nothing_is_before_a_connection_that_has_not_been_reported() -> None:
-    assert not RunToken("run").is_before_connection(0.0)
-
-
-def test_without_a_synchronised_clock_only_the_token_proves_anything() -> None:
-    desk = Desk()
-
-    assert desk.judge(issued(110.0), is_synchronised=False) == "not_fresh"
-    assert isinstance(desk.judge(desk.token(109.0), is_synchronised=False), CommandRequest)
 
 
 @pytest.mark.parametrize(
@@ -170,11 +132,6 @@ def test_a_start_that_its_way_held_up_for_longer_than_it_is_valid_is_never_taken
         assert stalled_s > MAX_TTL_S or set(verdicts) == {"expired"}
 
 
-def test_the_boot_names_a_connection_and_proves_nothing() -> None:
-    assert Desk().judge({"boot": "run"}) == "not_fresh"
-    assert Desk().judge({"boot": "another"}) == "wrong_boot"
-
-
 @pytest.mark.parametrize(
     ("fields", "verdict"),
     [({}, None), ({"boot": "run"}, None), ({"token": "guessed"}, None), (issued(104.0), "expired")],
@@ -187,57 +144,6 @@ def test_a_read_needs_no_proof_but_is_refused_once_its_own_time_has_run_out(
     assert judged == verdict if verdict is not None else isinstance(judged, CommandRequest)
 
 
-@pytest.mark.parametrize(
-    ("freshness", "proof", "verdict"),
-    [
-        (("token",), "token", None),
-        (("token",), "issued_at", None),
-        (("token",), "boot", "not_fresh"),
-        (("issued_at",), "token", "not_fresh"),
-        (("issued_at",), "issued_at", None),
-        (("issued_at",), "boot", "not_fresh"),
-        (("issued_at", "token"), "token", None),  # two entries of one operator give the right
-    ],
-)
-def test_an_operators_setting_says_what_is_enough(
-    freshness: tuple[str, ...], proof: str, verdict: str | None
-) -> None:
-    desk = Desk()
-    desk.freshness = freshness
-    fields = {"token": desk.token(109.0), "issued_at": issued(109.0), "boot": {"boot": "run"}}[proof]
-
-    judged = desk.judge(fields)
-
-    assert judged == verdict if verdict is not None else isinstance(judged, CommandRequest)
-
-
-@pytest.mark.parametrize("event", ["lost connection", "standstill"])
-def test_tokens_of_before_a_lost_connection_or_a_suspension_prove_nothing(event: str) -> None:
-    desk = Desk()
-    before = desk.token(109.5)
-    if event == "standstill":
-        desk.boot.stood_still(109.9)
-    else:
-        desk.boot.disconnected()
-        desk.boot.connected(109.9)
-
-    assert desk.judge(before) == "not_fresh"
-    assert isinstance(desk.judge(desk.token(110.0)), CommandRequest)
-
-
-def test_a_token_that_was_never_made_proves_nothing() -> None:
-    desk = Desk()
-
-    assert desk.judge({"token": "guessed", "boot": "run"}) == "not_fresh"
-    assert isinstance(desk.judge({"token": "guessed", **issued(109.0)}), CommandRequest)
-
-
-def test_an_expired_token_is_saved_by_no_other_proof() -> None:
-    desk = Desk()
-
-    assert desk.judge({**desk.token(104.0), **issued(109.0), "boot": "run"}) == "expired"
-
-
 def test_a_token_cannot_be_guessed_and_is_remembered_for_a_minute_only() -> None:
     tokens = Tokens(RunToken("run"))
     made = [tokens.issue(float(second)) for second in range(300)]
@@ -247,65 +153,3 @@ def test_a_token_cannot_be_guessed_and_is_remembered_for_a_minute_only() -> None
     assert tokens.made_s(made[-1]) == 299.0
     assert tokens.made_s(made[238]) == 238.0
     assert tokens.made_s(made[237]) is None
-
-
-def test_the_token_is_published_with_its_time_retained_and_without_acknowledgement() -> None:
-    message = Payloads(TOPICS, "run").fresh("abc", NOW_S)
-
-    assert (message.topic, message.qos, message.retain) == ("b/gateway/fresh", 0, True)
-    assert json.loads(message.payload) == {"token": "abc", "time": rfc3339(NOW_S)}
-
-
-def test_what_is_expected_and_selected_is_passed_on() -> None:
-    desk = Desk()
-
-    judged = desk.judge({**desk.token(109.0), "expect": {"state": "ready", "remote": True}, "select": "ab12"})
-
-    assert isinstance(judged, CommandRequest)
-    assert judged.expect == {"state": "ready", "remote": True}
-    assert judged.select == "ab12"
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"expect": "ready"},
-        {"expect": {"state": None}},
-        {"expect": {"state": ["ready"]}},
-        {"expect": {"": 1}},
-        {"expect": {str(number): 1 for number in range(17)}},
-        {"select": ""},
-        {"select": 7},
-    ],
-)
-def test_an_expectation_or_selection_of_another_shape_is_refused(fields: dict[str, Any]) -> None:
-    assert Desk().judge({"boot": "run", **fields}) == "bad_payload"
-
-
-def test_the_status_reports_the_token_and_the_run_and_events_the_run() -> None:
-    boot = RunToken("run")
-    payloads = Payloads(TOPICS, boot)
-    boot.connected(1.0)
-    boot.disconnected()
-
-    status = json.loads(payloads.status("online", time_s=None, since_s=None, reason=None).payload)
-    event = payloads.message(EventRecord("pump-1", "started", Severity.INFO, "it starts", NOW_S, 7))
-
-    assert (status["boot"], status["run"]) == ("run-2", "run")
-    assert json.loads(event.payload)["boot"] == "run"
-
-
-def test_a_state_reports_by_whom_and_why_the_starter_is_locked() -> None:
-    lock = LockRecord("alice", NOW_S, "belt is off", "Alice A.")
-    locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, lock=lock)
-    free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1)
-    payloads = Payloads(TOPICS, "run")
-
-    assert json.loads(payloads.message(locked).payload)["locked"] == {
-        "by": "alice",
-        "operator": "Alice A.",
-        "since": rfc3339(NOW_S),
-        "reason": "belt is off",
-        "notice": "replaces no physical lock",
-    }
-    assert json.loads(payloads.message(free).payload)["locked"] is None

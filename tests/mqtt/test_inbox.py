@@ -45,15 +45,6 @@ class Desk:
 
 
 @virtually
-async def test_a_command_on_a_calm_gateway_is_taken_as_it_arrives() -> None:
-    desk = Desk()
-
-    desk.put("start")
-
-    assert [(at_s, received_s) for at_s, received_s, *_ in desk.taken] == [(0.0, 0.0)]
-
-
-@virtually
 async def test_a_stop_passes_everything_that_waits_to_be_parsed() -> None:
     desk = Desk()
     for number in range(MOST):

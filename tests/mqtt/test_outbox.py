@@ -18,39 +18,6 @@ from tests.mqtt.outboxes import (
 )
 
 
-def test_nothing_is_sent_without_a_connection() -> None:
-    box = outbox()
-
-    box.put(latest("a", "1"), 0.0)
-    box.put(event("1"), 0.0)
-
-    assert box.take() is None
-    assert not box.is_idle
-
-
-def test_a_connection_receives_every_retained_topic_then_the_status_then_the_rest_in_order() -> None:
-    box = outbox()
-    box.put(latest(STATUS, "online"), 0.0)
-    box.put(event("1"), 0.0)
-    box.put(latest("a", "1"), 0.0)
-    box.put(latest("a", "2"), 0.0)
-    box.put(result("1"), 0.0)
-    box.put(latest("b", "1", qos=0), 0.0)
-
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["a=2", "b=1", f"{STATUS}=online", "e=1", "r=1"]
-
-
-def test_a_connection_without_a_status_yet_works_too() -> None:
-    box = outbox()
-    box.put(latest("a", "1"), 0.0)
-
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["a=1"]
-
-
 def test_news_during_the_opening_does_not_come_before_the_status() -> None:
     box = outbox()
     box.put(latest(STATUS, "starting"), 0.0)
@@ -66,17 +33,6 @@ def test_news_during_the_opening_does_not_come_before_the_status() -> None:
     assert texts([first, *take_all(box)]) == ["a=1", f"{STATUS}=online", "e=1", "b=1"]
 
 
-def test_only_the_newest_of_a_retained_topic_is_sent() -> None:
-    box = outbox()
-    box.connected(WIDE)
-
-    for number in range(3):
-        box.put(latest("a", str(number)), 0.0)
-
-    assert texts(take_all(box)) == ["a=2"]
-    assert box.take() is None
-
-
 def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box = outbox()
     box.connected(WIDE)
@@ -86,54 +42,6 @@ def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box.put(event("2"), 0.0)
 
     assert texts(take_all(box)) == ["e=1", "r=1", "e=2", "a=1"]
-
-
-def test_the_window_holds_until_an_acknowledgement() -> None:
-    box = outbox()
-    box.connected(2)
-    for number in range(3):
-        box.put(event(str(number)), 0.0)
-
-    taken = take_all(box)
-    assert texts(taken) == ["e=0", "e=1"]
-
-    box.acked(taken[0].ticket, 0)
-    assert texts(take_all(box)) == ["e=2"]
-
-
-def test_qos_0_takes_no_place_in_the_window() -> None:
-    box = outbox()
-    box.connected(1)
-    for topic in "abc":
-        box.put(latest(topic, "1", qos=0), 0.0)
-
-    assert texts(take_all(box)) == ["a=1", "b=1", "c=1"]
-    assert box.is_idle
-
-
-def test_qos_0_news_without_a_connection_is_no_backlog() -> None:
-    box = outbox()
-
-    box.put(latest("a", "1", qos=0), 0.0)
-
-    assert box.is_idle
-    box.connected(WIDE)
-    assert texts(take_all(box)) == ["a=1"]
-
-
-def test_what_was_not_acknowledged_is_sent_again_in_its_old_order() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    for number in range(4):
-        box.put(event(str(number)), 0.0)
-    taken = take_all(box)
-    box.acked(taken[1].ticket, 0)
-
-    box.disconnected()
-    box.put(event("4"), 0.0)
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["e=0", "e=2", "e=3", "e=4"]
 
 
 def test_an_acknowledgement_of_an_earlier_connection_is_ignored() -> None:
@@ -162,23 +70,6 @@ def test_a_refusal_is_set_aside_and_counted_and_not_sent_again() -> None:
     assert box.refused == 1
     assert list(box.refusals) == [("e", 0x87)]
     assert box.is_idle
-
-
-def test_a_forgotten_branch_is_cleared_once() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    for topic in ("s/p/state", "s/p/value/a", "s/p2/state"):
-        box.put(latest(topic, "1"), 0.0)
-    acknowledge(box, take_all(box))
-
-    box.forget(["s/p"], 0.0)
-    taken = take_all(box)
-    acknowledge(box, taken)
-
-    assert texts(taken) == ["s/p/state=", "s/p/value/a="]
-    box.disconnected()
-    box.connected(WIDE)
-    assert texts(take_all(box)) == ["s/p2/state=1"]
 
 
 def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> None:

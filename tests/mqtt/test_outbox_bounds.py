@@ -3,7 +3,6 @@ from __future__ import annotations
 import pytest
 
 from tests.mqtt.outboxes import (
-    WIDE,
     acknowledge,
     event,
     latest,
@@ -31,21 +30,6 @@ def test_a_message_beyond_all_bounds_is_dropped_and_leaves_nothing_behind() -> N
     assert box.dropped == 1
     assert box.is_idle
     assert box.statistics(0.0)["bytes"] == 0
-
-
-def test_what_is_in_flight_is_not_dropped() -> None:
-    box = outbox(max_bytes=3000)
-    box.connected(WIDE)
-    box.put(event("x" * 1000), 0.0)
-    box.put(event("x" * 1000), 0.0)
-    taken = take_all(box)
-
-    box.put(event("y" * 1000), 0.0)
-
-    assert box.dropped == 1
-    box.disconnected()
-    box.connected(WIDE)
-    assert [again.message for again in take_all(box)] == [sent.message for sent in taken]
 
 
 def test_the_statistics_report_how_much_waits_and_since_when() -> None:
@@ -76,19 +60,6 @@ def test_the_statistics_report_how_much_waits_and_since_when() -> None:
     while not box.is_idle:
         acknowledge(box, take_all(box))
     assert box.statistics(15.0)["bytes"] == 0
-
-
-def test_news_that_the_window_keeps_back_counts_too() -> None:
-    box = outbox()
-    box.connected(1)
-    box.put(event("1"), 0.0)
-    (taken,) = take_all(box)
-    box.put(latest("a", "12345"), 3.0)
-    box.acked(taken.ticket, 0)
-
-    statistics = box.statistics(4.0)
-
-    assert (statistics["depth"], statistics["oldest_s"], statistics["bytes"]) == (1, 1.0, 20 + 1 + 5 + 200)
 
 
 @pytest.mark.parametrize("window", [1, 3])

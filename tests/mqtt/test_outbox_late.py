@@ -17,88 +17,12 @@ from tests.mqtt.outboxes import (
 )
 
 
-def test_values_overtaken_without_a_connection_are_reported_in_batches_after_everything_else() -> None:
-    box = outbox()
-    for number in range(1, 303):
-        box.put(value(number), 0.0)
-    for number in range(3):
-        box.put(value(number, starter="q"), 0.0)
-    box.put(event("1"), 0.0)
-
-    box.connected(WIDE)
-    taken = take_all(box)
-
-    assert texts(taken)[:3] == ["v/p=302", "v/q=2", "e=1"]
-    assert [outgoing.message.topic for outgoing in taken[3:]] == ["h/p", "h/p", "h/q"]
-    batches = [outgoing.message.payload.decode().split(",") for outgoing in taken[3:]]
-    assert batches == [
-        [str(number) for number in range(1, 201)],
-        [str(number) for number in range(201, 302)],
-        ["0", "1"],
-    ]
-
-
-def test_a_value_that_was_acknowledged_is_not_reported_again_as_history() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(value(1), 0.0)
-    acknowledge(box, take_all(box))
-
-    box.disconnected()
-    box.connected(WIDE)
-    box.put(value(2), 0.0)
-
-    assert texts(take_all(box)) == ["v/p=2"]
-    assert box.take() is None
-
-
 def test_a_value_in_flight_when_the_connection_broke_is_reported_as_history_if_it_was_overtaken() -> None:
     box = outbox()
     box.connected(WIDE)
     box.put(value(1), 0.0)
     take_all(box)
     box.put(value(2), 0.0)
-    take_all(box)
-
-    box.disconnected()
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["v/p=2", "h/p=1"]
-
-
-def test_a_value_in_flight_when_the_connection_broke_counts_as_unsent() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(value(1), 0.0)
-    take_all(box)
-
-    box.disconnected()
-    box.put(value(2), 0.0)
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["v/p=2", "h/p=1"]
-
-
-def test_a_repetition_for_a_new_connection_is_no_news_when_that_one_breaks_too() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(value(1), 0.0)
-    acknowledge(box, take_all(box))
-    box.disconnected()
-    box.connected(WIDE)
-    take_all(box)
-
-    box.disconnected()
-
-    assert box.is_idle
-    assert box.statistics(5.0)["depth"] == 0
-
-
-def test_history_that_was_not_acknowledged_is_sent_again() -> None:
-    box = outbox()
-    box.put(value(1), 0.0)
-    box.put(value(2), 0.0)
-    box.connected(WIDE)
     take_all(box)
 
     box.disconnected()
@@ -142,22 +66,6 @@ def test_values_reported_late_wait_until_they_are_granted() -> None:
     box.grant_history(250)
     second, third = take_all(box)
     assert [len(sent.message.payload.split(b",")) for sent in (first, second, third)] == [100, 200, 1]
-
-
-def test_a_newest_value_that_waits_for_a_connection_is_stored_as_well_until_it_is_reported() -> None:
-    box = outbox()
-    box.put(value(1), 3.0)
-    rows, _, since_s = box.backlog.waiting()
-    assert (rows, since_s) == (1, 3.0)
-    assert box.statistics(5.0)["depth"] == 1
-
-    box.connected(WIDE)
-    taken = take_all(box)
-    assert texts(taken) == ["v/p=1"]
-    assert not box.backlog.is_empty
-
-    acknowledge(box, taken)
-    assert box.is_idle
 
 
 def test_a_newest_value_that_waited_and_was_overtaken_on_its_way_is_reported_once() -> None:

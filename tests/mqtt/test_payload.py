@@ -10,7 +10,7 @@ from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared, late_value
+from gateway.mqtt.contract.payloads import Message, Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import (
     AlarmRecord,
@@ -29,7 +29,6 @@ from gateway.records import (
     TripRecord,
     ValueRecord,
 )
-from gateway.starters.policy.rights import Operator
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.description import info_of
 
@@ -209,23 +208,6 @@ def test_results_are_the_last_to_be_dropped() -> None:
     assert not payloads().message(RESULT).is_droppable
 
 
-def test_a_value_brings_its_history_item_along() -> None:
-    message = payloads().message(VALUE)
-
-    late = late_value(message)
-
-    assert message.is_value
-    assert late.topic == "b/starter/pump-1/history"
-    assert late.item == f'{{"point":"current","value":12.0,"quality":"good","time":{AT},"seq":4711}}'.encode()
-
-
-def test_history_is_a_batch_of_items() -> None:
-    message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'], "boot-0")
-
-    assert text(message) == '{"boot":"boot-0","items":[{"seq":1},{"seq":2}]}'
-    assert (message.qos, message.retain, message.is_queued, message.is_droppable) == (1, False, True, True)
-
-
 def test_a_record_with_an_impossible_name_is_a_value_error() -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         payloads().message(LineRecord("Pump Hall", {}))
@@ -234,54 +216,6 @@ def test_a_record_with_an_impossible_name_is_a_value_error() -> None:
 def test_what_is_no_record_at_all_is_a_bug() -> None:
     with pytest.raises(AssertionError):
         payloads().message(object())  # type: ignore[arg-type]  # on purpose
-
-
-def test_the_status_reports_which_run_of_the_gateway_speaks() -> None:
-    message = payloads().status("online", time_s=T, since_s=T - 1, reason=None)
-
-    assert message.topic == "b/gateway/status"
-    assert (message.qos, message.retain) == (1, True)
-    assert text(message) == (
-        f'{{"state":"online","time":{AT},"boot":"boot-1","since":"2026-11-21T01:02:02.456Z","reason":null,'
-        '"run":"boot-1"}'
-    )
-
-
-def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> None:
-    info = GatewayInfo(
-        version="0.1.0",
-        starters=("pump-1",),
-        lines=("pumps",),
-        operators=(Operator("alice", ("start", "stop"), ("pump-*",)),),
-    )
-
-    message = payloads().gateway_info(info)
-
-    assert (message.topic, message.qos, message.retain) == ("b/gateway/info", 1, True)
-    assert json.loads(message.payload) == {
-        "product": "starter-gateway",
-        "version": "0.1.0",
-        "contract": 1,
-        "boot": "boot-1",
-        "mqtt_version": None,
-        "starters": ["pump-1"],
-        "lines": ["pumps"],
-        "operators": [
-            {"client": "alice", "may": ["start", "stop"], "starters": ["pump-*"], "freshness": "token"}
-        ],
-        "notice": "not a safety function",
-    }
-
-
-def test_the_outbox_statistics_are_only_the_latest() -> None:
-    message = payloads().outbox({"depth": 1, "oldest_s": 2.0})
-
-    assert (message.topic, message.qos, message.retain) == ("b/gateway/outbox", 0, True)
-    assert text(message) == '{"depth":1,"oldest_s":2.0}'
-
-
-def test_an_empty_retained_payload_clears_a_topic() -> None:
-    assert cleared("b/x") == Message("b/x", b"", qos=1, retain=True)
 
 
 def test_the_packet_size_counts_everything_that_grows() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
-from gateway.system.backoff import Backoff
+from gateway.system.rate_limits import Backoff
 
 
 def test_the_pauses_double_to_their_ceiling() -> None:

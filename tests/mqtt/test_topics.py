@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, is_level, to_level
+from gateway.mqtt.contract.topics import Malformed, Topics, is_level, to_level
 
 
 def all_payload_topics(topics: Topics) -> list[str]:
@@ -45,20 +45,10 @@ def test_the_topics_are_those_of_the_contract() -> None:
     ]
 
 
-def test_the_base_may_be_a_path_of_a_unified_namespace() -> None:
-    assert Topics("acme/north/pumping/gw1").audit == "acme/north/pumping/gw1/audit"
-
-
 @pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])
 def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         Topics(base)
-
-
-def test_no_topic_that_carries_a_payload_is_a_prefix_of_another() -> None:
-    topics = [f"{topic}/" for topic in all_payload_topics(Topics("b"))]
-
-    assert not [(one, other) for one in topics for other in topics if one != other and other.startswith(one)]
 
 
 def test_the_events_without_a_starter_are_the_gateways_own() -> None:
@@ -71,15 +61,6 @@ def test_the_events_without_a_starter_are_the_gateways_own() -> None:
 def test_a_name_that_is_no_level_makes_no_topic(name: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         Topics("b").state(name)
-
-
-def test_every_command_topic_matches_the_filter_and_is_read_back() -> None:
-    topics = Topics("acme/gw1")
-    topic = topics.command("pump-1", "alice", "local_remote")
-
-    assert topics.command_filter == "acme/gw1/command/#"
-    assert topic.startswith(topics.command_filter.removesuffix("#"))
-    assert topics.parse_command(topic) == CommandAddress("pump-1", "alice", "local_remote")
 
 
 @pytest.mark.parametrize(

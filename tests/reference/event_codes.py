@@ -36,6 +36,7 @@ _BUS = {
 }
 _CHANGE = {"from": "the state before", "to": "the state now"}
 _RUN = {"run_s": "how long the motor was on, s; only after a start that was seen"}
+_BEFORE = {"before": "a list of {seconds_before, values}: the points that were good, the oldest first"}
 _ALARM = {
     "alarm": "code of the fault or alarm, in lower case as in its topic",
     "severity": "fault or alarm",
@@ -59,9 +60,12 @@ _IDENTITY = {
 EVENTS: Mapping[str, Mapping[str, Event]] = {
     "Motors": {
         "started": Event(
-            (INFO,), "The motor was started: from remote, from local, or at the starter.", _NOTHING, _CHANGE
+            (INFO,),
+            "The motor was started: from remote, from local, or at the starter.",
+            _NOTHING,
+            {**_CHANGE, **_BEFORE},
         ),
-        "stopped": Event((INFO,), "The motor has stopped.", _NOTHING, {**_CHANGE, **_RUN}),
+        "stopped": Event((INFO,), "The motor has stopped.", _NOTHING, {**_CHANGE, **_RUN, **_BEFORE}),
         "fault": Event(
             (ERROR,),
             "The starter has a fault; `before` holds the values of the seconds before it.",
@@ -72,7 +76,7 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
                 "alarm": "code of the first fault, in lower case as in its topic",
                 "severity": "fault",
                 "faults": "a list of {code, text, count}: all that came together",
-                "before": "a list of {seconds_before, values}: the points that were good, the oldest first",
+                **_BEFORE,
             },
         ),
         "alarm": Event(

@@ -41,7 +41,11 @@ MADE_BY: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("starters/telemetry/transitions.py", "_as_data"),
     ),
     "stopping": (("app/restart.py", "announcement"),),
-    "stopped": (("starters/telemetry/transitions.py", "_duration"),),
+    "started": (("starters/telemetry/status.py", "_values_before"),),
+    "stopped": (
+        ("starters/telemetry/status.py", "_values_before"),
+        ("starters/telemetry/transitions.py", "_duration"),
+    ),
     "unlocked": (("starters/commands/local_verbs.py", "act"),),
 }
 NOT_EVENTS = {"AlarmRecord", "Alarm", "_alarm"}  # they have code and severity too

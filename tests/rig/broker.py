@@ -151,13 +151,16 @@ class Connection:
         """Learn that the broker has ended the connection: with this code, or LOST without any word."""
         raise NotImplementedError
 
-    def accept(self, subscription: Subscription, handling: int) -> int:
-        """Subscribe and return the code of the SUBACK."""
+    def accept(self, subscription: Subscription, handling: int, suback: Callable[[int], object]) -> int:
+        """Subscribe, give the SUBACK its code, then send what is retained; return the code."""
         broker = self.broker
         if broker.is_denied(self.name, subscription.pattern, "read"):
-            return NOT_AUTHORIZED if self.version == 5 else 0x80
+            code = NOT_AUTHORIZED if self.version == 5 else 0x80
+            suback(code)
+            return code
         is_new = subscription.pattern not in self.subscriptions
         self.subscriptions[subscription.pattern] = subscription
+        suback(subscription.qos)
         if handling == 0 or (handling == 1 and is_new):
             for message in broker.retained_now():
                 if matches(subscription.pattern, message.topic):
@@ -179,7 +182,7 @@ class RigClient(Connection):
     def lose(self, code: int) -> None: ...
 
     def subscribe(self, pattern: str, *, handling: int = 0) -> int:
-        return self.accept(Subscription(pattern, retain_as_published=True), handling)
+        return self.accept(Subscription(pattern, retain_as_published=True), handling, lambda _: None)
 
     def publish(self, topic: str, payload: Any = b"", **properties: Any) -> int:
         """Publish bytes, a text, or what becomes JSON; return the broker's reason code."""
@@ -341,8 +344,11 @@ class PahoConnection(Connection):
             self._acknowledge(lambda: self.client.on_publish(self.client, None, mid, said, None))
 
     def subscribe(self, mid: int, subscription: Subscription, handling: int) -> None:
-        code = ReasonCode(PacketTypes.SUBACK, identifier=self.accept(subscription, handling))
-        self._deliver(lambda: self.client.on_subscribe(self.client, None, mid, [code], None))
+        def suback(code: int) -> None:
+            said = ReasonCode(PacketTypes.SUBACK, identifier=code)
+            self._deliver(lambda: self.client.on_subscribe(self.client, None, mid, [said], None))
+
+        self.accept(subscription, handling, suback)
 
     def disconnect(self, with_will: bool) -> None:
         self.broker.leave(self, with_will=with_will)

@@ -64,11 +64,16 @@ class Starter:
     def set_word(self, code: str, value: int | None) -> None:
         """Answer a row (`VB01`, `R19`, `COIL9`, `holding 5001`) with this word; None: as it is by itself."""
         place = _PLACE.fullmatch(code)
-        key = (TABLES[place[1]], int(place[2])) if place else places(self.unit.family)[code.upper()]
-        if value is None:
-            self.words.pop(key, None)
-        else:
-            self.words[key] = value & 0xFFFF
+        rows = {} if place else places(self.unit.family)
+        found = {(TABLES[place[1]], int(place[2])): value} if place else {rows[code.upper()]: value}
+        for bit in range(16):  # the bits of VB01 are coils too
+            if f"{code.upper()}.{bit}" in rows:
+                found[rows[f"{code.upper()}.{bit}"]] = None if value is None else value >> bit & 1
+        for key, word in found.items():
+            if word is None:
+                self.words.pop(key, None)
+            else:
+                self.words[key] = word & 0xFFFF
 
     @property
     def writes(self) -> list[tuple[float, str]]:

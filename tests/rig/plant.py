@@ -7,6 +7,7 @@ import contextlib
 import io
 import json
 import logging
+import os
 import signal
 import tempfile
 import textwrap
@@ -113,6 +114,7 @@ class RigPlant:
 
     def __enter__(self) -> RigPlant:
         try:
+            self._stack.callback(os.umask, os.umask(0o022))  # a gateway keeps its files to its owner
             self._stack.enter_context(self.world.entered())
             self._stack.enter_context(installed(lambda h, p: self.brokers.get((h, p), self.broker)))
             self._stack.enter_context(patch.object(gateway.app.io, "MACHINE", self._outside))

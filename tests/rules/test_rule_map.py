@@ -41,6 +41,18 @@ def test_every_test_that_the_map_names_exists() -> None:
     assert missing == []
 
 
+def test_every_table_that_the_map_names_for_a_rule_has_a_row_of_it() -> None:
+    tables = [
+        (number, file)
+        for number, cell in rows().items()
+        for file, name in NAMED.findall(cell)
+        if name.endswith(("_keeps_the_rules_of_its_manual", "_keeps_the_times_of_the_manuals"))
+    ]
+
+    assert len(tables) > 60
+    assert [each for each in tables if each[0] not in (TESTS / each[1]).read_text(encoding="utf-8")] == []
+
+
 def test_the_page_counts_its_rules_rightly() -> None:
     tested = sum(bool(NAMED.search(cell)) for cell in rows().values())
 

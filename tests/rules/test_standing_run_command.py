@@ -170,31 +170,6 @@ def test_without_run_0_these_simulated_starters_would_start(family: str) -> None
     assert actor.unit.motor.is_turning
 
 
-@pytest.mark.parametrize(
-    ("family", "verb", "args"),
-    [
-        (family, verb, args)
-        for family in WEG
-        for verb, args in [
-            ("general_enable", ON),
-            ("local_remote", TO_LOCAL),
-            ("direction", {"value": "reverse"}),
-            ("set", {"parameter": SOURCES[family][0][0], "value": SOURCES[family][0][1]}),
-        ]
-    ],
-)
-def test_a_motor_that_runs_is_not_stopped_by_run_0_but_the_command_refused(
-    family: str, verb: str, args: dict[str, Any]
-) -> None:
-    actor = Actor(family)
-    actor.act("start")
-
-    done = actor.act(verb, args)
-
-    assert (done.end, done.written) == ("motor_running", [])
-    assert actor.unit.is_started
-
-
 class Deaf(Ssw07):
     """An SSW-07 that ignores every command of a source that is not active, a stop included (4.2.2)."""
 
@@ -221,14 +196,3 @@ def test_a_run_command_that_was_deaf_to_the_first_run_0_is_taken_back_at_once() 
     assert done.end in ("confirmed", "unconfirmed")
     assert not unit.motor.is_turning
     assert RAW_START["ssw07"].encode().hex() not in done.written
-
-
-def test_a_starter_that_refuses_run_0_gets_nothing_else() -> None:
-    actor = Actor("ssw07", is_command_refused=True, settings={P_REMOTE_SOURCE: 0})
-    actor.unit.trip(3)
-
-    done = actor.act("reset")
-
-    assert done.end == "refused"
-    assert done.written == ["0500640000"]
-    assert actor.unit.is_fault

@@ -8,14 +8,14 @@ import math
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.records import EventRecord, Phase, RecordWriter
+from gateway.records import RecordWriter
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings
-from gateway.starters.policy.write_budget import HOUR_S, MOST_PER_HOUR, WriteBudget
+from gateway.starters.policy.write_budget import HOUR_S, WriteBudget
 from tests.starters.fakes import RecordingSink
 from tests.starters.plant import FakeMemory
-from tests.starters.rig import CommandRig, virtually
+from tests.starters.rig import virtually
 from tests.virtual_time import VirtualClock
 
 P313, P314 = 313, 314
@@ -99,22 +99,6 @@ def precautions(memory: FakeMemory, sink: RecordingSink) -> Policy:
 
 
 @virtually
-async def test_the_total_is_published_in_an_event_and_outlives_the_gateway() -> None:
-    memory, sink = FakeMemory(), RecordingSink()
-
-    precautions(memory, sink).write_budget.take("pump", 3, now_s=0.0)
-    await asyncio.sleep(1.0)
-    precautions(memory, sink).write_budget.take("pump", 1, now_s=0.0)
-    await asyncio.sleep(1.0)
-
-    assert [(event.starter, event.code, event.data["total"]) for event in sink.of(EventRecord)] == [
-        ("pump", "memory_written", 3),
-        ("pump", "memory_written", 4),
-    ]
-    assert memory.document == {"writes": {"pump": 4}}
-
-
-@virtually
 async def test_damaged_counts_are_put_aside_and_begin_again() -> None:
     memory, sink = FakeMemory({"writes": 7}), RecordingSink()
 
@@ -123,95 +107,3 @@ async def test_damaged_counts_are_put_aside_and_begin_again() -> None:
     assert begun.write_budget.total("pump") == 0
     assert memory.set_asides == 1
     assert sink.events() == ["memory_damaged"]
-
-
-async def ready(family: str = "ssw07") -> CommandRig:
-    rig = CommandRig(family)
-    await rig.online()
-    rig.unit.holding.update({P313: 0, P314: 0})
-    return rig
-
-
-@virtually
-async def test_a_program_that_sets_to_and_fro_is_stopped_by_the_limit() -> None:
-    rig = await ready()
-
-    for count in range(MOST_PER_HOUR + 1):
-        rig.submit("set", id_=f"c{count}", args={"parameter": "P314", "value": 1 + count % 2})
-        await asyncio.sleep(2.0)
-
-    ends = [(end.phase, end.code) for end in map(rig.sink.final, ("c0", f"c{MOST_PER_HOUR}"))]
-    assert ends == [(Phase.CONFIRMED, "ok"), (Phase.REJECTED, "wear_limit")]
-    assert len(rig.line.writes) == MOST_PER_HOUR
-
-
-@virtually
-async def test_a_start_and_a_stop_do_not_count() -> None:
-    rig = await ready()
-
-    for count in range(MOST_PER_HOUR):
-        rig.submit("set", id_=f"c{count}", args={"parameter": "P314", "value": 1 + count % 2})
-        await asyncio.sleep(2.0)
-    rig.submit("start", id_="go")
-    await asyncio.sleep(5.0)
-    rig.submit("stop", id_="halt")
-    await asyncio.sleep(5.0)
-
-    assert [rig.sink.final(id_).phase for id_ in ("go", "halt")] == [Phase.CONFIRMED, Phase.CONFIRMED]
-
-
-@virtually
-async def test_several_rows_are_reported_each_with_value_unit_label_and_raw_words() -> None:
-    rig = await ready()
-
-    rig.submit("set", id_="s", args={"parameters": {"P314": 30, "P313": 1}})
-    await asyncio.sleep(2.0)
-    rig.submit("read", id_="r", args={"parameters": ["P314", "P313"]})
-    await asyncio.sleep(2.0)
-
-    values = {
-        "P314": {"value": 30.0, "unit": "s", "label": None, "raw": [30]},
-        "P313": {
-            "value": 1,
-            "unit": "",
-            "label": rig.sink.final("s").values["values"]["P313"]["label"],
-            "raw": [1],
-        },
-    }
-    assert rig.sink.final("s").values == {"values": values}
-    assert rig.sink.final("r").values == {"values": values}
-    assert values["P313"]["label"]
-    assert len(rig.line.writes) == 1
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-@virtually
-async def test_what_a_result_does_not_prove_stands_in_its_text(family: str) -> None:
-    rig = await ready(family)
-    rig.unit.holding.update({277: 3, 5008: 0})
-
-    rig.submit("output", id_="o", args={"output": "RL1", "value": True})
-    await asyncio.sleep(5.0)
-
-    end = rig.sink.final("o")
-    assert (end.phase, end.values["parameter"], end.values["raw"]) == (Phase.CONFIRMED, "VB08", [1])
-    assert "only if P277 (relay RL1 function) is set to Serial, which reads 3" in end.text
-    rig.submit("output", id_="again", args={"output": "RL1", "value": True})
-    await asyncio.sleep(5.0)
-    assert rig.sink.final("again").code == "unchanged"
-    assert "P277" in rig.sink.final("again").text
-
-
-@virtually
-async def test_an_output_that_does_not_follow_is_unconfirmed_and_says_what_it_needs() -> None:
-    rig = await ready()
-    rig.unit.holding.update({277: 3, 5008: 0})
-    rig.unit.on_write = lambda request: rig.unit.holding.update({5008: 0})
-
-    rig.submit("output", id_="o", args={"output": "RL1", "value": True})
-    await asyncio.sleep(5.0)
-
-    end = rig.sink.final("o")
-    assert (end.phase, end.code) == (Phase.UNCONFIRMED, "not_followed")
-    assert "turning" not in end.text
-    assert "P277" in end.text

@@ -16,7 +16,6 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister, WriteRegisters
-from gateway.sim.core.power import MotorState
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
 from tests.rules.acting import Actor
@@ -50,18 +49,6 @@ def start_requests(family: str) -> list[Request]:
 
 
 @pytest.mark.parametrize("family", ["ssw07", "ssw900"])
-def test_x_02_a_reset_leaves_all_other_commands_as_they_are(family: str) -> None:
-    actor = Actor(family)
-    actor.act("direction", {"value": "reverse"})
-    actor.unit.trip(3)
-
-    assert actor.act("reset").end == "confirmed"
-
-    points = actor.points(actor.read(prepared_status(actor)))
-    assert (points["general_enabled"], points["remote"], points["reverse"]) == (True, True, True)
-
-
-@pytest.mark.parametrize("family", ["ssw07", "ssw900"])
 def test_x_02_a_start_and_a_stop_leave_all_other_commands_as_they_are(family: str) -> None:
     actor = Actor(family)
     actor.act("direction", {"value": "reverse"})
@@ -76,30 +63,6 @@ def test_x_02_a_start_and_a_stop_leave_all_other_commands_as_they_are(family: st
 
 def prepared_status(actor: Actor) -> Any:
     return prepare(actor.profile, actor.variant, "start", {}).reads
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-def test_x_03_a_start_that_is_answered_and_not_carried_out_is_not_confirmed(family: str) -> None:
-    actor = Actor(family, settings={630: 60})  # no start within 60 s of a stop
-    actor.unit.motor.standstill_s = 1.0
-
-    done = actor.act("start")
-
-    assert (done.end, len(done.written)) == ("unconfirmed", 1)
-
-
-def test_x_03_a_start_for_a_source_that_is_not_active_is_not_confirmed() -> None:
-    actor = Actor("ssw900", settings={230: 0})  # C3.3: the keys of the HMI
-
-    assert actor.act("start").end == "unconfirmed"
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_x_04_a_start_is_written_once(family: str) -> None:
-    actor = Actor(family)
-
-    assert actor.act("start").end == "confirmed"
-    assert len(actor.unit.start_frames) == 1
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -127,9 +90,8 @@ COMMANDS = {  # what a starter takes for commands: the X-05 of the list
 
 
 @pytest.mark.parametrize(("family", "code"), [(f, code) for f, codes in COMMANDS.items() for code in codes])
-@pytest.mark.parametrize("value", [0, 1, 0x0101])
-def test_x_05_set_writes_no_command(family: str, code: str, value: int) -> None:
-    done = Actor(family).act("set", {"parameter": code, "value": value})
+def test_x_05_set_writes_no_command(family: str, code: str) -> None:
+    done = Actor(family).act("set", {"parameter": code, "value": 1})
 
     assert (done.end, done.written) == ("not_writable", [])
 
@@ -157,13 +119,6 @@ def test_x_06_the_silence_after_a_reset_of_an_ssw06_is_expected(
     assert steps[-1].is_silence_expected is restarts
 
 
-def test_x_06_a_restart_that_swallows_the_answer_is_waited_out() -> None:
-    actor = Actor("ssw06", answers_before_restart=False, restart_s=8.0)
-    actor.unit.trip(3)
-
-    assert actor.act("reset").end == "confirmed"
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_x_08_no_verb_names_a_unit_and_none_is_a_broadcast(family: str) -> None:
     assert all(
@@ -183,15 +138,6 @@ def test_x_09_a_32_bit_value_is_read_with_its_two_registers_in_one_request() -> 
         assert row.address + 2 <= block.address + count
 
 
-def test_x_10_values_are_checked_before_and_only_differences_are_written() -> None:
-    actor = Actor("sst")
-
-    assert actor.act("configure", {"R41": 0x0130}).end == "out_of_range"
-    run_off, enter, leave = "0500000000", "050001ff00", "0500010000"
-    assert actor.act("configure", {"R41": 30}).written == [run_off, enter, "060029001e", leave]
-    assert actor.act("configure", {"R41": 30}).written == [run_off, enter, leave]
-
-
 @pytest.mark.parametrize("baud", [19200, 38400, 57600])
 def test_x_11_frames_are_at_least_2_005_ms_apart(baud: int) -> None:
     assert LineTiming(baud, Framing.parse("8E1")).silence_s >= 0.002005
@@ -202,15 +148,3 @@ def test_x_11_a_write_of_many_registers_is_given_its_time_for_each(family: str, 
     setup = StarterSetup("pump", "line", 1, profile=load_profile(family), variant=Variant())
 
     assert setup.response_time_of(WriteRegisters(313, (0,) * 10)) >= 10 * each_s
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_x_04_a_stop_may_be_repeated(family: str) -> None:
-    actor = Actor(family)
-    actor.act("start")
-    actor.talk.wait(10.0)
-
-    ends = [actor.act("stop", seen=actor.rows).end for _ in range(3)]
-
-    assert ends == ["confirmed"] * 3
-    assert actor.unit.motor.state is not MotorState.BYPASS

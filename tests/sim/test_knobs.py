@@ -1,40 +1,27 @@
-"""What a hand at a simulated starter does, by words."""
+"""What a hand at a simulated starter, its motor and its supply does, by words."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import pytest
 
 from gateway.errors import UsageError
 from gateway.families.profile.load import FAMILIES
 from gateway.sim.controls import KNOBS, set_knob
-from gateway.sim.core.unit import SimulatedUnit
-from gateway.sim.factory import make_unit
-from gateway.sim.sst.unit import Sst
-from gateway.sim.ssw900.unit import Ssw900
-from gateway.sim.weg.common import Commanded
-from gateway.sim.weg.ssw06 import Ssw06
-from tests.rules.acting import RAW_START
+from tests.sim.script import play, rules, step
 from tests.sim.wire import Talk
 
-
-def make(family: str, **options: Any) -> SimulatedUnit:
-    unit = make_unit(family, 1, **options)
-    unit.advance(0.0)
-    return unit
-
-
-def running(family: str) -> SimulatedUnit:
-    talk = Talk(make_unit(family, 1))
-    talk.pdu(RAW_START[family])
-    talk.wait(1.0)
-    assert talk.unit.motor.is_turned_on
-    return talk.unit
-
-
-def has_fault(unit: SimulatedUnit) -> bool:
-    return bool(unit.errors) if isinstance(unit, Sst) else isinstance(unit, Commanded) and unit.is_fault
+RESET = {  # how the fault is read, and its codes for overload, phase loss and undervoltage
+    "ssw06": ("VB01 & 8000h = 8000h", "VB01 & 8000h = 8000h", "E05", "E74", "E02"),
+    "ssw07": ("P014 = 74", "P014 = 2", "E05", "E74", "E02"),
+    "ssw900": ("90 = 74", "90 = 2", "F005", "F074", "F002"),
+    "sst": ("coil 17 = 1", "coil 14 = 1", "COIL13", "COIL17", "COIL14"),
+}
+AT_SPEED = {
+    "ssw06": "VB01 & 20h = 20h",
+    "ssw07": "VB01 & 20h = 20h",
+    "ssw900": "680 & 20h = 20h",
+    "sst": "R19 = 2",
+}
 
 
 @pytest.mark.parametrize(
@@ -52,92 +39,112 @@ def has_fault(unit: SimulatedUnit) -> bool:
 def test_a_starter_trips_with_the_code_that_is_asked_for_and_its_motor_coasts(
     family: str, setting: str, code: str
 ) -> None:
-    unit = running(family)
+    talk = play(family, "run")
 
-    said = set_knob(unit, "trip", setting)
-
-    assert said == f"tripped: {code}"
-    assert unit.trips[-1].code == code
-    assert has_fault(unit)
-    assert not unit.motor.is_turned_on
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_fault_is_cleared_at_the_starter_itself(family: str) -> None:
-    unit = make(family)
-    set_knob(unit, "trip", "")
-
-    set_knob(unit, "clear", "")
-
-    assert not has_fault(unit)
+    assert set_knob(talk.unit, "trip", setting) == f"tripped: {code}"
+    assert talk.unit.trips[-1].code == code
+    assert not talk.unit.motor.is_turned_on
+    set_knob(talk.unit, "clear", "")
+    step(talk, "see errors" if family == "sst" else "see is_fault False")
 
 
-def test_alarms_come_and_go_where_the_family_has_them() -> None:
-    mill, fan = make("ssw900"), make("ssw06")
-    assert isinstance(mill, Ssw900)
-    assert isinstance(fan, Ssw06)
+BY_HAND = [
+    *rules("ssw900", {"an alarm of its number": "alarm A063; see alarms 63; clear; see alarms"}),
+    *rules("ssw06", {"an alarm bit": "alarm; see is_alarm True; clear; see is_alarm False"}),
+    *rules(
+        "ssw06", {"local and back": "control local; see is_remote False; control remote; see is_remote True"}
+    ),
+    *rules(
+        "sst",
+        {
+            "by its inputs": "control local; see control parallel; keypad start; see motor.is_turned_on True"
+            "; keypad stop; see motor.is_turned_on False; control remote; see control modbus"
+        },
+    ),
+    *[
+        row
+        for family in FAMILIES
+        for row in rules(
+            family,
+            {
+                f"supplies of an {family}": "power off; see is_powered False; power on; see is_powered True"
+                "; mains off; see motor.is_mains_present False; mains on; see motor.is_mains_present True",
+                f"a lost phase of an {family}": "run; 10 s; phase s; 5 s; see motor.is_turned_on False; "
+                + RESET[family][0],
+                f"a deep dip of an {family}": "run; 10 s; voltage 70 2.5; 5 s; " + RESET[family][1],
+                f"wear of an {family}": "wear 2.5; run; 20 s; see motor.friction_pct 2.5; load 50"
+                "; see motor.friction_pct 2.5",
+                f"an {family} at speed": "start; 30 s; " + AT_SPEED[family],
+            },
+        )
+    ],
+    *[
+        row
+        for family in ("ssw06", "ssw07")
+        for row in rules(
+            family,
+            {f"three phases of an {family}": "VB01 = 4102h; phase r; VB01 = 102h; phase on; VB01 = 4102h"},
+        )
+    ],
+    *rules("ssw07", {"the thermal level, of 250 %": "run; 10 s; thermal 60; P050 = 150"}),
+    *rules("ssw900", {"the thermal level, of 100.0 %": "run; 10 s; thermal 60; 50 = 600"}),
+]
 
-    assert set_knob(mill, "alarm", "A063") == "alarm A063"
-    set_knob(fan, "alarm", "")
-    assert (mill.alarms, fan.is_alarm) == ([63], True)
 
-    set_knob(mill, "clear", "")
-    set_knob(fan, "clear", "")
-    assert (mill.alarms, fan.is_alarm) == ([], False)
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900"])
-def test_a_weg_starter_goes_local_and_back(family: str) -> None:
-    unit = make(family)
-    assert isinstance(unit, Commanded)
-
-    set_knob(unit, "control", "local")
-    is_local = not unit.is_remote
-    set_knob(unit, "control", "remote")
-
-    assert is_local
-    assert unit.is_remote
-
-
-def test_an_sst_goes_over_to_its_inputs_where_it_is_started_and_stopped_by_hand() -> None:
-    unit = make("sst")
-    assert isinstance(unit, Sst)
-
-    set_knob(unit, "control", "local")
-    assert unit.control == "parallel"
-    set_knob(unit, "keypad", "start")
-    assert unit.motor.is_turned_on
-    set_knob(unit, "keypad", "stop")
-    assert not unit.motor.is_turned_on
-    set_knob(unit, "control", "remote")
-    assert unit.control == "modbus"
-
-
-def test_the_keypad_of_a_weg_starter_counts_in_local_control_only() -> None:
-    unit = make("ssw07")
-
-    set_knob(unit, "keypad", "start")
-    assert not unit.motor.is_turned_on
-    set_knob(unit, "control", "local")
-    set_knob(unit, "keypad", "start")
-    assert unit.motor.is_turned_on
-    set_knob(unit, "keypad", "stop")
-    assert not unit.motor.is_turned_on
+@pytest.mark.parametrize(("family", "script"), BY_HAND)
+def test_a_hand_is_seen_at_the_starter_and_over_the_line(family: str, script: str) -> None:
+    play(family, script)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_both_supplies_can_be_switched(family: str) -> None:
-    unit = make(family)
+def test_a_trip_of_the_motor_has_the_code_of_the_family(family: str) -> None:
+    for cause, code in zip(
+        ("load 130; thermal 99; 120 s", "phase s; 5 s", "voltage 70 2.5; 5 s"), RESET[family][2:], strict=True
+    ):
+        talk = play(family, f"run; 10 s; {cause}")
+        assert [trip.code for trip in talk.unit.trips] == [code]
 
-    set_knob(unit, "power", "off")
-    assert not unit.is_powered
-    set_knob(unit, "power", "on")
-    set_knob(unit, "mains", "off")
 
-    assert unit.is_powered
-    assert not unit.motor.is_mains_present
-    set_knob(unit, "mains", "on")
-    assert unit.motor.is_mains_present
+@pytest.mark.parametrize("family", FAMILIES)
+def test_worn_motors_start_more_slowly_as_read_over_the_line(family: str) -> None:
+    def start_s(friction: str) -> float:
+        talk = play(family, f"friction {friction}; start")
+        while not is_so(talk, AT_SPEED[family]):
+            talk.wait(0.02)
+        return talk.now_s
+
+    ramp_s = play(family, "power on").unit.motor.data.ramp_up_s
+    assert start_s("50") - start_s("0") == pytest.approx(0.5 * ramp_s, abs=0.05)
+
+
+def is_so(talk: Talk, line: str) -> bool:
+    try:
+        step(talk, line)
+    except AssertionError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("knob", "setting", "said"),
+    [
+        ("phase", "s", "phase S is lost"),
+        ("phase", "on", "all phases are there"),
+        ("voltage", "70 2.5", "line voltage 70 % for 2.5 s"),
+        ("voltage", "85", "line voltage 85 %"),
+        ("thermal", "99", "thermal level 99 %"),
+        ("wear", "2.5", "friction grows by 2.5 % with each start"),
+        ("friction", "5", "friction 5 %: so much longer starts"),
+        ("load", "80 %", "load 80 %"),
+        ("control", "Local", "local control"),
+        ("power", "off", "control supply off"),
+        ("mains", "on", "mains on"),
+        ("keypad", "start", "start pressed (it counts in local control only)"),
+        ("clear", "", "faults and alarms cleared"),
+    ],
+)
+def test_what_was_done_is_said(knob: str, setting: str, said: str) -> None:
+    assert set_knob(play("ssw07", "power on").unit, knob, setting) == said
 
 
 @pytest.mark.parametrize(
@@ -152,12 +159,20 @@ def test_both_supplies_can_be_switched(family: str) -> None:
         ("ssw07", "alarm", "", "ssw07 has no alarms"),
         ("ssw900", "power", "maybe", "on or off"),
         ("ssw900", "control", "", "remote or local"),
+        ("ssw07", "phase", "x", "r or s or t or on"),
+        ("ssw07", "voltage", "", "a number from 0 to 120"),
+        ("ssw07", "voltage", "500", "a number from 0 to 120"),
+        ("ssw07", "voltage", "80 long", "in s"),
+        ("ssw07", "thermal", "-3", "a number from 0 to 100"),
+        ("ssw07", "load", "much", "a number from 0 to 1000"),
+        ("ssw07", "friction", "1e3", "a number from 0 to 1000"),
+        ("ssw07", "wear", "101", "a number from 0 to 100"),
     ],
 )
 def test_what_a_starter_does_not_have_is_refused_with_what_it_has(
     family: str, knob: str, setting: str, why: str
 ) -> None:
-    unit = make(family)
+    unit = play(family, "power on").unit
 
     with pytest.raises(UsageError, match=why):
         set_knob(unit, knob, setting)
@@ -167,5 +182,4 @@ def test_what_a_starter_does_not_have_is_refused_with_what_it_has(
 
 def test_every_knob_is_named() -> None:
     by_hand = ("trip", "alarm", "clear", "control", "power", "mains", "keypad")
-    motor = ("load", "friction", "wear", "thermal", "voltage", "phase")
-    assert by_hand + motor == KNOBS
+    assert by_hand + ("load", "friction", "wear", "thermal", "voltage", "phase") == KNOBS  # noqa: RUF005

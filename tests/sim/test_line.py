@@ -1,268 +1,190 @@
-"""The virtual line keeps byte times and silences as a real one does."""
+"""The virtual line keeps byte times and silences as a real one does, and spoils replies on order."""
 
 from __future__ import annotations
 
 import asyncio
+import random
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
-from gateway.errors import PortError, PortLostError
+from gateway.errors import BadFrameError, PortError, PortLostError
 from gateway.line.port.base import Port, PortOpener
-from gateway.modbus.adu import encode
-from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.adu import decode, encode
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.modbus.writes import WriteCoil
-from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.bus import faults
+from gateway.sim.bus.port import SimulatedLine, SimulatedPort
 from gateway.sim.factory import make_unit
 from tests.sim.wire import TIMING, receive
 from tests.virtual_time import run_virtually
 
-READ = encode(1, ReadHoldingRegisters(2, 2).encode())
+READ = bytes.fromhex("01 03 00 DC 00 01 45 F0")  # P220
+ANSWER = bytes.fromhex("01 03 02 00 06 38 46")
+OF_2 = bytes.fromhex("02 03 00 DC 00 01 45 C3")
+HALF_S, READ_S = TIMING.wire_s(4), TIMING.wire_s(8)
 
 
-def make_line(count: int = 1, **options: object) -> SimulatedLine:
+def make_line(count: int = 1, **options: Any) -> SimulatedLine:
     units = [make_unit("ssw07", address, seed=address) for address in range(1, count + 1)]
-    return SimulatedLine(TIMING, units, **options)  # type: ignore[arg-type]  # a test's shorthand
+    return SimulatedLine(TIMING, units, **options)
 
 
-def test_the_opener_and_its_port_have_the_shape_of_the_seam() -> None:
-    async def main() -> None:
-        opener: PortOpener = make_line().opener()
-        port: Port = await opener()
+async def exchange(line: SimulatedLine, *course: bytes | float, timing: LineTiming | None = None) -> bytes:
+    """Write frames, with pauses of so many seconds in between; return what arrives until 0.3 s later."""
+    port = await line.opener(timing=timing)()
+    for each in course:
+        if isinstance(each, bytes):
+            port.write(each)
+        else:
+            await asyncio.sleep(each)
+    return await receive(port, within_s=0.3)
 
-        assert opener.name == "simulated"
-        assert port.last_byte_s == float("-inf")
 
-    run_virtually(main())
+COURSES = {
+    "a request is answered": (1, [READ], 1, ""),
+    "W-06 a frame with a wrong CRC gets no answer": (1, [READ[:-1] + b"\xf1"], 0, "broken"),
+    "W-05 a pause inside a frame of more than the silence breaks it in two": (
+        1,
+        [READ[:4], HALF_S + TIMING.silence_s * 1.1, READ[4:]],
+        0,
+        "broken broken",
+    ),
+    "W-05 a shorter pause inside a frame does no harm": (
+        1,
+        [READ[:4], HALF_S + TIMING.silence_s * 0.9, READ[4:]],
+        1,
+        "",
+    ),
+    "a request right after a broadcast is recorded": (
+        1,
+        [encode(0, bytes.fromhex("05 00 6B 00 00")), 0.05, READ],
+        1,
+        "turnaround",
+    ),
+    "a request into a pending answer collides: one garbled reply only": (
+        2,
+        [READ, READ_S + 0.0045, OF_2],
+        1,
+        "collision",
+    ),
+}
 
 
-def test_a_reply_comes_after_request_time_delay_and_its_own_bytes() -> None:
-    async def main() -> None:
-        line = make_line(chunk_bytes=None)
+@pytest.mark.parametrize(
+    ("units", "course", "replies", "violations"), list(COURSES.values()), ids=list(COURSES)
+)
+def test_a_line_keeps_the_times_of_the_manuals(
+    units: int, course: list[bytes | float], replies: int, violations: str
+) -> None:
+    line = make_line(units)
+
+    received = run_virtually(exchange(line, *course))
+
+    assert len(received) == replies * len(ANSWER)
+    assert [violation.kind for violation in line.violations] == violations.split()
+
+
+@pytest.mark.parametrize(("share", "is_answered"), [(1.0, True), (0.9, False)])
+def test_a_request_after_the_whole_silence_is_answered_and_an_earlier_one_recorded(
+    share: float, *, is_answered: bool
+) -> None:
+    async def main() -> bytes:
         port = await line.opener()()
-        asked_s = asyncio.get_running_loop().time()
-
         port.write(READ)
-        reply = await port.read(until_s=asked_s + 1)
+        await port.read(until_s=10.0, count=len(ANSWER))
+        await asyncio.sleep(TIMING.silence_s * share)
+        port.write(READ)
+        return await receive(port, within_s=0.2)
 
-        assert len(reply) == 9
-        delay_s = port.last_byte_s - asked_s - TIMING.wire_s(len(READ) + len(reply))
-        assert 0.005 <= delay_s <= 0.020
-        assert line.violations == []
+    line = make_line()
 
-    run_virtually(main())
+    assert run_virtually(main()) == (ANSWER if is_answered else b"")
+    assert [each.kind for each in line.violations] == ([] if is_answered else ["early"])
+    assert is_answered or "3.609 ms of 4.010 ms" in str(line.violations[0])
+
+
+def test_w_03_a_broadcast_reaches_all_units_and_none_answers() -> None:
+    line = make_line(3)
+
+    assert run_virtually(exchange(line, encode(0, bytes.fromhex("05 00 64 FF 00")))) == b""
+    assert [unit.motor.is_turned_on for unit in line.units] == [True, True, True]
+
+
+def test_units_ignore_a_master_of_another_speed_or_framing() -> None:
+    other = LineTiming(19200, Framing.parse("8E1"))
+
+    assert run_virtually(exchange(make_line(), READ, timing=other)) == b""
+
+
+def test_the_transcript_shows_frames_with_times_and_the_reply_after_the_delay() -> None:
+    line = make_line(chunk_bytes=None)
+    run_virtually(exchange(line, READ))
+
+    request, reply = line.transcript
+    assert str(request) == "0.0000 >> 01 03 00 DC 00 01 45 F0"
+    assert str(reply).split(" ", 1)[1] == "<< 01 03 02 00 06 38 46"
+    assert 0.005 <= reply.start_s - request.end_s <= 0.020
 
 
 def test_reply_bytes_arrive_one_by_one_at_their_times() -> None:
     async def main() -> None:
-        port = await make_line().opener()()
-        loop = asyncio.get_running_loop()
+        opener: PortOpener = make_line().opener()
+        port: Port = await opener()
+        assert (opener.name, port.last_byte_s) == ("simulated", float("-inf"))
         port.write(READ)
-
         arrivals_s = []
-        for _ in range(9):
-            chunk = await port.read(until_s=loop.time() + 1)
-            assert len(chunk) == 1
+        for _ in ANSWER:
+            assert len(await port.read(until_s=1.0)) == 1
             arrivals_s.append(port.last_byte_s)
 
         gaps_s = [later - sooner for sooner, later in pairwise(arrivals_s)]
-        assert gaps_s == pytest.approx([TIMING.character_s] * 8)
+        assert gaps_s == pytest.approx([TIMING.character_s] * (len(ANSWER) - 1))
+        assert await port.read(until_s=3.0) == b""
+        assert asyncio.get_running_loop().time() == pytest.approx(3.0)
 
     run_virtually(main())
 
 
-def test_a_reader_is_woken_once_for_the_bytes_that_it_waits_for_and_gets_what_there_is_at_its_deadline() -> (
-    None
-):
+def test_a_reader_is_woken_once_for_the_bytes_that_it_waits_for_and_at_its_deadline() -> None:
     async def main() -> None:
         port = await make_line().opener()()
         loop = asyncio.get_running_loop()
         port.write(READ)
 
         head = await port.read(until_s=loop.time() + 1, count=2)
-        part = await port.read(until_s=loop.time() + 3.5 * TIMING.character_s, count=7)
+        part = await port.read(until_s=loop.time() + 3.5 * TIMING.character_s, count=5)
         part_s = port.last_byte_s
-        rest = await port.read(until_s=loop.time() + 1, count=4)
+        rest = await port.read(until_s=loop.time() + 1, count=2)
 
-        assert (len(head), len(part), len(rest)) == (2, 3, 4)
-        assert port.last_byte_s - part_s == pytest.approx(4 * TIMING.character_s)
+        assert (len(head), len(part), len(rest)) == (2, 3, 2)
+        assert port.last_byte_s - part_s == pytest.approx(2 * TIMING.character_s)
         assert loop.time() == pytest.approx(port.last_byte_s)
 
     run_virtually(main())
 
 
 def test_a_collision_garbles_only_what_had_not_arrived_before() -> None:
-    async def main(*, collides: bool) -> bytes:
-        port = await make_line().opener()()
-        loop = asyncio.get_running_loop()
+    async def main() -> bytes:
+        port = await line.opener()()
         port.write(READ)
-        first = await port.read(until_s=loop.time() + 1)
-        await asyncio.sleep(3.5 * TIMING.character_s)
-        if collides:
-            port.write(READ)
+        first = await port.read(until_s=1.0)
+        await asyncio.sleep(2.5 * TIMING.character_s)
+        port.write(READ)
         return first + await receive(port, within_s=1.0)
 
-    whole, garbled = (run_virtually(main(collides=each)) for each in (False, True))
-
-    assert [a == b for a, b in zip(whole, garbled, strict=True)] == [True] * 4 + [False] * 5
-
-
-async def answer_after_silence(line: SimulatedLine, silence_s: float) -> bytes:
-    port = await line.opener()()
-    port.write(READ)
-    received = b""
-    while len(received) < 9:
-        received += await port.read(until_s=10.0)
-    await asyncio.sleep(silence_s)
-    port.write(READ)
-    return await receive(port, within_s=0.2)
-
-
-def test_a_request_after_the_whole_silence_is_answered() -> None:
     line = make_line()
+    garbled = run_virtually(main())
 
-    reply = run_virtually(answer_after_silence(line, TIMING.silence_s))
-
-    assert len(reply) == 9
-    assert line.violations == []
-
-
-def test_a_request_that_comes_too_early_gets_no_answer_and_is_recorded() -> None:
-    line = make_line()
-
-    reply = run_virtually(answer_after_silence(line, TIMING.silence_s * 0.9))
-
-    assert reply == b""
-    assert [violation.kind for violation in line.violations] == ["early"]
-    assert "3.609 ms of 4.010 ms" in str(line.violations[0])
-
-
-def test_w_05_a_pause_inside_a_frame_of_more_than_the_silence_breaks_it_in_two() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(READ[:4])
-        await asyncio.sleep(TIMING.wire_s(4) + TIMING.silence_s * 1.1)
-        port.write(READ[4:])
-
-        assert await receive(port, within_s=0.2) == b""
-        assert [violation.kind for violation in line.violations] == ["broken", "broken"]
-
-    run_virtually(main())
-
-
-def test_w_05_a_shorter_pause_inside_a_frame_does_no_harm() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(READ[:4])
-        await asyncio.sleep(TIMING.wire_s(4) + TIMING.silence_s * 0.9)
-        port.write(READ[4:])
-
-        assert len(await receive(port, within_s=0.2)) == 9
-        assert line.violations == []
-
-    run_virtually(main())
-
-
-def test_w_06_a_frame_with_a_wrong_crc_gets_no_answer() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(READ[:-1] + bytes((READ[-1] ^ 1,)))
-
-        assert await receive(port, within_s=0.2) == b""
-
-    run_virtually(main())
-
-
-def test_w_03_a_broadcast_reaches_all_units_and_none_answers() -> None:
-    async def main() -> None:
-        line = make_line(3)
-        port = await line.opener()()
-        port.write(encode(0, WriteCoil(100, is_on=True).encode()))
-
-        assert await receive(port, within_s=0.2) == b""
-        assert [unit.motor.is_turned_on for unit in line.units] == [True, True, True]
-
-    run_virtually(main())
-
-
-def test_a_request_right_after_a_broadcast_is_recorded() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(encode(0, WriteCoil(107, is_on=False).encode()))
-        await asyncio.sleep(0.05)
-        port.write(READ)
-        await receive(port, within_s=0.2)
-
-        assert [violation.kind for violation in line.violations] == ["turnaround"]
-
-    run_virtually(main())
-
-
-def test_a_request_into_a_pending_answer_collides_with_it() -> None:
-    async def main() -> None:
-        line = make_line(2)
-        port = await line.opener()()
-        port.write(READ)
-        await asyncio.sleep(TIMING.wire_s(len(READ)) + 0.0045)
-        port.write(encode(2, ReadHoldingRegisters(2, 2).encode()))
-        received = await receive(port, within_s=0.3)
-
-        assert len(received) == 9  # the second request was corrupted: one garbled reply only
-        assert [violation.kind for violation in line.violations] == ["collision"]
-
-    run_virtually(main())
-
-
-def test_a_request_while_a_unit_is_sending_collides_with_it() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(READ)
-        await port.read(until_s=1.0)
-        port.write(READ)
-        await receive(port, within_s=0.3)
-
-        assert [violation.kind for violation in line.violations] == ["collision"]
-
-    run_virtually(main())
-
-
-def test_units_ignore_a_master_of_another_speed_or_framing() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener(timing=LineTiming(19200, Framing.parse("8E1")))()
-        port.write(READ)
-
-        assert await receive(port, within_s=0.3) == b""
-
-    run_virtually(main())
-
-
-def test_the_transcript_shows_frames_with_times_in_order() -> None:
-    async def main() -> None:
-        line = make_line()
-        port = await line.opener()()
-        port.write(READ)
-        await receive(port, within_s=0.2)
-
-        request, reply = line.transcript
-        assert str(request) == "0.0000 >> 01 03 00 02 00 02 65 CB"
-        assert str(reply).split(" ", 1)[1].startswith("<< 01 03 04 ")
-        assert reply.start_s > request.end_s
-
-    run_virtually(main())
+    assert [a == b for a, b in zip(ANSWER, garbled, strict=True)] == [True] * 3 + [False] * 4
+    assert [violation.kind for violation in line.violations] == ["collision"]
 
 
 def test_a_port_can_be_opened_once_at_a_time() -> None:
     async def main() -> None:
         line = make_line()
         port = await line.opener()()
-        with pytest.raises(PortError, match="in use"):
+        with pytest.raises(PortError, match="busy"):
             await line.opener()()
 
         port.close()
@@ -292,23 +214,117 @@ def test_pulling_the_adapter_out_wakes_a_reader_and_forbids_opening() -> None:
     run_virtually(main())
 
 
-def test_reading_ends_empty_handed_at_the_deadline() -> None:
-    async def main() -> None:
-        port = await make_line().opener()()
+def replies(
+    fault: faults.Impairment, times: int = 1, seed: int = 0, **options: Any
+) -> tuple[list[bytes], SimulatedLine]:
+    async def main() -> list[bytes]:
+        port = await line.opener()()
+        return [await asked(port) for _ in range(times)]
 
-        assert await port.read(until_s=3.0) == b""
-        assert asyncio.get_running_loop().time() == pytest.approx(3.0)
+    line = make_line(seed=seed, chunk_bytes=None)
+    line.impair(1, fault, **options)
+    return run_virtually(main()), line
+
+
+async def asked(port: SimulatedPort) -> bytes:
+    port.write(READ)
+    return await receive(port, within_s=0.5)
+
+
+@pytest.mark.parametrize(
+    ("fault", "options", "received"),
+    [
+        (faults.NoReply(), {}, [b""]),
+        (faults.NoReply(), {"count": 2}, [b"", b"", ANSWER, ANSWER]),
+        (faults.CutShort(3), {}, [ANSWER[:-3]]),
+        (faults.CutShort(99), {}, [b""]),
+        (faults.Doubled(), {}, [ANSWER * 2]),
+        (faults.WrongUnit(7), {}, [encode(7, ANSWER[1:-2])]),
+        (faults.Babbling(every_s=100.0), {}, [ANSWER]),
+    ],
+)
+def test_a_reply_is_spoilt_on_order(
+    fault: faults.Impairment, options: dict[str, Any], received: list[bytes]
+) -> None:
+    got, line = replies(fault, times=len(received), **options)
+
+    assert got == received
+    assert line.units[0].handled == len(received)  # it acts, whatever comes of its answer
+
+
+def test_a_reply_is_spoilt_by_chance_alike_for_the_same_seed() -> None:
+    (one, _), (again, _), (other, _) = (replies(faults.NoReply(), 20, seed, chance=0.5) for seed in (1, 1, 2))
+    reply = faults.Reply(ANSWER, 0.01, 0.02)
+
+    assert one == again != other
+    assert 3 <= one.count(b"") <= 17
+    noisy = [faults.Noisy(0.1).apply(reply, random.Random(5)) for _ in range(2)]
+    assert noisy[0] == noisy[1]
+
+
+def test_a_late_reply_comes_after_the_longest_time_of_the_manual_and_a_noisy_one_fails_its_check() -> None:
+    _, line = replies(faults.Late(3.0))
+    request, reply = line.transcript
+    assert reply.start_s - request.end_s == pytest.approx(0.060)
+
+    ((got,), _) = replies(faults.Noisy(0.2))
+    assert len(got) == len(ANSWER)
+    with pytest.raises(BadFrameError):
+        decode(got)
+
+
+def test_a_babbling_unit_sends_bytes_that_no_one_asked_for_until_it_is_healed() -> None:
+    async def main() -> None:
+        line = make_line(chunk_bytes=None)
+        line.impair(1, faults.Babbling(every_s=1.0, byte_count=4))
+        port = await line.opener()()
+        unasked = await receive(port, within_s=5.0)
+        assert len(unasked) >= 12
+        assert len(unasked) % 4 == 0
+        line.impair(1, faults.Babbling(every_s=0.004, byte_count=2))
+        await asked(port)
+        assert "collision" in {violation.kind for violation in line.violations}
+        assert line.units[0].handled == 0
+        line.heal(1)
+        line.heal(1)
+        await receive(port, within_s=0.5)
+
+        assert await receive(port, within_s=5.0) == b""
+        assert await asked(port) == ANSWER
 
     run_virtually(main())
 
 
-def test_the_same_seed_gives_the_same_course() -> None:
-    async def main() -> list[str]:
-        line = make_line(chunk_bytes=None)
-        port = await line.opener()()
-        for _ in range(5):
-            port.write(READ)
-            await receive(port, within_s=0.1)
-        return [str(frame) for frame in line.transcript]
+def test_noise_on_the_line_corrupts_requests_without_blaming_the_master() -> None:
+    line = make_line()
+    line.noise = faults.Noisy(0.3)
 
-    assert run_virtually(main()) == run_virtually(main())
+    assert run_virtually(exchange(line, READ)) == b""
+    assert (line.violations, line.units[0].handled) == ([], 0)
+
+
+def test_two_units_with_one_address_garble_each_other() -> None:
+    units = [make_unit("ssw07", 1, seed=seed) for seed in (1, 2)]
+    for unit in units:
+        unit.response_s = (0.010, 0.010)
+
+    got = run_virtually(exchange(SimulatedLine(TIMING, units, chunk_bytes=None), READ))
+
+    assert ANSWER not in got
+    assert len(got) == 2 * len(ANSWER)
+
+
+def test_units_come_and_go_and_live_on_while_no_one_asks() -> None:
+    async def main() -> None:
+        line = make_line()
+        port = await line.opener()()
+        late = make_unit("ssw07", 2)
+        line.add(late)
+        await asyncio.sleep(100.0)
+        line.advance()
+
+        assert line.unit(1).motor.powered_s == late.motor.powered_s == pytest.approx(100.0)
+        line.remove(line.unit(1))
+        assert await asked(port) == b""
+
+    run_virtually(main())

@@ -10,15 +10,14 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import PortError
-from gateway.modbus.adu import encode
-from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
 from tests.sim.wire import TIMING
 
-READ = ReadHoldingRegisters(220, 1)
+READ = bytes.fromhex("01 03 00 DC 00 01 45 F0")  # P220
+ANSWER = bytes.fromhex("01 03 02 00 06 38 46")
 
 
 def make_pty(link: Path | None = None) -> PtyLine:
@@ -67,9 +66,9 @@ async def test_a_master_gets_its_answer_through_the_terminal() -> None:
     served = make_pty()
     await served.start()
 
-    reply = await ask(served.path, encode(1, READ.encode()), 7)
+    reply = await ask(served.path, READ, 7)
 
-    assert reply == encode(1, READ.encode_reply((6,)))
+    assert reply == ANSWER
     assert served.line.violations == []
     await served.stop()
     await served.stop()
@@ -82,30 +81,24 @@ async def test_a_link_leads_to_the_terminal_until_it_is_stopped(tmp_path: Path) 
     await served.start()
 
     assert link.readlink() == Path(served.path)
-    assert len(await ask(str(link), encode(1, READ.encode()), 7)) == 7
+    assert len(await ask(str(link), READ, 7)) == 7
 
     await served.stop()
     assert not link.is_symlink()
 
 
-async def test_a_link_never_replaces_a_file(tmp_path: Path) -> None:
-    link = tmp_path / "pumps"
-    link.write_text("precious")
+async def test_a_link_never_replaces_a_file_or_a_link_to_something_else(tmp_path: Path) -> None:
+    file, other = tmp_path / "pumps", tmp_path / "fans"
+    file.write_text("precious")
+    other.symlink_to(tmp_path)
 
     with pytest.raises(PortError, match="choose another path"):
-        await make_pty(link).start()
-
-    assert link.read_text() == "precious"
-
-
-async def test_a_link_never_replaces_a_link_to_something_else(tmp_path: Path) -> None:
-    link = tmp_path / "pumps"
-    link.symlink_to(tmp_path)
-
+        await make_pty(file).start()
     with pytest.raises(PortError):
-        await make_pty(link).start()
+        await make_pty(other).start()
 
-    assert link.readlink() == tmp_path
+    assert file.read_text() == "precious"
+    assert other.readlink() == tmp_path
 
 
 @pytest.mark.parametrize(
@@ -127,7 +120,7 @@ async def test_a_master_is_understood_at_the_rate_and_stop_bits_that_it_sets(
     attributes[4] = attributes[5] = rate
     termios.tcsetattr(end, termios.TCSANOW, attributes)
 
-    os.write(end, encode(1, READ.encode()))
+    os.write(end, READ)
     async with asyncio.timeout(10.0):
         await taken(served.line)
     os.close(end)

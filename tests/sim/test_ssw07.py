@@ -1,265 +1,199 @@
-"""Commands of the simulated SSW-07; rules are named as in their list (S7-xx, W-xx)."""
+"""The simulated SSW-07 and SSW-08 against the rules of their manual (S7-xx, W-xx)."""
 
 from __future__ import annotations
 
 import pytest
 
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister
-from gateway.sim.core.power import MotorState
-from gateway.sim.core.unit import Trip
-from tests.sim.ssw07_rig import RESET, START, STOP, make, running, status
-
-
-def test_a_start_by_coil_works_as_delivered() -> None:
-    talk, unit = make()
-    assert status(talk) == 0x4102  # enabled, remote, supplied
-
-    talk.ask(START)
-    talk.wait(1.0)
-
-    assert status(talk) == 0x410B | 0x10  # running, accelerating, held at the current limit
-    talk.wait(10.0)
-    assert status(talk) == 0x5123  # full voltage, bypass
-    assert unit.starts == [0.0]
-
-
-def test_a_stop_by_coil_ramps_down() -> None:
-    talk, _ = running()
-
-    talk.ask(STOP)
-
-    assert status(talk) == 0x4182  # decelerating; running is 0 at once
-    talk.wait(5.0)
-    assert status(talk) == 0x4102
-
-
-def test_s7_01_a_bare_reset_word_also_stops_disables_and_goes_local() -> None:
-    for local_source in (0, 2):
-        talk, unit = running(settings={229: local_source})
-
-        talk.ask(WriteRegister(5003, 0x0080))
-
-        assert not unit.is_remote
-        assert unit.motor.state is MotorState.COASTING
-
-
-def test_s7_01_a_word_that_goes_local_and_only_stops_ramps_down() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteRegister(5003, 0x0002))
-
-    assert unit.motor.state is MotorState.RAMP_DOWN
-
-
-def test_s7_01_a_word_that_goes_local_and_runs_leaves_the_motor_running() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteRegister(5003, 0x0003))
-
-    assert unit.motor.state is MotorState.BYPASS
-    assert not unit.is_in_control
-
-
-def test_s7_01_the_word_starts_when_it_also_keeps_remote_and_enable() -> None:
-    talk, unit = make()
-
-    talk.ask(WriteRegister(5003, 0x0013))
-
-    assert unit.motor.is_turned_on
-    assert talk.ask(ReadHoldingRegisters(5003, 1)) == (0x0013,)
-
-
-def test_b_10_the_manuals_own_start_word_takes_the_control_away_from_the_network() -> None:
-    talk, unit = make()
-
-    talk.ask(WriteRegister(5003, 0x0003))
-
-    assert not unit.motor.is_turned_on
-    assert not unit.is_remote
-    assert unit.start_frames == [0.0]
-    assert unit.starts == []
-
-
-def test_s7_02_a_coil_sets_one_command_bit_without_touching_the_others() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteCoil(103, is_on=False))
-    talk.ask(WriteCoil(107, is_on=False))
-
-    assert unit.motor.is_turned_on
-    assert unit.is_enabled
-    assert talk.ask(ReadCoils(100, 8)) == (True, True, False, False, True, False, False, False)
-
-
-def test_s7_03_before_v1_40_there_is_no_jog_and_no_direction() -> None:
-    talk, unit = make(firmware="1.30")
-
-    talk.ask(WriteCoils(102, (True, True)))
-
-    assert unit.motor.state is MotorState.STOPPED
-    assert not unit.is_reverse
-    assert status(talk) & 0x0C04 == 0
-
-
-def test_s7_03_from_v1_40_on_the_motor_jogs_and_reverses() -> None:
-    talk, _ = make(firmware="1.40")
-
-    talk.ask(WriteCoil(103, is_on=True))
-    talk.ask(WriteCoil(102, is_on=True))
-
-    assert status(talk) & 0x0804 == 0x0804
-    talk.ask(WriteCoil(102, is_on=False))
-    assert status(talk) & 0x0004 == 0
-
-
-def test_a_change_of_direction_while_running_stops_and_starts_the_other_way() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteCoil(103, is_on=True))
-    assert status(talk) & 0x0C80 == 0x0480  # reversing, decelerating
-    talk.wait(5.0)
-
-    assert status(talk) & 0x0C08 == 0x0808  # reverse, accelerating
-    assert unit.starts == [0.0]
-
-
-def test_a_stop_during_the_reversal_ends_it() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteCoil(103, is_on=True))
-    talk.ask(STOP)
-    talk.wait(30.0)
-
-    assert not unit.motor.is_turning
-
-
-def test_s7_04_bits_6_and_13_are_never_set() -> None:
-    talk, unit = running()
-    unit.trip(5)
-
-    assert status(talk) & 0x2040 == 0
-
-
-def test_s7_05_a_reset_works_without_any_command_source_and_only_in_error() -> None:
-    talk, unit = make(settings={220: 2, 230: 0})
-    unit.trip(5)
-    assert status(talk) & 0x8000
-
-    talk.ask(RESET)
-
-    assert status(talk) & 0x8000 == 0
-
-
-@pytest.mark.parametrize("number", [28, 29, 30])
-def test_s7_05_communication_faults_cannot_be_reset_through_the_network(number: int) -> None:
-    talk, unit = make()
-    unit.trip(number)
-
-    talk.ask(RESET)
-    assert status(talk) & 0x8000
-
-    unit.reset_at_keypad()
-    assert status(talk) & 0x8000 == 0
-
-
-def test_w_13_a_reset_bit_left_at_1_does_not_reset_again() -> None:
-    talk, unit = make()
-    talk.ask(RESET)
-    unit.trip(5)
-
-    talk.ask(RESET)
-    assert unit.is_fault
-
-    talk.ask(WriteCoil(107, is_on=False))
-    talk.ask(RESET)
-    assert not unit.is_fault
-
-
-def test_a_fault_stops_the_motor_and_a_reset_does_not_start_it_again() -> None:
-    talk, unit = running()
-    unit.trip(5)
-    talk.wait(10.0)
-
-    talk.ask(RESET)
-
-    assert not unit.motor.is_turning
-    assert talk.ask(ReadHoldingRegisters(14, 1)) == (5,)
-    assert unit.trips == [Trip(10.0, "E05")]
-
-
-@pytest.mark.parametrize("settings", [{230: 0}, {220: 0}, {230: 1}])
-def test_s7_06_a_command_that_is_not_set_up_for_serial_is_answered_but_not_executed(
-    settings: dict[int, int],
-) -> None:
-    talk, unit = make(settings=settings)
-
-    assert talk.code(START) is None
-
-    assert not unit.motor.is_turned_on
-    assert unit.starts == []
-    assert unit.start_frames == [0.0]
-
-
-def test_s7_06_with_the_option_it_gets_exception_3() -> None:
-    talk, unit = make(settings={230: 0}, is_command_refused=True)
-
-    assert talk.code(START) == 3
-    assert not unit.motor.is_turned_on
-
-
-def test_w_12_local_and_remote_switch_only_with_p220_set_to_serial() -> None:
-    talk, unit = make(settings={220: 3})
-    talk.ask(WriteCoil(104, is_on=False))
-    assert unit.is_remote
-
-    talk, unit = make(settings={220: 6})
-    talk.ask(WriteCoil(104, is_on=False))
-    assert not unit.is_remote
-
-
-def test_s7_07_a_run_command_during_p630_is_ignored_without_error() -> None:
-    talk, unit = running(settings={630: 5})
-    talk.ask(STOP)
-    talk.wait(4.5)
-
-    assert talk.code(START) is None
-    assert not unit.motor.is_turned_on
-    assert talk.ask(ReadHoldingRegisters(6, 1)) == (11,)
-
-    talk.wait(5.0)
-    talk.ask(START)
-    assert unit.motor.is_turned_on
-    assert len(unit.starts) == 2
-    assert len(unit.start_frames) == 3
-
-
-def test_a_general_disable_shows_in_bit_1_though_its_word_gives_the_control_away() -> None:
-    talk, unit = running(settings={229: 0})
-
-    talk.ask(WriteRegister(5003, 0x0000))
-    assert status(talk) & 0x0102 == 0
-    talk.ask(WriteCoil(104, is_on=True))
-    talk.ask(WriteCoil(101, is_on=True))
-    assert status(talk) & 0x0102 == 0x0102
-    assert not unit.motor.is_turned_on
-
-
-def test_the_keypad_enables_again_what_the_line_has_disabled() -> None:
-    talk, unit = make(settings={229: 0})
-    talk.ask(WriteRegister(5003, 0x0000))
-
-    unit.keypad_start()
-
-    assert unit.motor.is_turned_on
-    assert status(talk) & 0x0002
-
-
-def test_a_general_disable_by_p313_shows_until_telegrams_come_again() -> None:
-    talk, unit = make(settings={313: 2, 314: 5, 230: 0})
-    unit.keypad_start()
-    talk.wait(6.0)
-
-    assert not unit.motor.is_turned_on
-    assert not unit.is_enabled
-    assert status(talk) & 0x0002
+from gateway.modbus.timing import Framing, LineTiming
+from tests.sim.script import play, rules, step
+
+RULES = {
+    "a start by coil leads to the ramp and the bypass": """
+        VB01 = 4102h; start; 1 s; VB01 = 411Bh; 10 s; VB01 = 5123h; see starts 0.0""",
+    "a stop by coil ramps down, and running is 0 at once": "run; stop; VB01 = 4182h; 5 s; VB01 = 4102h",
+    "S7-01 (motor) a bare reset word also stops, disables and goes local": """
+        given P229=0
+        run; VB03 := 80h; see is_remote False; see motor.state coasting""",
+    "S7-01 (motor) a bare reset word does so when local listens to serial too": """
+        given P229=2
+        run; VB03 := 80h; see is_remote False; see motor.state coasting""",
+    "S7-01 (motor) a word that goes local and only stops ramps down": """
+        run; VB03 := 2; see motor.state ramp_down""",
+    "S7-01 (motor) a word that goes local and runs leaves the motor running": """
+        run; VB03 := 3; see motor.state bypass; see is_in_control False""",
+    "S7-01 (motor) the word starts when it also keeps remote and enable": """
+        VB03 := 13h; see motor.state ramp_up; VB03 = 13h""",
+    "B-10 the manual's own start word takes the control away from the network": """
+        VB03 := 3; see motor.state stopped; see is_remote False; see start_frames 0.0; see starts""",
+    "S7-02 (motor) a coil sets one command bit without touching the others": """
+        run; coil 103 := 0; coil 107 := 0; see motor.state bypass; coil 100 = 1 1 0 0 1 0 0 0""",
+    "S7-03 before V1.40 there is no jog and no direction": """
+        given firmware='1.30'
+        coil 102 := 1 1; see motor.state stopped; see is_reverse False; VB01 & C04h = 0""",
+    "S7-03 from V1.40 on the motor jogs and reverses": """
+        given firmware='1.40'
+        coil 103 := 1; coil 102 := 1; VB01 & 804h = 804h; coil 102 := 0; VB01 & 4h = 0""",
+    "a change of direction while running stops and starts the other way": """
+        run; coil 103 := 1; VB01 & C80h = 480h; 5 s; VB01 & C08h = 808h; see starts 0.0""",
+    "a stop during the reversal ends it": "run; coil 103 := 1; stop; 30 s; see motor.state stopped",
+    "S7-04 bits 6 and 13 are never set": "run; trip 5; VB01 & 2040h = 0",
+    "S7-05 a reset needs no command source": """
+        given P220=2 P230=0
+        trip 5; VB01 & 8000h = 8000h; coil 107 := 1; VB01 & 8000h = 0""",
+    "S7-05 E28 is not reset through the network": """
+        trip 28; coil 107 := 1; VB01 & 8000h = 8000h; clear; VB01 & 8000h = 0""",
+    "S7-05 E29 is not reset through the network": "trip 29; coil 107 := 1; VB01 & 8000h = 8000h",
+    "S7-05 E30 is not reset through the network": "trip 30; coil 107 := 1; VB01 & 8000h = 8000h",
+    "W-13 a reset bit left at 1 does not reset again": """
+        coil 107 := 1; trip 5; coil 107 := 1; VB01 & 8000h = 8000h
+        coil 107 := 0; coil 107 := 1; VB01 & 8000h = 0""",
+    "a fault stops the motor, and its reset does not start it": """
+        run; trip 5; 10 s; coil 107 := 1; see motor.state stopped; P014 = 5; trips E05@10.0""",
+    "S7-06, W-12 (motor) in remote the keypad is the source": """
+        given P230=0
+        start; see motor.state stopped; see starts; see start_frames 0.0""",
+    "S7-06, W-12 (motor) in remote the inputs are the source": "given P230=1; start; see motor.state stopped",
+    "S7-06, W-12 (motor) it is always local": "given P220=0; start; see motor.state stopped",
+    "S7-06 a command that is not set to serial may be refused": """
+        given P230=0 is_command_refused=True
+        coil 100 := 1 refused 3; see motor.state stopped""",
+    "W-12 (motor) serial switches local and remote only where P220 says so": """
+        given P220=3
+        coil 104 := 0; see is_remote True""",
+    "W-12 (motor) serial switches local and remote where P220 says so": "coil 104 := 0; see is_remote False",
+    "S7-07 (motor) a run command during P630 is ignored without error": """
+        given P630=5
+        run; stop; 4.5 s; start; see motor.state stopped; P006 = 11
+        5 s; start; see motor.state ramp_up; see starts 0.0 19.5; see start_frames 0.0 14.5 19.5""",
+    "S7-08 relays follow VB08 only where their function is serial": """
+        given P277=7
+        VB08 := 3; VB08 = 1; see relays 1""",
+    "S7-09 E28 is shown after P314, outputs drop, and it goes when telegrams return": """
+        given P277=7 P313=0
+        VB08 := 1; P314 := 5; 4.9 s; trips -; 0.2 s; trips E28@5.0; see is_silence_shown True; see relays 0
+        VB01 & 8000h = 0; see is_silence_shown False""",
+    "S7-09 every valid telegram restarts the count": """
+        given P314=5
+        4 s; VB01 = 4102h; 4 s; VB01 = 4102h; 4 s; trips -""",
+    "S7-09 P314 = 0 supervises nothing": "given P314=20; run; P314 := 0; 1000 s; trips -; VB01 & 1h = 1",
+    "S7-10 (motor) P313 = 0 does nothing": "given P313=0 P314=20; run; 11 s; VB01 & 1h = 1; trips E28@20.0",
+    "S7-10 (motor) P313 = 1 stops by ramp": "given P313=1 P314=20; run; 11 s; see motor.state ramp_down",
+    "S7-10 (motor) P313 = 1 does nothing when serial does not control": """
+        given P313=1 P314=20 P230=0
+        keypad start; 21 s; trips E28@20.0; see motor.state bypass""",
+    "S7-10 (motor) P313 = 2 lets the motor coast": """
+        given P313=2 P314=20
+        run; 11 s; see motor.state coasting; see is_enabled False""",
+    "S7-10 (motor) P313 = 3 goes local": """
+        given P313=3 P314=20
+        run; 11 s; see is_remote False; VB01 & 1h = 1""",
+    "S7-10 (motor) P313 = 3 does nothing where serial does not switch": """
+        given P313=3 P314=20 P220=1
+        run; 11 s; see is_remote True""",
+    "S7-11 P000 is taken, but not stored": "P000 := 5; P000 = 0",
+    "S7-11 P200 and P215 cannot be reached": "P200 refused 2; P215 := 0 refused 2",
+    "S7-12 other functions get exception 1": "R2 refused 1",
+    "S7-14 out of range is exception 3": "P313 := 4 refused 3; coil 0 := 1 refused 3",
+    "S7-14 read-only is exception 3": "P003 := 0 refused 3; VB01 := 0 refused 3; P630 := 0 refused 3",
+    "S7-14 what does not exist is exception 2": """
+        P089 := 0 refused 2; coil 50 := 1 refused 2; P089 refused 2; P003 x3 refused 2; VB00 refused 2
+        coil 15 x2 refused 2""",
+    "a refused write of several registers changes nothing": "P313 := 2 2000 refused 3; P313 = 1 0",
+    "a general disable shows, though its word gives the control away": """
+        given P229=0
+        run; VB03 := 0; VB01 & 102h = 0; coil 104 := 1; coil 101 := 1; VB01 & 102h = 102h
+        see motor.is_turned_on False""",
+    "the keypad enables again what the line has disabled": """
+        given P229=0
+        VB03 := 0; keypad start; VB01 & 3h = 3""",
+    "a general disable by P313 shows until telegrams come again": """
+        given P313=2 P314=5 P230=0
+        keypad start; 6 s; see motor.is_turned_on False; see is_enabled False; VB01 & 2h = 2""",
+    "C with the option running stays on during the ramp down": """
+        given is_running_while_stopping=True
+        run; stop; VB01 & 81h = 81h""",
+    "C with a run command in force a reset starts the motor": """
+        given keeps_run_command=True
+        run; trip 5; 10 s; coil 107 := 1; VB01 & 1h = 1; see starts 0.0""",
+    "C with a run command in force general enable starts the motor": """
+        given keeps_run_command=True
+        run; coil 101 := 0; see motor.state coasting; 10 s; coil 101 := 1; VB01 & 1h = 1""",
+    "C with a run command in force a start in error is made good by the reset": """
+        given keeps_run_command=True
+        trip 5; start; see motor.state stopped; coil 107 := 1; VB01 & 1h = 1""",
+    "P220 at 0 or 1 switches the mode at once": "P220 := 0; VB01 & 100h = 0; P220 := 1; VB01 & 100h = 100h",
+    "P220 = 0 is local after switching on": "given P220=0; VB01 & 100h = 0",
+    "P220 = 5 is local after switching on": "given P220=5; VB01 & 100h = 0",
+    "P220 = 1 is remote after switching on": "given P220=1; VB01 & 100h = 100h",
+    "the keypad starts and stops in local control only": """
+        keypad start; see motor.state stopped; control local; keypad start; VB01 & 1h = 1
+        keypad stop; see motor.state ramp_down""",
+    "an enable input that opens lets the motor coast": """
+        run; do set_enable_input is_on=False; see motor.state coasting; VB01 & 2h = 0; P006 = 12
+        do set_enable_input is_on=True; VB01 & 2h = 2""",
+    "without mains the status says so and nothing starts": """
+        run; mains off; 10 s; start; VB01 & 4001h = 0; see motor.state stopped""",
+    "without control supply it is silent until it has started up": """
+        given P313=1 P314=20
+        run; power off; 100 s; VB01 silent; power on; 1 s; VB01 silent; 1.1 s; VB01 = 4102h; trips -""",
+    "an overload is E05, a blocked rotor E66": """
+        run; load 160; 1200 s; P014 = 5; P006 = 2; clear; thermal 0; start; 10 s; load 400; 3 s; P014 = 66""",
+    "every write is stored, obeyed or not": "start; P089 := 0 refused 2; VB01 & 1h = 1; see handled 3",
+}
+
+
+@pytest.mark.parametrize(("family", "script"), rules("ssw07", RULES))
+def test_the_ssw07_keeps_the_rules_of_its_manual(family: str, script: str) -> None:
+    play(family, script)
+
+
+def test_every_write_frame_is_stored_whether_obeyed_or_not() -> None:
+    unit = play("ssw07", "start; P089 := 0 refused 2; VB01 & 1h = 1").unit
+
+    assert [write.pdu.hex() for write in unit.writes] == ["050064ff00", "0600590000"]
+
+
+@pytest.mark.parametrize(
+    ("given", "request_hex", "reply"),
+    [
+        ("model='SSW-07 45.0A'", "2B 0E 01 00", {0: "WEG", 1: "SSW-07 45.0A", 2: "V1.40"}),
+        ("model='SSW-08 17A'", "2B 0E 01 00", {0: "WEG", 1: "SSW-08 17.0A", 2: "V1.40"}),
+        ("seed=1", "2B 0E 04 02", {2: "V1.40"}),
+        ("seed=1", "2B 0E 01 01", {1: "SSW-07 85.0A", 2: "V1.40"}),
+        ("seed=1", "2B 0E 01 09", {0: "WEG", 1: "SSW-07 85.0A", 2: "V1.40"}),
+        ("seed=1", "2B 0E 04 09", "AB 02"),
+        ("seed=1", "2B 0E 02 00", "AB 03"),
+    ],
+)
+def test_s7_13_and_s6_22_it_says_who_it_is(given: str, request_hex: str, reply: dict[int, str] | str) -> None:
+    said = play("ssw07", f"given {given}").unit.handle(bytes.fromhex(request_hex), 0.0)
+
+    assert said is not None
+    if isinstance(reply, str):
+        assert said == bytes.fromhex(reply)
+    else:
+        objects = b"".join(bytes((key, len(text))) + text.encode() for key, text in reply.items())
+        assert said[6:] == bytes((len(reply),)) + objects
+
+
+@pytest.mark.parametrize(
+    ("family", "speed", "slower", "address"),
+    [("ssw07", "P312 = 6", "P312 := 1", "P308 := 9"), ("ssw900", "731 = 1 3", "732 := 0", "731 := 9")],
+)
+def test_address_speed_and_framing_are_parameters(family: str, speed: str, slower: str, address: str) -> None:
+    timing = {
+        "ssw07": LineTiming(19200, Framing.parse("8E1")),
+        "ssw900": LineTiming(57600, Framing.parse("8N1")),
+    }
+    unknown = LineTiming(115200, Framing.parse("8N1"))
+    talk = play(family, "see address 1")
+    talk.unit.join(timing[family])
+    assert talk.unit.listens_to(timing[family])
+
+    for line in (speed, slower, address):
+        step(talk, line)
+
+    assert not talk.unit.listens_to(timing[family])
+    assert talk.unit.address == 9
+    talk.unit.join(unknown)
+    assert talk.unit.listens_to(unknown)

@@ -1,246 +1,153 @@
-"""Commands of the simulated SSW900; rules are named as in their list (S9-xx)."""
+"""The simulated SSW900 against the rules of its manual (S9-xx, W-xx)."""
 
 from __future__ import annotations
 
-from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import MaskWriteRegister, WriteRegister
-from gateway.sim.core.power import MotorState
-from tests.sim.ssw900_rig import START, WORD, make, read, running, status
-
-STOP = WriteRegister(WORD, 0x0012)
-
-
-def test_as_delivered_the_word_is_0012h_and_the_slot_commands_in_remote() -> None:
-    talk, _ = make()
-
-    assert read(talk, WORD) == 0x0012
-    assert status(talk) == 0x0102
-    assert read(talk, 232) == 9  # slot 1, remote
-    assert read(talk, 679) == 0
-
-
-def test_a_start_goes_through_delay_and_initial_test_to_the_ramp_and_the_bypass() -> None:
-    talk, unit = make()
-    talk.ask(START)
-    assert (status(talk), read(talk, 679)) == (0x1102, 11)
-
-    talk.wait(0.6)
-    assert (status(talk), read(talk, 679)) == (0x010A, 1)
-    talk.wait(0.2)
-    assert (status(talk), read(talk, 679)) == (0x0113, 3)
-    talk.wait(10.0)
-    assert (status(talk), read(talk, 679)) == (0x0163, 5)
-    assert unit.starts == [0.0]
-
-
-def test_a_stop_ramps_down_and_then_waits_out_the_time_after_a_stop() -> None:
-    talk, _ = running()
-    talk.ask(STOP)
-    assert (status(talk), read(talk, 679)) == (0x0182, 7)
-
-    talk.wait(5.0)
-    assert (status(talk), read(talk, 679)) == (0x2102, 12)
-    talk.wait(2.0)
-    assert (status(talk), read(talk, 679)) == (0x0102, 0)
-
-
-def test_a_stop_before_the_ramp_calls_the_start_off() -> None:
-    talk, unit = make()
-    talk.ask(START)
-    talk.wait(0.3)
-    talk.ask(STOP)
-    talk.wait(5.0)
-
-    assert unit.motor.starts == 0
-
-
-def test_a_start_during_the_time_after_a_stop_is_ignored() -> None:
-    talk, unit = running()
-    talk.ask(STOP)
-    talk.wait(4.5)
-
-    talk.ask(START)
-    talk.wait(5.0)
-
-    assert not unit.motor.is_turning
-    assert len(unit.starts) == 1
-
-
-def test_writing_the_word_again_while_running_is_no_second_start() -> None:
-    talk, unit = running()
-
-    talk.ask(START)
-
-    assert unit.starts == unit.start_frames == [0.0]
-
-
-def test_s9_07_without_a_mask_a_bare_reset_stops_and_disables() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteRegister(WORD, 0x0080))
-
-    assert not unit.motor.is_turned_on
-    assert not unit.is_remote
-
-
-def test_s9_07_reset_acts_on_0_to_1_and_only_on_a_fault() -> None:
-    talk, unit = make()
-    talk.ask(WriteRegister(WORD, 0x0092))
-    unit.trip(66)
-
-    talk.ask(WriteRegister(WORD, 0x0092))
-    assert unit.is_fault
-    talk.ask(WriteRegister(WORD, 0x0012))
-    talk.ask(WriteRegister(WORD, 0x0092))
-    assert not unit.is_fault
-
-
-def test_s9_07_reserved_bits_do_nothing() -> None:
-    talk, unit = make()
-
-    talk.ask(WriteRegister(WORD, 0xFF72))
-
-    assert not unit.is_started
-    assert read(talk, WORD) == 0x0012
-
-
-def test_s9_07_jog_and_direction() -> None:
-    talk, unit = make()
-
-    talk.ask(WriteRegister(WORD, 0x001E))
-
-    assert status(talk) & 0x0804 == 0x0804
-    assert read(talk, 679) == 10
-    talk.ask(WriteRegister(WORD, 0x001A))
-    assert unit.motor.state is MotorState.COASTING
-
-
-def test_a_reversal_shows_in_status_and_state() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteRegister(WORD, 0x001B))
-
-    assert status(talk) & 0x0400
-    assert read(talk, 679) == 9
-    talk.wait(10.0)
-    assert unit.is_reverse
-
-
-def test_s9_08_run_and_jog_of_an_inactive_source_are_cleared() -> None:
-    talk, unit = make(settings={230: 1})  # remote: digital inputs
-
-    talk.ask(WriteRegister(WORD, 0x0017))
-
-    assert read(talk, WORD) == 0x0012
-    assert not unit.is_started
-    assert unit.start_frames == [0.0]
-    assert unit.starts == []
-
-
-def test_s9_08_a_start_bit_for_the_other_slot_is_hidden() -> None:
-    talk, unit = make(slot=1)
-
-    talk.ask(WriteRegister(686, 0x0013))
-
-    assert read(talk, 686) == 0x0012
-    assert not unit.is_started
-
-
-def test_s9_06_and_s9_21_with_the_accessory_in_slot_2_its_own_word_commands() -> None:
-    talk, unit = make(slot=2)
-    assert talk.ask(ReadHoldingRegisters(335, 2)) == (0, 2)
-    assert read(talk, 232) == 11
-
-    talk.ask(WriteRegister(685, 0x0013))
-    assert not unit.is_started
-    talk.ask(WriteRegister(686, 0x0013))
-    assert unit.is_started
-
-
-def test_w_12_the_source_follows_menu_c3() -> None:
-    talk, unit = make()
-    talk.ask(WriteRegister(220, 0))
-    assert not unit.is_remote
-    assert read(talk, 232) == 0
-
-    talk.ask(START)
-    assert not unit.is_started
-    talk.ask(WriteRegister(229, 4))
-    talk.ask(START)
-    assert unit.is_started
-
-
-def test_bit_4_switches_the_mode_only_when_c3_1_names_the_slot() -> None:
-    talk, unit = make(settings={220: 3})
-    talk.ask(WriteRegister(WORD, 0x0002))
-    assert unit.is_remote
-
-    talk, unit = make()
-    talk.ask(WriteRegister(WORD, 0x0002))
-    assert not unit.is_remote
-
-
-def test_a_reset_needs_no_command_source() -> None:
-    talk, unit = make(settings={230: 1})
-    unit.trip(5)
-
-    talk.ask(WriteRegister(WORD, 0x0092))
-
-    assert not unit.is_fault
-
-
-def test_a_fault_calls_a_start_off_and_clears_the_run_bit() -> None:
-    talk, unit = make()
-    talk.ask(START)
-    unit.trip(5)
-
-    assert read(talk, WORD) == 0x0012
-    talk.ask(WriteRegister(WORD, 0x0092))
-    talk.wait(5.0)
-    assert unit.motor.starts == 0
-
-
-def test_with_a_run_command_in_force_a_reset_starts_the_motor() -> None:
-    talk, unit = running(keeps_run_command=True)
-    unit.trip(5)
-    talk.wait(20.0)
-    assert read(talk, WORD) == 0x0013
-
-    talk.ask(WriteRegister(WORD, 0x0093))
-    talk.wait(1.0)
-
-    assert unit.motor.is_turned_on
-
-
-def test_the_mask_write_changes_single_bits_of_the_word() -> None:
-    talk, unit = make()
-
-    talk.ask(MaskWriteRegister(WORD, 0xFFFE, 0x0001))
-
-    assert unit.is_started
-    assert unit.is_enabled
-
-
-def test_a_word_that_goes_local_and_stops_stops_the_motor() -> None:
-    talk, unit = running()
-
-    talk.ask(WriteRegister(WORD, 0x0002))
-
-    assert unit.motor.state is MotorState.RAMP_DOWN
-
-
-def test_with_a_braking_method_a_stop_brakes_for_its_time() -> None:
-    talk, unit = running(settings={500: 3, 501: 5})
-    talk.wait(20.0)
-
-    talk.ask(WriteRegister(WORD, 0x0012))
-    assert (status(talk) & 0x0281, read(talk, 679)) == (0x0200, 8)
-    talk.wait(5.1)
-    assert status(talk) & 0x0281 == 0
-    assert not unit.motor.is_turning
-    talk.ask(WriteRegister(500, 0))
-    talk.wait(10.0)
-    talk.ask(START)
-    talk.wait(20.0)
-    talk.ask(WriteRegister(WORD, 0x0012))
-    assert status(talk) & 0x0281 == 0x0080
+import pytest
+
+from tests.sim.script import play, rules, step
+
+# 680 status, 679 state, 685 and 686 command words of slots 1 and 2, 220 C3.1, 229 C3.2, 230 C3.3, 90 fault,
+# 91-95 alarms, 734 C8.2.5.3, 735 S5.4.1, 740 C8.2.5.1, 741 C8.2.5.2, 1110 C11.3.1: signed, 32 bits
+RULES = {
+    "as delivered the word is 0012h and the slot commands in remote": """
+        685 = 12h; 680 = 102h; 232 = 9; 679 = 0""",
+    "a start goes through delay and initial test to ramp and bypass": """
+        start; 680 = 1102h; 679 = 11; 0.6 s; 680 = 10Ah; 679 = 1; 0.2 s; 680 = 113h; 679 = 3
+        10 s; 680 = 163h; 679 = 5; see starts 0.0""",
+    "a stop ramps down and waits out the time after a stop": """
+        run; stop; 680 = 182h; 679 = 7; 5 s; 680 = 2102h; 679 = 12; 2 s; 680 = 102h; 679 = 0""",
+    "a stop before the ramp calls the start off": "start; 0.3 s; stop; 5 s; see motor.starts 0",
+    "(motor) a start during the time after a stop is ignored": """
+        run; stop; 4.5 s; start; 5 s; see motor.state stopped; see starts 0.0""",
+    "the word written again while running is no second start": """
+        run; start; see starts 0.0; see start_frames 0.0""",
+    "S9-07 (motor) without a mask a bare reset stops and disables": """
+        run; 685 := 80h; see motor.is_turned_on False; see is_remote False""",
+    "S9-07, W-13 (motor) reset acts on 0 to 1 and only on a fault": """
+        685 := 92h; trip 66; 685 := 92h; see is_fault True; 685 := 12h; 685 := 92h; see is_fault False""",
+    "S9-07 (motor) reserved bits do nothing": "685 := FF72h; see is_started False; 685 = 12h",
+    "S9-07 (motor) jog and direction": """
+        685 := 1Eh; 680 & 804h = 804h; 679 = 10; 685 := 1Ah; see motor.state coasting""",
+    "a reversal shows in status and state": """
+        run; 685 := 1Bh; 680 & 400h = 400h; 679 = 9; 10 s; see is_reverse True""",
+    "S9-08 (motor) run and jog of an inactive source are cleared": """
+        given P230=1
+        685 := 17h; 685 = 12h; see is_started False; see start_frames 0.0; see starts""",
+    "S9-08 (motor) a start bit for the other slot is hidden": """
+        given slot=1
+        686 := 13h; 686 = 12h; see is_started False""",
+    "S9-06, S9-21 with the accessory in slot 2 its own word commands": """
+        given slot=2
+        335 = 0 2; 232 = 11; 685 := 13h; see is_started False; 686 := 13h; see is_started True""",
+    "W-12 (motor) the source follows menu C3": """
+        220 := 0; see is_remote False; 232 = 0; start; see is_started False
+        229 := 4; start; see is_started True""",
+    "bit 4 does not switch the mode where C3.1 names no slot": "given P220=3; 685 := 2; see is_remote True",
+    "bit 4 switches the mode where C3.1 names the slot": "685 := 2; see is_remote False",
+    "a reset needs no command source": "given P230=1; trip 5; 685 := 92h; see is_fault False",
+    "a fault calls a start off and clears the run bit": """
+        start; trip 5; 685 = 12h; 685 := 92h; 5 s; see motor.starts 0""",
+    "C with a run command in force a reset starts the motor": """
+        given keeps_run_command=True
+        run; trip 5; 20 s; 685 = 13h; 685 := 93h; 1 s; 680 & 1h = 1""",
+    "(motor) a word that goes local and stops stops the motor": "run; 685 := 2; see motor.state ramp_down",
+    "with a braking method a stop brakes for its time": """
+        given P500=3 P501=5
+        run; 20 s; stop; 680 & 281h = 200h; 679 = 8; 5.1 s; 680 & 281h = 0; see motor.state stopped
+        500 := 0; 10 s; run; 10 s; stop; 680 & 281h = 80h""",
+    "S9-17 (motor) mode 0 does nothing": "given P734=50 P740=0; run; 100 s; trips -",
+    "S9-17 (motor) mode 1 trips F128 and the motor coasts": """
+        given P734=150 P740=1
+        run; 6 s; trips F128@15.0; see motor.state coasting; 90 = 128; 735 = 2; 685 := 92h; 90 = 0
+        735 = 1""",
+    "S9-17 (motor) mode 2, action 0: A128 alone, gone with the first telegram": """
+        given P734=150 P740=2 P741=0
+        run; 6 s; trips A128@15.0; see alarms 128; see motor.state bypass; 680 & 4100h = 100h""",
+    "S9-17 (motor) action 1 stops by ramp": """
+        given P734=150 P740=2 P741=1
+        run; 6 s; see motor.state ramp_down""",
+    "S9-17 (motor) action 2 disables": "given P734=150 P740=2 P741=2; run; 6 s; see motor.state coasting",
+    "S9-17 (motor) action 3 changes to local": """
+        given P734=150 P740=2 P741=3
+        run; 6 s; see motor.state bypass; see is_remote False""",
+    "S9-17 (motor) action 4 changes to remote": """
+        given P734=150 P740=2 P741=4
+        685 := 2; see is_remote False; 16 s; see is_remote True""",
+    "S9-18 the time counts from the first valid telegram": """
+        given P734=50 P740=1
+        100 s; trips -; 680 = 102h; 5.1 s; trips F128@105.0""",
+    "S9-20 counters of telegrams, CRC errors and bytes": """
+        680 = 102h; 680 = 102h; 680 = 102h; do note_reception_error is_crc=True byte_count=8
+        do note_reception_error is_crc=False byte_count=5; 736 = 4 3 1 5""",
+    "S9-22 outputs follow their words when set to communication": """
+        given P275=12 P251=9
+        695 := 7; 696 := 1023; 678 = 1; 673 = 10000 20000 10000 1023""",
+    "S9-22 an output with another function stays": "696 := 1023; 676 = 0",
+    "S9-25 faults and alarms are numbered": """
+        alarm A005; alarm A066; trip 66; 90 = 66 5 66 0 0 0; 680 & C000h = C000h; 679 = 2
+        do set_alarm 5 is_on=False; do reset_at_keypad; 90 = 0 66 0 0 0 0""",
+    "an overload is F005": "run; load 160; 1200 s; 90 = 5",
+    "a blocked rotor is F066": "run; load 400; 2 s; 90 = 66",
+    "general disable is state 13": "do set_enable_input is_on=False; 679 = 13",
+    "the keys of the HMI command when C3 names them": """
+        given P230=0
+        keypad start; see is_started True; 0.8 s; keypad stop; see motor.state ramp_down""",
+    "a local key switches the mode": "control local; 680 & 100h = 0; 685 = 2",
+    "the model is shown by its range of currents": "given model='412A'; 294 = 3",
+    "S9-01 coils are for SoftPLC markers only": """
+        coil 0 refused 2; DI0 refused 2; coil 0 := 1 refused 2; coil 0 := 1 1 refused 2; IR680 refused 1""",
+    "S9-01 markers of the SoftPLC are coils and discrete inputs": """
+        given coils={10:False,11:True,12:False} discrete_inputs={5:True,6:False,7:True}
+        DI5 = 1 0 1; DI7 x2 refused 2; DI10 refused 2; coil 10 := 1; coil 11 := 0 1; coil 10 = 1 0 1
+        coil 5 := 1 refused 2""",
+    "S9-02 in a long read registers that are no parameter read 0": "18 = 1 0 0; 2000 = 0 0 0",
+    "S9-02 in a short read they get exception 2": "19 refused 2; 18 x2 refused 2",
+    "S9-03 in a long write what cannot be written is passed over": "229 := 4 3 1 77; 229 = 4 3 1",
+    "S9-03 in a short write it gets exception 2": """
+        680 := 1 refused 2; 19 := 1 refused 2; 231 := 0 0 refused 2""",
+    "S9-04 a part of a longer type gets exception 2": """
+        24 refused 2; 25 x2 refused 2; 22 x3 refused 2; 1110 := 0 refused 2; 1111 := 0 0 0 refused 2""",
+    "S9-05 the low word comes first": """
+        given serial_number=1193046
+        298 = 3456h 12h; 1110 := FFFFh FFFFh; 1110 = FFFFh FFFFh""",
+    "S9-09 stopped parameters do not change while the motor turns": """
+        run; 1300 := 680; 1300 = 0; 899 := 5; 899 = 5""",
+    "S9-23 a value out of range gets exception 3": """
+        229 := 6 refused 3; 931 := 4 refused 3; 229 := 9 0 0 refused 3; 229 = 0
+        1110 := 8000h FFFFh refused 3""",
+}
+A128_WITHOUT_EFFECT = {
+    f"S9-19 (motor) action {action} has no effect while C3.3 is {source}": f"""
+        given P220={int(action == 3)} P229={source} P230={source} P734=150 P740=2 P741={action}
+        {"686 := 3" if source else "keypad start"}; see is_started True; 680 & 8000h = 0; 16 s
+        see motor.is_turned_on True; see is_remote {action == 3}; trips A128@15.0"""
+    for action in (1, 2, 3, 4)
+    for source in (0, 5)  # the keys of the HMI, slot 2
+}
+
+
+@pytest.mark.parametrize(("family", "script"), rules("ssw900", RULES | A128_WITHOUT_EFFECT))
+def test_the_ssw900_keeps_the_rules_of_its_manual(family: str, script: str) -> None:
+    play(family, script)
+
+
+@pytest.mark.parametrize(
+    ("request_hex", "reply_hex"),
+    [
+        ("2B 0E 01 00", "2B 0E 01 81 00 00 03 00 03 57 45 47 01 06 53 53 57 39 30 30 02 05 56 31 2E 32 30"),
+        ("16 02 AD FF FE 00 01", "16 02 AD FF FE 00 01"),  # mask write: sets bit 0 of word 685
+        ("17 00 E5 00 01 00 E5 00 01 02 00 04", "17 02 00 04"),  # writes before it reads
+    ],
+)
+def test_functions_that_only_an_ssw900_has(request_hex: str, reply_hex: str) -> None:
+    talk = play("ssw900", "685 = 12h")
+
+    assert talk.unit.handle(bytes.fromhex(request_hex), 0.0) == bytes.fromhex(reply_hex)
+    assert talk.unit.start_frames == ([0.0] if request_hex.startswith("16") else [])
+
+
+def test_s9_20_the_counters_are_cyclic() -> None:
+    talk = play("ssw900", "736 = 1")
+    talk.unit.received = 0x1FFFF  # type: ignore[attr-defined]
+
+    step(talk, "736 = 0")

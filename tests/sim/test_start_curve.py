@@ -78,19 +78,13 @@ def test_the_curve_of_a_plain_start_can_be_computed_by_hand() -> None:
     assert [curve.current_a(each) for each in moments] == pytest.approx([150.0, 225.0, 300.0, 165.0, 30.0])
 
 
-def test_friction_makes_a_start_longer_by_so_much() -> None:
+def test_friction_and_a_low_voltage_make_a_start_longer() -> None:
     data = MotorData(ramp_up_s=8.0)
-
     fresh, worn = start_curve(data), start_curve(data, friction_pct=25.0)
 
     assert worn.duration_s == pytest.approx(1.25 * fresh.duration_s)
     assert worn.i2t_a2s > 1.2 * fresh.i2t_a2s
     assert worn.load_a > fresh.load_a
-
-
-def test_a_low_voltage_makes_a_start_longer_with_its_square() -> None:
-    data = MotorData(ramp_up_s=8.0)
-
     assert start_curve(data, line_voltage_pct=90.0).duration_s == pytest.approx(8.0 / 0.81)
 
 

@@ -8,9 +8,11 @@ import re
 from pathlib import Path
 
 HERE = Path(__file__).parent
+SCENARIOS = HERE.parent / "scenarios" / "plugins" / "test_sparkplug.py"
 PAGE = HERE.parents[1] / "docs" / "sparkplug-conformance.md"
 ROW = re.compile(r"\| `(tck-id-[\w-]+)` \| (yes|by design|n/a) \| (.+) \|")
 TEST = re.compile(r"`tests/sparkplug/(test_\w+\.py)` `(test_\w+)`")
+SCENARIO = re.compile(r"`tests/scenarios/plugins/test_sparkplug.py`: (.+)")
 
 
 def rows() -> list[tuple[str, str, str]]:
@@ -33,9 +35,13 @@ def test_every_test_that_proves_an_assertion_exists() -> None:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
 
-    named = {tuple(TEST.findall(by)[0]) for _, verdict, by in rows() if verdict == "yes"}
-    assert named
-    assert named <= found
+    scenarios = set(re.findall(r'row\(\s+"(.+)",', SCENARIOS.read_text("utf-8")))
+    proofs = [by for _, verdict, by in rows() if verdict == "yes"]
+    by_scenario = {match[1] for by in proofs if (match := SCENARIO.fullmatch(by))}
+    by_test = {tuple(TEST.findall(by)[0]) for by in proofs if not SCENARIO.fullmatch(by)}
+    assert by_test
+    assert by_test <= found
+    assert by_scenario <= scenarios
 
 
 def test_templates_and_data_sets_alone_do_not_apply() -> None:

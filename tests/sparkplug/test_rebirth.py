@@ -12,19 +12,6 @@ def kinds(rig: NodeRig, after_s: float = 0.0) -> list[tuple[str, str | None]]:
     return [(each.kind, each.device) for each in rig.say(after_s=after_s)]
 
 
-def test_a_request_is_honoured_at_once_with_births_of_all_that_answer_and_the_same_number() -> None:
-    rig = NodeRig()
-    rig.born()
-    rig.put(value("pump", "current", 5.0))
-
-    rig.node.request_rebirth(rig.now_s)
-    said = rig.say()
-
-    assert [(each.kind, each.device) for each in said] == ALL
-    assert [each.seq for each in said] == [0, 1, 2]
-    assert (said[0].values["bdSeq"], said[1].values["current"]) == (7, 5.0)
-
-
 def test_no_data_is_sent_between_a_request_and_its_births() -> None:
     rig = NodeRig()
     rig.born()

@@ -15,7 +15,7 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import Phase, RecordWriter
+from gateway.records import RecordWriter
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
@@ -85,14 +85,6 @@ async def site() -> AsyncIterator[Site]:
         await telemetry.close()
     task.cancel()
     await asyncio.wait((task,))
-
-
-async def bring_to_ready(here: Site, family: str) -> None:
-    """Initialise an SST, which is not ready for a start before."""
-    if family == "sst":
-        here.submit("sst", "configure", "0")
-        await asyncio.sleep(20.0)
-        assert here.sink.final("0").phase is Phase.CONFIRMED
 
 
 class LostWrites:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
+from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister
-from tests.starters.fakes import AT_SPEED, READY, VB01
+from gateway.modbus.writes import WriteCoil
+from tests.starters.fakes import AT_SPEED, VB01
 from tests.starters.rig import CommandRig
 
 ACCEPTED, WRITTEN, CONFIRMED = ("accepted", "ok"), ("written", "ok"), ("confirmed", "ok")
@@ -54,13 +54,6 @@ def refuse(kind: type[WriteCoil], code: int) -> Callable[[Request], Outcome | No
     return lambda request: Refused(code, at_s=0.0) if isinstance(request, kind) else None
 
 
-def lost_answer(rig: CommandRig, request: Request) -> Outcome | None:
-    if not isinstance(request, WriteCoil):
-        return None
-    rig.unit.answer(request)
-    return Silent()
-
-
 def forget_coil_2(rig: CommandRig, request: Request) -> None:
     if isinstance(request, ReadCoils):
         rig.unit.coils[1] = False
@@ -70,11 +63,6 @@ def change_direction_bit(rig: CommandRig, request: Request) -> None:
     """Change a bit of the status word, from which the command word is built, with each reading."""
     if isinstance(request, ReadHoldingRegisters) and request.address <= 680:
         rig.unit.holding[680] ^= 0x0800
-
-
-def clear_fault(rig: CommandRig, request: Request) -> None:
-    if isinstance(request, WriteRegister) and request.word & 0x0080:
-        rig.unit.holding[VB01] = READY
 
 
 def broken(*_args: object) -> None:

@@ -39,7 +39,7 @@ def silences_s(here: OneStarter, since_s: float) -> list[float]:
     return [event.time_s - EPOCH_S - since_s for event in here.events("went_silent")]
 
 
-@pytest.mark.parametrize("late_s", [0.6, 2.0])
+@pytest.mark.parametrize("late_s", [2.0])
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
 async def test_a_starter_that_is_only_late_is_offline_after_30_s(
@@ -55,7 +55,7 @@ async def test_a_starter_that_is_only_late_is_offline_after_30_s(
         assert 28.0 < silent_s < 35.0
 
 
-@pytest.mark.parametrize("every_s", [1.0, 3.0, 6.0])
+@pytest.mark.parametrize("every_s", [3.0])
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
 async def test_replies_of_a_dead_starter_are_not_taken_for_its_return(

@@ -75,20 +75,6 @@ def test_the_hash_is_sha_256_over_the_previous_hash_and_the_canonical_json() -> 
     assert json.loads(line)["hash"] == "1cce82bf4c562891f3db91553f352606fef3dfda2c58a057fd34fc731a0f0b44"
 
 
-def test_an_untouched_chain_is_whole() -> None:
-    lines = chain(5)
-
-    verdict = verify(placed(lines), after=Head())
-
-    assert (verdict.count, verdict.problems) == (5, ())
-    assert verdict.head == read_line(lines[-1])[1]
-
-
-def test_an_empty_chain_is_whole() -> None:
-    assert verify([], after=Head()).problems == ()
-    assert verify([], after=None).head == Head()
-
-
 @given(st.integers(0, 4), st.data())
 def test_no_changed_octet_goes_unnoticed(place: int, data: st.DataObject) -> None:
     lines = chain(5)
@@ -109,20 +95,6 @@ def test_a_removed_line_shows(gone: int) -> None:
     assert "does not follow" in problem
 
 
-def test_an_inserted_line_shows() -> None:
-    lines = chain(5)
-    lines.insert(2, link(Head(), {"what": "forged"})[0])
-
-    assert verify(placed(lines), after=Head()).problems
-
-
-def test_exchanged_lines_show() -> None:
-    lines = chain(5)
-    lines[1], lines[2] = lines[2], lines[1]
-
-    assert verify(placed(lines), after=Head()).problems
-
-
 def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() -> None:
     lines = chain(5)
     _, before = read_line(lines[1])
@@ -140,16 +112,6 @@ def test_a_chain_whose_beginning_was_given_up_is_checked_against_the_anchor() ->
     assert verify(placed(lines[2:]), after=anchor).problems == ()
     assert verify(placed(lines[3:]), after=anchor).problems
     assert verify(placed(lines[3:]), after=None).problems == ()
-
-
-@pytest.mark.parametrize(
-    "line",
-    ["", "nonsense", "[]", '{"n": 1}', '{"hash":"x","n":true}', '{"n":1}', '{"hash":"x"}', '{"a":1,"a":1}'],
-)
-def test_what_is_no_line_of_ours_is_named(line: str) -> None:
-    (problem,) = verify([("here", line)], after=Head()).problems
-
-    assert problem.startswith("here: ")
 
 
 def test_only_so_many_problems_are_reported() -> None:

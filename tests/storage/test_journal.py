@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.records import Phase, ResultRecord
+from gateway.records import Phase
 from gateway.storage.journal import Remembered
 from gateway.storage.ledger import FORGET_AT_ONCE, MOST_EXTRA
 from tests.storage.journal_run import JournalRun, result
@@ -27,27 +27,6 @@ async def test_what_was_noted_is_recalled_in_order_with_all_that_counts(path: Pa
     assert (second.result.phase, second.may_be_written) == (Phase.ACCEPTED, False)
 
 
-@pytest.mark.parametrize(
-    ("noted", "may_be_written"),
-    [
-        (result("1"), False),
-        (result("1", Phase.WRITTEN), True),
-        (result("1", verb="stop"), True),
-    ],
-)
-async def test_what_may_have_been_written_is_remembered(
-    path: Path, noted: ResultRecord, may_be_written: bool
-) -> None:
-    run = await JournalRun(path).begin()
-    await run.note(noted)
-    await run.end()
-
-    again = await JournalRun(path).begin()
-    await again.end()
-
-    assert [remembered.may_be_written for remembered in again.recalled] == [may_be_written]
-
-
 async def test_an_intent_is_on_the_disk_when_it_is_reported(path: Path) -> None:
     run = await JournalRun(path).begin()
     run.journal.note(result("1"))
@@ -58,21 +37,6 @@ async def test_an_intent_is_on_the_disk_when_it_is_reported(path: Path) -> None:
     again = await JournalRun(path).begin()
     await again.end()
     assert [remembered.may_be_written for remembered in again.recalled] == [True]
-
-
-async def test_a_command_without_an_id_is_not_stored_but_reported(path: Path) -> None:
-    run = await JournalRun(path).begin()
-    reported: list[str] = []
-
-    run.journal.note(result(None), then=lambda: reported.append("reported"))
-    run.journal.note(result(None))
-    await run.journal.intend(result(None))
-    await run.end()
-
-    again = await JournalRun(path).begin()
-    await again.end()
-    assert reported == ["reported"]
-    assert again.recalled == []
 
 
 async def test_what_a_result_carries_is_bounded(path: Path) -> None:

@@ -53,18 +53,6 @@ async def test_a_final_result_that_no_one_acknowledged_is_wanted_reported_again(
     assert undelivered == []
 
 
-async def test_a_result_that_was_reported_stays_so_when_its_command_is_repeated(path: Path) -> None:
-    run, _ = await begin(path)
-    await run.note(result("1", Phase.CONFIRMED))
-    run.journal.delivered("alice/1")
-    await run.note(result("1", Phase.CONFIRMED, is_duplicate=True))
-    await run.end()
-
-    again, undelivered = await begin(path)
-    await again.end()
-    assert undelivered == []
-
-
 async def test_what_was_reported_while_the_disk_failed_is_noted_when_it_is_back(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,23 +11,9 @@ from typing import Any
 import pytest
 
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.json_file import MOST_BYTES, RETRY_S, JsonFile, NoStore, Saver
+from gateway.storage.json_file import MOST_BYTES, RETRY_S, JsonFile, Saver
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import virtually
-
-
-async def test_what_was_saved_is_loaded_again(tmp_path: Path) -> None:
-    memory = JsonFile(tmp_path / "new" / "x.json")
-
-    await memory.save({"a": 1})
-    await memory.save({"a": 2})
-
-    assert JsonFile(tmp_path / "new" / "x.json").load() == {"a": 2}
-    assert [path.name for path in (tmp_path / "new").iterdir()] == ["x.json"]
-
-
-def test_a_file_that_is_not_there_is_no_document(tmp_path: Path) -> None:
-    assert JsonFile(tmp_path / "x.json").load() is None
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff", b"[" * 100_000, b" " * (MOST_BYTES + 1)])
@@ -47,11 +33,6 @@ def test_a_damaged_file_is_set_aside_and_stays_damaged_until_it_is_replaced(
     asyncio.run(memory.save({"a": 1}))
     assert json.loads(path.read_bytes()) == {"a": 1, "version": 1}
     assert (tmp_path / "x.json.damaged").read_bytes() == content
-
-
-def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
-    with pytest.raises(DamagedError):
-        JsonFile(tmp_path).load()
 
 
 def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path: Path) -> None:
@@ -115,14 +96,6 @@ async def test_a_file_that_is_switched_off_is_read_and_not_written(tmp_path: Pat
     assert JsonFile(path).load() == {"a": 3}
 
 
-async def test_no_memory_keeps_nothing() -> None:
-    memory = NoStore()
-    await memory.save({"a": 1})
-    memory.set_aside()
-
-    assert memory.load() is None
-
-
 class Desk:
     """A saver of a document that counts its changes."""
 
@@ -172,14 +145,6 @@ async def test_changes_that_may_wait_are_saved_together_and_at_once_when_somebod
     assert reporting.memory.document == {"number": 41}
     await asyncio.sleep(0.2)
     assert reporting.memory.document == {"number": 42}
-
-
-@virtually
-async def test_nothing_to_save_is_saved_already() -> None:
-    reporting = Desk()
-
-    assert await reporting.saver.saved(within_s=1.0)
-    assert reporting.memory.saves == 0
 
 
 @virtually

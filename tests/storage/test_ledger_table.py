@@ -8,7 +8,7 @@ import pytest
 
 from gateway.errors import DamagedError
 from gateway.storage.database import Connection, Database
-from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable
+from gateway.storage.ledger_table import LedgerRow, LedgerTable
 
 ROW = LedgerRow(
     client="alice",
@@ -64,36 +64,6 @@ def final(id_: str, since_s: float = 10.0) -> LedgerRow:
     return replace(ROW, id=id_, phase="confirmed", is_final=1, since_s=since_s)
 
 
-def test_a_row_is_returned_as_it_was_put(stored: Stored) -> None:
-    stored.put(ROW)
-
-    assert stored.rows() == [ROW]
-
-
-def test_a_later_phase_replaces_the_earlier_one_but_not_the_commands_age(stored: Stored) -> None:
-    stored.put(ROW)
-
-    stored.put(replace(final("1"), since_s=99.0))
-
-    assert stored.rows() == [final("1")]
-
-
-def test_what_may_have_been_written_stays_so(stored: Stored) -> None:
-    stored.put(replace(ROW, may_be_written=1))
-
-    stored.put(replace(ROW, phase="written"))
-
-    assert stored.rows()[0].may_be_written == 1
-
-
-def test_rows_come_in_the_order_of_their_commands(stored: Stored) -> None:
-    stored.put(final("b"), final("a"), final("c"))
-
-    stored.put(final("b"))
-
-    assert stored.ids() == ["b", "a", "c"]
-
-
 @pytest.mark.parametrize("since_s", [-1.0e9, 10.0, 1.8e9])
 def test_no_row_goes_by_itself_whatever_the_clock_says_and_however_many_there_are(
     stored: Stored, since_s: float
@@ -101,24 +71,6 @@ def test_no_row_goes_by_itself_whatever_the_clock_says_and_however_many_there_ar
     stored.put(*(final(str(number), since_s=since_s) for number in range(300)))
 
     assert stored.ids() == [str(number) for number in range(300)]
-
-
-def test_what_the_ledger_forgets_goes(stored: Stored) -> None:
-    stored.put(*(final(str(number)) for number in range(4)))
-
-    stored.forget(("alice", "1"), ("alice", "3"), ("bob", "0"))
-
-    assert stored.ids() == ["0", "2"]
-
-
-def test_a_stop_without_an_id_goes_with_those_of_earlier_runs_for_the_same_starter(stored: Stored) -> None:
-    unnamed = [f"{UNNAMED}run-1/pump-1", f"{UNNAMED}run-2/pump-1"]
-    other = replace(ROW, id=f"{UNNAMED}run-1/fan", starter="fan")
-    stored.put(*(replace(ROW, id=id_) for id_ in unnamed), other, replace(ROW, id="named"))
-
-    stored.forget(("alice", f"{UNNAMED}run-2/pump-1"))
-
-    assert stored.ids() == [other.id, "named"]
 
 
 def test_room_is_made_from_what_may_be_repeated_and_what_was_acted_on_keeps_its_key(stored: Stored) -> None:

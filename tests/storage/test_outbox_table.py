@@ -10,8 +10,8 @@ import pytest
 
 from gateway.errors import DamagedError
 from gateway.storage.database import Connection, Database
-from gateway.storage.outbox_table import DAMAGED, FULL, HIGHEST, MOST_REFUSED, OutboxTable
-from gateway.storage.spool import Changes, Kind, Loss, Page, Refusal, Row, Share
+from gateway.storage.outbox_table import DAMAGED, FULL, HIGHEST, OutboxTable
+from gateway.storage.spool import Changes, Kind, Loss, Page, Row
 
 T = TypeVar("T")
 
@@ -59,79 +59,6 @@ def stored(tmp_path: Path) -> Iterator[Stored]:
     stored = Stored(tmp_path, OutboxTable(most_rows=100))
     yield stored
     stored.database.close()
-
-
-def test_rows_come_back_as_they_were_put_each_kind_for_itself(stored: Stored) -> None:
-    rows = [
-        row(1, payload=b"\xff\x00", correlation=b"\x01"),
-        row(2, Kind.RESULT, key="alice/7"),
-        row(3, topic="b/ümlaut"),
-        row(4, Kind.VALUE),
-    ]
-    stored.apply(*rows)
-
-    assert stored.page(Kind.EVENT) == Page((rows[0], rows[2]), is_last=True)
-    assert stored.page(Kind.RESULT) == Page((rows[1],), is_last=True)
-    assert stored.page(Kind.EVENT, after=1) == Page((rows[2],), is_last=True)
-    assert stored.page(Kind.EVENT, before=3, most=1) == Page((rows[0],), is_last=True)
-    assert stored.page(Kind.EVENT, before=4, most=1) == Page((rows[0],), is_last=False)
-
-
-def test_a_row_that_is_put_again_takes_its_own_place(stored: Stored) -> None:
-    stored.apply(row(1))
-    stored.apply(row(1, payload=b"again"))
-
-    assert stored.page(Kind.EVENT).rows == (row(1, payload=b"again"),)
-
-
-def test_what_is_gone_is_gone(stored: Stored) -> None:
-    stored.apply(row(1), row(2), row(3, Kind.RESULT))
-    stored.apply(gone=((Kind.EVENT, 1), (Kind.RESULT, 3), (Kind.VALUE, 77)))
-
-    assert stored.do(stored.table.recall)[1].shares[Kind.EVENT] == Share(1, 7 + 9 + 220, 2.0)
-    assert stored.numbers(Kind.RESULT) == []
-
-
-def test_the_next_run_learns_what_there_is(stored: Stored) -> None:
-    stored.apply(
-        row(5, Kind.VALUE), row(7, Kind.RESULT, key="alice/7"), losses=(Loss("x", Kind.VALUE, 2, 1.0, None),)
-    )
-    stored.apply(losses=(Loss("x", Kind.VALUE, 3, None, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)))
-
-    highest, recalled = stored.do(stored.table.recall)
-
-    assert highest == 7
-    assert recalled.shares[Kind.EVENT] == Share(0, 0, 0.0)
-    assert recalled.shares[Kind.VALUE].rows == 1
-    assert recalled.keys == {"alice/7"}
-    assert set(recalled.losses) == {Loss("x", Kind.VALUE, 5, 1.0, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)}
-
-
-def test_losses_that_were_reported_are_forgotten_before_new_ones_are_noted(stored: Stored) -> None:
-    stored.apply(losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0),))
-    stored.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_declared=True)
-
-    assert stored.do(stored.table.recall)[1].losses == (Loss("x", Kind.VALUE, 1, 2.0, 2.0),)
-
-
-def test_too_many_rows_cost_the_oldest_values_then_events_then_results(stored: Stored) -> None:
-    kinds = [Kind.RESULT, Kind.EVENT, Kind.VALUE]
-    assert stored.apply(*(row(number, kinds[number % 3]) for number in range(90))) == ()
-
-    first = stored.apply(*(row(number, Kind.RESULT) for number in range(90, 120)))
-    assert first == (Loss(FULL, Kind.VALUE, 21, 2.0, 62.0, 62),)
-
-    second = stored.apply(*(row(number, Kind.RESULT) for number in range(120, 150)))
-    assert [(loss.kind, loss.rows, loss.upto) for loss in second] == [
-        (Kind.VALUE, 9, 89),
-        (Kind.EVENT, 21, 61),
-    ]
-
-    third = stored.apply(*(row(number, Kind.RESULT) for number in range(150, 180)))
-    assert [(loss.kind, loss.rows) for loss in third] == [(Kind.EVENT, 9), (Kind.RESULT, 21)]
-    assert len(stored.numbers(Kind.RESULT)) == 99
-    declared = {(loss.kind, loss.rows) for loss in stored.do(stored.table.recall)[1].losses}
-    assert declared == {(Kind.VALUE, 30), (Kind.EVENT, 30), (Kind.RESULT, 21)}
 
 
 def test_a_full_file_makes_room_and_reports_once_what_it_cost(stored: Stored) -> None:
@@ -187,13 +114,3 @@ def test_times_and_losses_that_make_no_sense_are_left_out(stored: Stored) -> Non
 
     assert recalled.shares[Kind.EVENT].first_s == 0.0
     assert recalled.losses == (Loss("y", Kind.EVENT, 2, None, 1.0),)
-
-
-def test_of_what_the_broker_refused_the_newest_are_stored(stored: Stored) -> None:
-    for number in range(MOST_REFUSED + 20):
-        stored.apply(refusals=(Refusal(float(number), 0x87, "b/event", b"x"),))
-
-    refused = stored.do(stored.table.refused)
-
-    assert [each.time_s for each in refused] == [float(number) for number in range(20, MOST_REFUSED + 20)]
-    assert refused[0] == Refusal(20.0, 0x87, "b/event", b"x")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.records import AuditRecord, Phase, ResultRecord, Severity
+from gateway.records import Phase, ResultRecord, Severity
 from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.segments import lines
 from gateway.storage.journal import Remembered
@@ -16,7 +16,6 @@ from gateway.storage.state_dir import FILE, StateDir
 from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
-AUDIT = AuditRecord("pump-1", "alice", None, "start", {}, "accepted", "ok", 5.0, 1)
 RESULT = ResultRecord("pump-1", "alice", "1", "start", Phase.CONFIRMED, "ok", "", 5.0)
 
 
@@ -64,21 +63,6 @@ def said(state_dir: Path) -> list[str]:
     return [read_line(line)[0]["code"] for _, line in lines(state_dir / "audit")]
 
 
-async def test_a_run_leaves_its_ledger_and_its_audit_behind(tmp_path: Path) -> None:
-    first = await Gateway(tmp_path / "state").begin()
-    first.state_dir.put(AUDIT)
-    first.state_dir.journal.note(RESULT)
-    await first.state_dir.close("ended by SIGTERM")
-
-    second = await Gateway(tmp_path / "state").begin()
-    await second.state_dir.close("over")
-
-    assert [remembered.result for remembered in second.recalled or ()] == [RESULT]
-    codes = ["gateway_started", "ok", "gateway_ended", "gateway_started", "gateway_ended"]
-    assert said(tmp_path / "state") == codes
-    assert first.events == []
-
-
 @pytest.mark.parametrize(("is_read_only", "severity"), [(False, Severity.ERROR), (True, Severity.WARNING)])
 async def test_a_state_directory_that_cannot_be_made_is_reported_and_recovers(
     tmp_path: Path, is_read_only: bool, severity: Severity
@@ -118,10 +102,6 @@ async def test_a_slow_disk_is_reported(tmp_path: Path, monkeypatch: pytest.Monke
     await gateway.state_dir.close("over")
 
     assert gateway.codes() == ["ledger_slow"]
-
-
-async def test_a_state_directory_that_never_began_is_closed_at_once(tmp_path: Path) -> None:
-    await Gateway(tmp_path).state_dir.close("over")
 
 
 def corrupt(state_dir: Path) -> None:

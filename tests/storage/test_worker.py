@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import Future
-from pathlib import Path
 
 import pytest
 
 from gateway.errors import StoreError
 from gateway.storage.database import Connection
-from gateway.storage.worker import News, Store
-from tests.storage.store_rig import PATIENCE_S, Make, Things, insert, texts
-
-
-def test_what_was_stored_is_there_after_a_restart(keeping: Make) -> None:
-    first = keeping()
-    first.do(insert("a"))
-    first.close()
-
-    second = keeping()
-
-    assert second.do(texts) == ["a"]
-    assert second.kinds() == [News.OPEN]
-    assert second.store.lost_s is None
-    assert second.store.trouble == ""
+from gateway.storage.worker import News
+from tests.storage.store_rig import PATIENCE_S, Make, insert, texts
 
 
 def test_work_is_done_in_the_order_in_which_it_was_submitted(keeping: Make) -> None:
@@ -33,22 +19,6 @@ def test_work_is_done_in_the_order_in_which_it_was_submitted(keeping: Make) -> N
         one.store.submit(insert(str(number)))
 
     assert one.do(texts) == [str(number) for number in range(2000)]
-
-
-def test_what_was_submitted_before_the_end_is_still_done(keeping: Make) -> None:
-    first = keeping()
-    for number in range(700):
-        first.store.submit(insert(str(number)))
-    first.close()
-
-    assert len(keeping().do(texts)) == 700
-
-
-def test_before_it_is_open_there_is_trouble(tmp_path: Path) -> None:
-    store = Store(tmp_path / "x", [Things()])
-
-    assert store.trouble == "it is not open yet"
-    assert store.close(within_s=0.0)
 
 
 def test_a_closed_store_takes_nothing(keeping: Make) -> None:

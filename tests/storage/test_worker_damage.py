@@ -75,24 +75,6 @@ def test_a_database_of_another_shape_is_put_aside_or_repaired(keeping: Make, pat
     assert one.do(texts) == ["a"]
 
 
-def test_a_folder_of_the_files_name_is_put_aside(keeping: Make, tmp_path: Path) -> None:
-    (tmp_path / "x.sqlite" / "inner").mkdir(parents=True)
-
-    one = keeping(tmp_path / "x.sqlite")
-
-    assert one.do(texts) == []
-    assert "is no file" in one.until(News.LOST)
-
-
-def test_an_empty_file_is_a_new_one(keeping: Make, tmp_path: Path) -> None:
-    (tmp_path / "x.sqlite").touch()
-
-    one = keeping(tmp_path / "x.sqlite")
-
-    assert one.do(texts) == []
-    assert one.kinds() == [News.OPEN]
-
-
 def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
     dice = random.Random(1)
     whole = path.read_bytes()
@@ -202,18 +184,6 @@ def test_a_folder_that_cannot_be_made_is_trouble_until_it_can(keeping: Make, tmp
     assert one.do(texts) == ["b"]
     assert one.kinds() == [News.AWAY, News.OPEN]
     assert one.store.trouble == ""
-
-
-def test_a_read_only_file_system_is_trouble_and_reported_once(keeping: Make) -> None:
-    one = keeping(Path("/proc/starter-gateway/x.sqlite"))
-
-    one.until(News.AWAY)
-    for _ in range(3):
-        with pytest.raises(StoreError):
-            one.do(insert("a"))
-
-    assert one.kinds() == [News.AWAY]
-    assert "/proc" in one.store.trouble
 
 
 def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(

@@ -14,13 +14,8 @@ from gateway.system.clock import (
     is_kernel_clock_synchronised,
     is_synchronised_state,
     kernel_says_synchronised,
-    read_clocks,
 )
-from gateway.system.clock_steps import STEP_S, ClockReading
-
-
-def never() -> bool:
-    raise AssertionError("asked")
+from gateway.system.clock_steps import ClockReading
 
 
 class Machine:
@@ -45,14 +40,6 @@ class Machine:
     def step(self, seconds: float) -> None:
         self.utc_s += seconds
         self.watch.look()
-
-
-def test_a_clock_that_was_never_stepped_is_what_the_configuration_says() -> None:
-    assert ClockWatch("trusted", ask=never).doubt() is None
-    assert ClockWatch("untrusted", ask=never).doubt() == (
-        "the configuration does not trust this gateway's clock (when it is right: "
-        'clock = "auto" or "trusted" in [gateway])'
-    )
 
 
 def test_the_kernel_is_asked_at_most_every_ten_seconds() -> None:
@@ -88,29 +75,6 @@ def test_after_a_step_the_clock_counts_again_once_it_was_steady_for_a_minute(
     assert machine.changes == [f"this gateway's clock was set {by}", None]
 
 
-def test_what_the_kernel_said_before_a_step_does_not_count() -> None:
-    machine = Machine()
-    machine.wait(55.0)
-    assert machine.watch.doubt() is None
-
-    machine.is_synchronised = False
-    machine.step(-20.0)
-    machine.wait(65.0)
-
-    assert str(machine.watch.doubt()).startswith("this gateway's clock is not synchronised")
-
-
-def test_another_step_begins_the_minute_anew() -> None:
-    machine = Machine()
-    machine.step(-20.0)
-    machine.wait(50.0)
-
-    machine.step(20.0)
-    machine.wait(50.0)
-
-    assert machine.watch.doubt() is not None
-
-
 def test_many_small_steps_are_one_step() -> None:
     machine = Machine("trusted")
 
@@ -129,13 +93,6 @@ def test_two_readings_that_lie_apart_a_little_are_no_step() -> None:
         machine.wait(1.0)
 
     assert machine.watch.doubt() is None
-
-
-def test_this_machines_clocks_are_read_as_one() -> None:
-    first, second = read_clocks(), read_clocks()
-
-    assert abs(second.offset_s - first.offset_s) < STEP_S
-    assert first.boot_id == second.boot_id
 
 
 @pytest.mark.parametrize(

@@ -63,16 +63,6 @@ def test_a_stall_is_reported_once_and_dumped_again_only_after_a_while(
     assert caplog.text.count("stood still") == 2
 
 
-def test_without_a_service_watchdog_nothing_is_armed() -> None:
-    timer = Timer()
-    watch = timer.watch(None)
-
-    watch.fed()
-    watch.close()
-
-    assert timer.due_s is None
-
-
 def test_closing_disarms() -> None:
     timer = Timer()
     watch = timer.watch()

@@ -6,7 +6,6 @@ import fcntl
 import logging
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -63,25 +62,6 @@ def test_the_holder_on_another_machine_or_in_another_container_is_named_with_its
             pass
 
 
-@pytest.mark.parametrize("content", ["", "nonsense", "\x00\xff"])
-def test_a_file_that_names_no_one_is_locked_all_the_same(content: str, tmp_path: Path) -> None:
-    with instance_lock(tmp_path):
-        (tmp_path / FILE).write_text(content)
-
-        with pytest.raises(StartError, match="process id unknown"), instance_lock(tmp_path):
-            pass
-
-
-def test_the_lock_ends_with_the_context_and_its_file_is_for_its_user_only(tmp_path: Path) -> None:
-    for _ in range(2):
-        with instance_lock(tmp_path / "state"):
-            pass
-
-    assert (tmp_path / "state" / FILE).stat().st_mode & 0o777 == 0o600
-    assert (tmp_path / "state").stat().st_mode & 0o777 == 0o700
-    assert (tmp_path / "state" / FILE).read_text() == f"{os.getpid()} {socket.gethostname()}\n"
-
-
 def test_the_lock_ends_with_a_process_that_was_killed(tmp_path: Path) -> None:
     make_reachable(tmp_path)
     with holder(tmp_path) as first:
@@ -119,22 +99,6 @@ def test_a_lock_file_of_another_user_is_named_with_its_remedy(tmp_path: Path) ->
 
     assert line.startswith(f"{tmp_path / FILE} is another user's: user ")
     assert line.endswith(f"(sudo chown -R {os.getuid() or 65534} {tmp_path})")
-
-
-def test_a_folder_in_the_files_place_is_locked_instead(tmp_path: Path) -> None:
-    (tmp_path / FILE).mkdir()
-
-    with instance_lock(tmp_path), pytest.raises(StartError), instance_lock(tmp_path):
-        pass
-
-
-def test_other_trouble_of_the_disk_prevents_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (tmp_path / "state").write_text("a file where the folder should be")
-
-    with caplog.at_level(logging.WARNING), instance_lock(tmp_path / "state" / "deeper"):
-        pass
-
-    assert "a second gateway there is not noticed" in caplog.text
 
 
 def test_a_file_system_without_locks_prevents_nothing(

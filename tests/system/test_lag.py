@@ -25,23 +25,6 @@ def test_the_worst_delay_of_this_minute_and_the_one_before_it_counts() -> None:
     assert (first_s, second_s, third_s, meter.worst_s) == (0.3, 0.3, 0.2, 0.0)
 
 
-def test_after_a_long_silence_the_minute_before_it_counts_no_more() -> None:
-    meter = LagMeter()
-    meter.note(0.3, 0.0)
-
-    meter.note(0.1, 200.0)
-
-    assert meter.worst_s == 0.1
-
-
-def test_each_delay_is_taken_once() -> None:
-    meter = LagMeter()
-    meter.note(0.3, 0.0)
-    meter.note(0.1, 1.0)
-
-    assert [meter.take_worst_s(), meter.take_worst_s()] == [0.3, 0.0]
-
-
 def test_a_loop_that_stood_still_is_late_by_that_time_less_a_tick() -> None:
     async def scenario() -> float:
         meter = LagMeter()

@@ -43,14 +43,6 @@ def test_a_gap_on_either_clock_is_a_suspension(up_s: float, utc_s: float, report
     assert Clocks().pass_by(up_s, utc_s) == pytest.approx(reported_s)
 
 
-def test_a_suspension_is_reported_once() -> None:
-    clocks = Clocks()
-
-    clocks.pass_by(10.0, 10.0)
-
-    assert clocks.pass_by(0.1, 0.1) == [10.0]
-
-
 def test_it_looks_often_enough_not_to_take_its_own_pauses_for_suspensions() -> None:
     reported_s: list[float] = []
     looks: list[float] = []

@@ -41,12 +41,6 @@ def test_everything_is_reported_to_systemd(listener: tuple[socket.socket, str]) 
     assert listening.recv(1000).startswith(b"RELOADING=1\nMONOTONIC_USEC=")
 
 
-def test_without_systemd_nothing_is_reported() -> None:
-    notifier = Notifier({})
-
-    notifier.ready()
-
-
 def test_a_socket_that_is_gone_does_no_harm(tmp_path: Path) -> None:
     Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).watchdog()
 

@@ -18,7 +18,6 @@ from gateway.mqtt.contract.freshness import RunToken, Tokens
 from gateway.storage.history_table import HistoryRow
 from gateway.system.password_hash import password_line
 from tests.config.sites import SITE
-from tests.starters.fakes import FAULT, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually
 
@@ -57,17 +56,6 @@ def access(
 
 
 @virtually
-async def test_a_command_goes_the_way_of_mqtt_with_its_source_and_the_users_name() -> None:
-    web, taken = access(await Plant().online())
-
-    web.submit("pump-1", "start", b'{"id":"1"}', client="alice", user="anna", correlation=b"c")
-
-    [incoming] = taken
-    assert incoming.topic == "starters/mcc1/command/pump-1/alice/start"
-    assert (incoming.payload, incoming.source, incoming.operator) == (b'{"id":"1"}', "web", "anna")
-
-
-@virtually
 async def test_the_token_is_renewed_each_second_and_at_once_when_the_old_one_counts_no_more() -> None:
     plant = await Plant().online()
     web, _ = access(plant)
@@ -99,27 +87,6 @@ async def test_the_token_is_renewed_at_once_when_a_stop_has_come() -> None:
 
 
 @virtually
-async def test_actions_name_what_forbids_each_and_without_a_login_only_that() -> None:
-    plant = await Plant().online()
-    web, _ = access(plant)
-    plant.machines["pump-1"].unit.holding[VB01] = READY | FAULT
-    plant.poll()
-
-    offers = {(each["verb"], *each["args"].values()): each for each in web.actions("pump-1", "alice")}
-
-    assert offers["start",]["code"] == "fault_active"
-    assert "a fault is active" in offers["start",]["text"]
-    assert offers["stop",]["permitted"]
-    assert offers["reset",]["permitted"]
-    assert offers["read",]["permitted"]
-    assert offers["set",]["permitted"]
-    assert offers["lock",]["permitted"]
-    assert {each["code"] for each in web.actions("pump-1", None)} == {"login"}
-    assert {each["code"] for each in web.actions("pump-1", "mallory")} == {"not_allowed"}
-    assert web.actions("pump-9", "alice") == []
-
-
-@virtually
 async def test_stored_starts_have_their_samples_and_the_newest_stand_last() -> None:
     plant = await Plant().online()
     rows = [
@@ -138,21 +105,6 @@ async def test_stored_starts_have_their_samples_and_the_newest_stand_last() -> N
     assert records["trips"] == [{"id": "t1"}]
     away, _ = access(plant, StoreError("no disk"))
     assert await away.records("pump-1") is None
-
-
-@virtually
-async def test_a_login_is_in_the_audit_and_the_diagnostics_have_no_password() -> None:
-    plant = await Plant().online()
-    web, _ = access(plant)
-
-    web.note_login("login", "wrong_login", user="", client="", address="192.0.2.9")
-
-    [record] = plant.sink.records
-    assert (record.verb, record.decision, record.source) == ("login", "rejected", "web")
-    assert record.args == {"address": "192.0.2.9"}
-    assert LINE not in str(web.diagnostics())
-    assert web.may_start("alice")
-    assert not web.may_start("bob")
 
 
 @pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900", "sst"])

@@ -9,7 +9,6 @@ from dataclasses import replace
 import pytest
 
 from gateway.web.interface import WebSettings
-from gateway.web.requests import Caller, scrape_refusal
 from tests.web.support import SETTINGS, FakeMetrics, PageRig
 
 HERE, THERE = "127.0.0.1", "192.0.2.7"
@@ -20,46 +19,6 @@ def rig_of(token: str | None = None, settings: WebSettings = SETTINGS) -> PageRi
     rig = PageRig(settings)
     rig.access.scraped = FakeMetrics(token)
     return rig
-
-
-@pytest.mark.parametrize(
-    ("token", "peer", "scheme", "authorization", "status"),
-    [
-        (None, HERE, "http", "", 200),
-        (None, "::1", "http", "", 200),
-        (None, "::ffff:127.0.0.1", "http", "", 200),
-        (None, THERE, "http", "", 403),
-        (None, THERE, "https", "", 200),
-        (None, "", "http", "", 403),
-        ("secret", HERE, "http", "", 401),
-        ("secret", HERE, "http", "Bearer secret", 200),
-        ("secret", THERE, "http", "bearer secret", 200),
-        ("secret", THERE, "https", "", 401),
-        ("secret", THERE, "https", "Bearer Secret", 401),
-        ("secret", THERE, "https", "Bearer secret2", 401),
-        ("secret", THERE, "https", "Basic secret", 401),
-        ("secret", THERE, "https", "secret", 401),
-        ("secret", THERE, "https", "Bearer gehe\xefm", 401),
-        ("", THERE, "https", "Bearer ", 200),  # no configuration has an empty one
-    ],
-)
-async def test_who_may_scrape(
-    token: str | None, peer: str, scheme: str, authorization: str, status: int
-) -> None:
-    headers = {"authorization": authorization} if authorization else {}
-    caller = Caller(peer, "127.0.0.1:8480", scheme)
-
-    assert bool(scrape_refusal(headers, caller, token)) == (status != 200)
-
-
-async def test_a_refusal_says_what_is_missing() -> None:
-    plain = await rig_of().ask("GET", "/metrics", peer=THERE)
-    secret = await rig_of("secret").get("/metrics")
-
-    assert (plain.status, secret.status) == (403, 401)
-    assert "token_file" in plain.json["text"]
-    assert "Bearer" in secret.json["text"]
-    assert b"up 1" not in plain.body + secret.body
 
 
 async def test_the_text_has_prometheus_type_and_is_compressed_on_request() -> None:
@@ -74,10 +33,6 @@ async def test_the_text_has_prometheus_type_and_is_compressed_on_request() -> No
     assert refused.body == plain.body
 
 
-async def test_another_name_is_answered_421_for_metrics_too() -> None:
-    assert (await rig_of().get("/metrics", host="evil.example")).status == 421
-
-
 async def test_a_proxys_callers_are_judged_by_where_they_come_from() -> None:
     rig = rig_of(settings=PROXIED)
 
@@ -85,13 +40,6 @@ async def test_a_proxys_callers_are_judged_by_where_they_come_from() -> None:
     encrypted = await rig.get("/metrics", x_forwarded_for=THERE, x_forwarded_proto="https")
 
     assert (plain.status, encrypted.status) == (403, 200)
-
-
-async def test_without_metrics_there_is_nothing_to_scrape_and_it_says_why() -> None:
-    answer = await PageRig().get("/metrics")
-
-    assert answer.status == 404
-    assert "[metrics]" in answer.json["text"]
 
 
 async def test_a_scrape_that_fails_by_a_bug_is_answered_500_and_the_page_goes_on() -> None:

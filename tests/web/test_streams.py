@@ -7,11 +7,8 @@ import json
 from itertools import pairwise
 from typing import Any
 
-import pytest
-
 from gateway.records import EventRecord, Severity
 from gateway.web.accounts import LoginOutcome
-from gateway.web.interface import WebSettings
 from gateway.web.requests import Caller
 from gateway.web.site_model import MOST_MESSAGES
 from gateway.web.streams import BEAT_S, EVERY_S, MOST_STREAMS, EventStream, Stream
@@ -64,26 +61,6 @@ class Client:
 
 def rig_now() -> PageRig:
     return PageRig(clock=VirtualClock(asyncio.get_running_loop()))
-
-
-@virtually
-async def test_the_snapshot_comes_first_and_then_only_what_has_changed() -> None:
-    rig = rig_now()
-    rig.state("pump-1", "ready")
-    client = Client(rig)
-    await asyncio.sleep(1.0)
-
-    rig.value("pump-1", "current", 12.0)
-    rig.value("pump-1", "p002", 1.0)  # not in the overview
-    await asyncio.sleep(1.0)
-    await client.leave()
-
-    assert [name for _, name, _ in client.events] == ["snapshot", "change"]
-    [snapshot], [change] = client.of("snapshot"), client.of("change")
-    assert snapshot["topics"]["starter/pump-1/state"]["state"] == "ready"
-    assert change["topics"].keys() == {"starter/pump-1/value/current"}
-    assert change["gen"] > snapshot["gen"]
-    assert change["token"] == "token-0"
 
 
 @virtually
@@ -213,39 +190,6 @@ async def test_streams_are_bounded_in_number_altogether_and_of_one_owner() -> No
     assert len(rig.streams) == 0
     answer = await rig.get("/api/v1/state")  # and the page itself goes on
     assert answer.status == 200
-
-
-@pytest.mark.parametrize(("settings", "limit"), [(WebSettings(), 32), (WebSettings(pages_per_address=4), 4)])
-async def test_a_page_too_many_at_an_address_is_answered_503_with_the_number_and_when_to_try_again(
-    settings: WebSettings, limit: int
-) -> None:
-    rig = PageRig(settings)
-    for _ in range(limit):
-        assert rig.streams.join(Stream(None, "127.0.0.1", b"{}"), most_of_owner=limit) == ""
-
-    answer = await rig.get("/api/v1/events")
-
-    assert (answer.status, answer.json["error"], answer.headers["retry-after"]) == (503, "busy", "5")
-    assert f"too many pages are open here ({limit} of {limit}): close one, or" in answer.json["text"]
-
-
-@virtually
-async def test_another_configuration_and_the_end_of_the_login_reach_the_open_page() -> None:
-    rig = rig_now()
-    is_logged_in = [True]
-    rig.streams._is_logged_in = lambda _: is_logged_in[0]
-    client = Client(rig, session_key="k", client="alice")
-    await asyncio.sleep(1.0)
-
-    rig.streams.restart()
-    await asyncio.sleep(1.0)
-    is_logged_in[0] = False
-    await asyncio.sleep(BEAT_S + 1.0)
-
-    assert len(client.of("snapshot")) == 2
-    assert client.of("session") == [{"user": None}]
-    assert client.has_ended
-    assert len(rig.streams) == 0
 
 
 async def test_the_headers_keep_proxies_from_holding_the_stream_back() -> None:

@@ -133,31 +133,6 @@ def test_the_gateway_itself_imports_no_web_server() -> None:
 
 
 @virtually
-async def _switched() -> None:
-    stage = PageStage()
-    running = asyncio.create_task(stage.page.run())
-    await asyncio.sleep(1.0)
-    assert stage.services == []
-    stage.page.move(stage.site(WEB))
-    await asyncio.sleep(1.0)
-    assert len(stage.services) == 1
-    stage.page.move(stage.site(WEB, ('name = "pump-2"', 'name = "pump-3"')))
-    assert stage.services[0].moves == 1
-    stage.page.move(stage.site())
-    await asyncio.sleep(1.0)
-    assert stage.publisher.on_message is None
-    stage.page.move(stage.site(WEB))
-    await asyncio.sleep(1.0)
-    assert len(stage.services) == 2
-    running.cancel()
-
-
-@pytest.mark.usefixtures("imports")
-def test_a_reload_switches_the_page_on_off_and_on_again_and_changes_it_in_place() -> None:
-    _switched()
-
-
-@virtually
 async def _broken(*, is_message: bool) -> None:
     stage = PageStage(WEB)
     running = asyncio.create_task(stage.page.run())

@@ -172,7 +172,10 @@ def _lint(files: list[str], config: Config) -> int:
         try:
             text = Path(name).read_text("utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{name} cannot be read: {error}") from error
+            why = (error.strerror if isinstance(error, OSError) else None) or "it is not UTF-8"
+            raise UsageError(
+                f"{name}: cannot be read: {why} (give files of Mosquitto's configuration)"
+            ) from error
         for warning in warnings(text, config.base, remote_clients(config)):
             print(f"warning: {name}: {warning}")
             found += 1

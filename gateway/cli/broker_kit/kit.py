@@ -87,7 +87,8 @@ def read_settings(folder: Path) -> KitSettings:
     try:
         return KitSettings.model_validate_json((folder / SETTINGS).read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise UsageError(f"{folder} holds no kit that can be read: {error} (write one first)") from error
+        why = (error.strerror if isinstance(error, OSError) else None) or error
+        raise UsageError(f"{folder / SETTINGS}: no kit that can be read: {why} (write one first)") from error
 
 
 def certificate_names(config: Config, settings: KitSettings) -> tuple[str, ...]:

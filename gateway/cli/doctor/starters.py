@@ -118,7 +118,7 @@ class LineCheckup:
             rows,
             gap_s=gap_s,
             watchdog_s=setup.watchdog_s,
-            slot_trouble=slot_trouble(setup.variant, identity),
+            slot_trouble=slot_trouble(setup.profile, setup.variant, identity),
         )
         for finding in findings:
             self._say(f"starter {setup.name}", finding.text, finding.weight)

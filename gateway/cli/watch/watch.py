@@ -23,7 +23,7 @@ from gateway.mqtt.connection.command_client import connected
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.topics import is_level
-from gateway.system.backoff import Backoff
+from gateway.system.rate_limits import Backoff
 
 if TYPE_CHECKING:
     from rich.console import Console

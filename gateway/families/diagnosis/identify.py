@@ -46,12 +46,13 @@ def why_not(profile: Profile, identity: Identity) -> str | None:
     return f"it is {identity.family_seen}, not {profile.family}: {identity.reason}"
 
 
-def slot_trouble(configured: Variant, seen: Identity) -> str:
+def slot_trouble(profile: Profile, configured: Variant, seen: Identity) -> str:
     """Return in words where the RS-485 accessory proves to sit, unless as configured; "" where it does."""
     if configured.slot is None or seen.slot in (None, configured.slot):
         return ""
     what = f"slot = {configured.slot} is configured, but the RS-485 accessory sits in slot {seen.slot}"
-    return f"{what} by S3.5.1 and S3.5.2 (set slot = {seen.slot}, or leave it out)"
+    rows = " and ".join(device_of(profile).slot_rows)
+    return f"{what} by {rows} (set slot = {seen.slot}, or leave it out)"
 
 
 def candidates() -> tuple[Profile, ...]:

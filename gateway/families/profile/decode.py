@@ -84,7 +84,7 @@ def decode_words(
         offset = address - start
         for row in rows:
             part = words[offset : offset + row.words]
-            found[row.code] = _as_json(profile, row, decode_row(profile, variant, row, part))
+            found[row.code] = _as_json(profile, variant, row, decode_row(profile, variant, row, part))
         if not rows:
             found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
         address += max((row.words for row in rows), default=1)
@@ -177,28 +177,40 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
     return rows if raw is None else (raw,)
 
 
-def _as_json(profile: Profile, row: Parameter, decoded: Decoded) -> dict[str, Any]:
+def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decoded) -> dict[str, Any]:
+    point = _point_of(profile, row)
+    is_there = _is_there(profile, variant, point)
     shown: dict[str, Any] = {
         "name": row.name,
-        "point": _point_of(profile, row),
-        "value": decoded.value,
+        "point": point,
+        "value": decoded.value if is_there else None,
         "unit": decoded.unit,
-        "label": decoded.label,
+        "label": decoded.label if is_there else None,
         "raw": list(decoded.raw),
     }
     if row.type is Type.BITS:
         shown["bits"] = [
-            {
-                "bit": bit,
-                "label": label,
-                "point": profile.points_of.get((row.code, bit)),
-                "value": is_on,
-                "meaning": profile.enums.get(f"{row.code}.{bit}", {}).get(int(is_on)),
-            }
+            _bit_json(profile, variant, row.code, bit, is_on=is_on)
             for bit, label in sorted(profile.bits[row.code].items())
             if (is_on := bool(decoded.raw[0] >> bit & 1)) or label != RESERVED
         ]
     return shown
+
+
+def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on: bool) -> dict[str, Any]:
+    point = profile.points_of.get((code, bit))
+    is_there = _is_there(profile, variant, point)
+    return {
+        "bit": bit,
+        "label": profile.bits[code][bit],
+        "point": point,
+        "value": is_on if is_there else None,
+        "meaning": profile.enums.get(f"{code}.{bit}", {}).get(int(is_on)) if is_there else None,
+    }
+
+
+def _is_there(profile: Profile, variant: Variant, point: str | None) -> bool:
+    return point is None or is_known(profile.points[point].since_firmware, variant)
 
 
 def _point_of(profile: Profile, row: Parameter) -> str | None:

@@ -15,7 +15,7 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.system.backoff import Backoff
+from gateway.system.rate_limits import Backoff
 
 log = logging.getLogger(__name__)
 

@@ -95,10 +95,12 @@ class Backlog:
     def next(self, late_upto: int) -> QueuedMessage | None:
         """Return the result or event that comes next; what is not `late` does not wait for what is."""
         is_away = self.is_disk_away()
-        result = self._first(Kind.RESULT, is_away)
-        event = self._new[Kind.EVENT].first(is_disk_away=is_away)
-        if event is None or event.number <= late_upto:
-            event = self._first(Kind.EVENT, is_away)
+        result, event = (
+            live
+            if (live := self._new[kind].first(is_disk_away=is_away)) is not None and live.number > late_upto
+            else self._first(kind, is_away)
+            for kind in (Kind.RESULT, Kind.EVENT)
+        )
         if result is None or event is None:
             self.has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
             return result or event
@@ -280,8 +282,11 @@ class Backlog:
         return sum(segment.bytes for segment in self._segments) + self._out_bytes
 
     def _first(self, kind: Kind, is_away: bool) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
-        old = self._old[kind].first(is_disk_away=is_away)
-        return old or self._new[kind].first(is_disk_away=is_away)
+        """Return the oldest; what this run has put waits while that of earlier runs is being read."""
+        old = self._old[kind]
+        if (first := old.first(is_disk_away=is_away)) is not None or (old.sunk.rows and not is_away):
+            return first
+        return self._new[kind].first(is_disk_away=is_away)
 
     def _fly(self, entry: QueuedMessage) -> None:
         self._out[entry.number] = entry

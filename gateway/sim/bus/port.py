@@ -97,11 +97,11 @@ class SimulatedLine(Bus):
         return SimulatedOpener(self, timing or self.timing)
 
     def open(self, timing: LineTiming) -> SimulatedPort:
-        """Open the port; PortError while it is unplugged or in use."""
+        """Open the port; PortError while it is unplugged or held."""
         if not self.is_plugged_in:
             raise PortError(self.name, "no such device", "plug the adapter in")
         if self._port is not None and self._port.is_open:
-            raise PortError(self.name, "in use", "close the other program")
+            raise PortError(self.name, "busy", "another program holds it: stop that one")
         self._port = SimulatedPort(self, timing)
         self.opened += 1
         return self._port

@@ -32,7 +32,7 @@ from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.recognition import TRIES_OF_COMMANDS, Recognition, is_refusal
 from gateway.starters.setup import Asked, StarterSetup, ask
-from gateway.system.backoff import Backoff, backoff_s
+from gateway.system.rate_limits import Backoff, backoff_s
 from gateway.system.supervised import SupervisedTask
 
 FIRST_PAUSE_S = 2.0

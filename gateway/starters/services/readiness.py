@@ -94,7 +94,7 @@ class ReadinessService:
             rows,
             gap_s=starter.status_period_s or None,
             watchdog_s=starter.setup.watchdog_s,
-            slot_trouble=slot_trouble(starter.setup.variant, starter.identity),
+            slot_trouble=slot_trouble(starter.setup.profile, starter.setup.variant, starter.identity),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._news.is_new(said):

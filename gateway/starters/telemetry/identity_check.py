@@ -98,7 +98,7 @@ class IdentityCheck:
 
     def _see(self, identity: Identity) -> None:
         self.seen, self._standing = identity, standing_of(self.setup, identity)
-        self._slot_trouble = slot_trouble(self.setup.variant, identity)
+        self._slot_trouble = slot_trouble(self.setup.profile, self.setup.variant, identity)
 
     def _publish_slot(self) -> None:
         """Publish once that commands are held because the accessory sits in another slot."""

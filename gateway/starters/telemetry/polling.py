@@ -21,7 +21,7 @@ from gateway.families.reading import Block, plan_blocks, rows_of_points, split
 from gateway.line.client import LineClient
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.starters.setup import StarterSetup, blocks_of
-from gateway.system.backoff import backoff_s
+from gateway.system.rate_limits import backoff_s
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly

@@ -137,7 +137,7 @@ def open_archive(path: Path) -> Iterator[Archive]:
             stream.left = MOST_READ * MOST_BYTES
             yield _verified(archive, members, path)
     except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DamagedError(f"{path} is no whole backup: {error}") from error
+        raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
 

@@ -22,12 +22,6 @@ def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
     return asyncio.run(access.remarks())
 
 
-def test_a_broker_that_is_away_is_a_problem() -> None:
-    (problem,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
-
-    assert problem.startswith("broker 127.0.0.1:1: ")
-
-
 def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("secret\n", "utf-8")
     (tmp_path / "password").chmod(0o644)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import socket
 from pathlib import Path
 
 import pytest
@@ -14,25 +13,12 @@ from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.contract.commands import MAX_PAYLOAD_BYTES
 from tests.mqtt.fake_broker import (
-    DISCONNECT,
-    HANG_UP,
     LEVEL_5,
     LEVEL_311,
     PINGREQ,
-    PUBLISH,
     FakeBroker,
 )
 from tests.mqtt.rig import MqttRig, settings
-
-
-async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        async with MqttRig(settings(probe.getsockname()[1])) as rig:
-            is_connected, trouble = await rig.link()
-
-    assert not is_connected
-    assert trouble.endswith("nothing listens there (is the broker running?)")
 
 
 async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: Path) -> None:
@@ -46,41 +32,6 @@ async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: 
     assert trouble.startswith("ca_file ")
 
 
-async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_keeps_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port)) as rig:
-        await rig.until_connected()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
-            assert rig.task is not None
-            await rig.task
-
-        kinds = [broker.received.get_nowait().kind for _ in range(broker.received.qsize())]
-        assert PUBLISH in kinds
-        assert DISCONNECT not in kinds
-
-
-async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_word_to_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, window=1)) as rig:
-        await rig.until_connected()
-        await broker.publication()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
-
-        assert broker.received.empty()
-
-
-async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -> None:
-    async with (
-        FakeBroker(answers={LEVEL_5: HANG_UP, LEVEL_311: HANG_UP}) as broker,
-        MqttRig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
-    ):
-        await rig.link()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"))
-            assert rig.task is not None
-            await rig.task
-
-
 async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
     async with FakeBroker() as broker:  # it speaks no TLS, so the handshake hangs
         rig = MqttRig(settings(broker.port, tls=TlsSettings()))
@@ -89,18 +40,6 @@ async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
                 await broker.is_reached.wait()
             async with asyncio.timeout(1.0):
                 await rig.vanish()
-
-
-async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
-    async with (
-        FakeBroker(answers_pings=False) as broker,
-        MqttRig(settings(broker.port, keepalive_s=1, pong_s=1.0)) as rig,
-    ):
-        await rig.until_connected()
-        is_connected, trouble = await rig.link()
-
-    assert not is_connected
-    assert trouble.endswith("the broker has stopped answering")
 
 
 async def test_a_broker_that_is_late_with_its_answer_to_a_ping_is_not_left() -> None:
@@ -114,45 +53,6 @@ async def test_a_broker_that_is_late_with_its_answer_to_a_ping_is_not_left() -> 
 
         assert received.count(PINGREQ) == 1
         assert rig.links.empty()
-
-
-async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
-    async with (
-        FakeBroker() as broker,
-        MqttRig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
-    ):
-        for _ in range(12):
-            await rig.until_connected()
-            broker._writers[-1].close()
-
-
-async def test_the_last_word_after_short_connections_is_connected_once_one_holds(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    with caplog.at_level(logging.INFO, "gateway.mqtt.connection.broker"):
-        async with FakeBroker() as broker, MqttRig(settings(broker.port, steady_s=0.3)) as rig:
-            for _ in range(3):
-                await rig.until_connected()
-                broker.hang_up()
-            await rig.until_connected()
-            said_before = [record.getMessage() for record in caplog.records]
-            await asyncio.sleep(1.0)
-
-    said = [record.getMessage().endswith("connected, MQTT 5") for record in caplog.records]
-    assert len(said_before) == 2
-    assert said == [True, False, True]
-
-
-async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
-    async with FakeBroker() as broker, MqttRig(settings(broker.port)) as rig:
-        await rig.until_connected()
-        session = rig.connection._session
-        assert session is not None
-        broker._writers[-1].close()
-        await session.lost
-
-        assert session.publish(99, rig.publisher.will()) is None
-        assert session.in_flight < session.window
 
 
 @pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
@@ -222,15 +122,6 @@ async def test_a_packet_of_the_largest_size_is_read() -> None:
         incoming = await rig.command()
 
     assert (incoming.topic, rig.notices) == ("b/command/p1/a", [])
-
-
-async def test_connections_that_end_at_once_without_a_reason_may_be_another_clients_doing() -> None:
-    async with FakeBroker(closes_after_suback=True) as broker, MqttRig(v311(broker.port)) as rig:
-        for _ in range(4):
-            await rig.until_connected()
-
-    assert [notice.code for notice in rig.notices] == ["client_id_taken"]
-    assert "perhaps another client uses the client id mcc1" in rig.notices[0].text
 
 
 def v311(port: int) -> BrokerSettings:

@@ -141,31 +141,3 @@ async def test_an_independent_host_sees_births_and_data_commands_the_starter_and
         death = await host.message("NDEATH")
         assert death["metrics"]["bdSeq"]["value"] == 0
         assert await gateway.exit_code() == 0
-
-
-async def test_a_reload_switches_the_node_on_and_off_and_a_lost_broker_brings_it_back(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with site(broker, tmp_path, "") as (_, gateway, config, _):
-        plain = config.read_text("utf-8")
-        async with broker.watch("spBv1.0/#", options=("-F", r"%t\t%q\t%r\t%l")) as watcher:
-            config.write_text(plain + '\n[sparkplug]\ngroup = "plant"\n', "utf-8")
-            gateway.signal(signal.SIGHUP)
-            on = await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=PATIENCE_S)
-            assert on[0].topic == "spBv1.0/plant/NBIRTH/plant"
-
-            config.write_text(plain, "utf-8")
-            gateway.signal(signal.SIGHUP)
-            off = await watcher.until(lambda seen: "/NDEATH/" in seen.topic, within_s=PATIENCE_S)
-            assert off[-1].qos == 1
-
-            config.write_text(plain + '\n[sparkplug]\ngroup = "plant"\n', "utf-8")
-            gateway.signal(signal.SIGHUP)
-            await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=PATIENCE_S)
-        await asyncio.to_thread(broker.restart)
-        async with broker.watch("spBv1.0/#", options=("-F", r"%t\t%q\t%r\t%l")) as watcher:
-            again = await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=10.0)
-            assert all(not seen.retain for seen in again)
-        gateway.signal(signal.SIGTERM)
-        assert await gateway.exit_code() == 0

@@ -125,53 +125,6 @@ async def test_a_start_and_a_stop_from_the_page_are_those_of_its_operator_and_ar
     assert PASSWORD not in journal
 
 
-async def test_the_page_goes_on_without_a_broker_and_stops_a_motor(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with paged(broker, tmp_path) as site:
-        await site.web.log_in("anna", PASSWORD)
-        assert (await site.web.command("pump", "start", "c1"))[-1]["phase"] == "confirmed"
-        broker.kill()
-        await site.gateway.says("WARNING gateway.mqtt.connection")
-
-        stopped = (await site.web.post("/api/v1/command/pump/stop")).json
-        started = await site.web.command("pump", "read", "c3", args={"parameter": "P003"})
-
-    assert stopped["phases"][-1]["phase"] == "confirmed"
-    assert started[-1]["phase"] == "confirmed"
-
-
-async def test_a_reload_changes_users_at_once_and_switches_the_page_off_and_on_while_the_line_goes_on(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with paged(start_mosquitto(), tmp_path) as site:
-        web = site.web
-        await web.log_in("anna", PASSWORD)
-        page = site.text[site.text.index("[web]") :]
-        await site.reload(site.text.replace(USER, ""))
-        after_removal = await web.post("/api/v1/command/pump/stop")
-        await site.reload(site.text.replace(page, ""))
-        await site.until_served(is_served=False)
-        await site.reload(site.text)
-        await site.until_served()
-        again = await web.log_in("anna", PASSWORD)
-        state = (await web.get("/api/v1/state?starter=pump")).json
-        other = free_port()
-        await site.reload(site.text.replace(f":{web.port}", f":{other}"))
-        site.web = WebClient(other)
-        await site.until_served()
-        availability = site.scada.latest["starter/pump/availability"]
-        offline = [each for each in site.scada.events if each["code"] in ("went_silent", "port_away")]
-
-    assert after_removal.status == 401
-    assert again.status == 200
-    assert state["topics"]["starter/pump/state"]["state"] == "ready"
-    assert "starter/pump/info" in state["topics"], "what was published before the page began is there"
-    assert availability["state"] == "online"
-    assert offline == []
-
-
 async def test_a_port_that_is_taken_is_an_event_and_the_gateway_polls_all_the_same(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:

@@ -9,13 +9,12 @@ import pytest
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Phase
-from tests.starters.fakes import AT_SPEED, ENABLED, FAULT, READY, REMOTE, VB01
+from tests.starters.fakes import FAULT, READY, VB01
 from tests.starters.rig import virtually
 from tests.starters.rules import (
     ACCEPTED,
     change_direction_bit,
     false_reading,
-    once,
     ready,
 )
 
@@ -42,29 +41,6 @@ async def test_a_start_needs_two_readings_when_the_last_poll_is_old() -> None:
     kinds = [sent.request.is_write for sent in rig.line.sent]
     assert kinds.index(True) >= 2
     assert rig.sink.final().phase is Phase.CONFIRMED
-
-
-@pytest.mark.parametrize(
-    ("word", "code"),
-    [
-        (READY & ~REMOTE, "in_local"),
-        (READY & ~ENABLED, "not_enabled"),
-        (READY | FAULT, "fault_active"),
-        (AT_SPEED, "motor_running"),
-    ],
-)
-@virtually
-async def test_a_start_that_a_rule_forbids_is_rejected_by_what_is_wrong_and_nothing_is_written(
-    word: int, code: str
-) -> None:
-    rig = await ready()
-    rig.unit.holding[VB01] = word
-
-    rig.submit("start")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [ACCEPTED, ("rejected", code)]
-    assert rig.line.writes == []
 
 
 @virtually
@@ -140,14 +116,3 @@ async def test_a_start_ends_at_once_when_the_starter_goes_offline_under_it() -> 
     await asyncio.sleep(0.8)
 
     assert rig.sink.phases() == [ACCEPTED, ("rejected", "no_answer")]
-
-
-@virtually
-async def test_one_lost_reading_is_asked_for_again() -> None:
-    rig = await ready()
-    rig.line.rules.append(once(lambda request: Silent()))
-
-    rig.submit("start")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final().phase is Phase.CONFIRMED

@@ -18,10 +18,8 @@ from tests.starters.fakes import FAULT, READY, VB01
 from tests.starters.rig import virtually
 from tests.starters.rules import (
     ACCEPTED,
-    CONFIRMED,
     WRITTEN,
     broken,
-    clear_fault,
     forget_coil_2,
     ready,
 )
@@ -70,57 +68,6 @@ async def test_an_error_inside_after_the_write_leaves_the_command_unconfirmed(
 
 
 @virtually
-async def test_a_read_returns_the_value_with_its_unit_and_raw_words() -> None:
-    rig = await ready()
-    rig.unit.holding[3] = 815
-
-    rig.submit("read", args={"parameter": "p003"})
-    await asyncio.sleep(1.0)
-
-    final = rig.sink.final()
-    assert (final.phase, final.code) == (Phase.CONFIRMED, "ok")
-    assert final.values == {"parameter": "P003", "value": 81.5, "unit": "A", "label": None, "raw": [815]}
-    assert len(rig.line.sent) == 1
-
-
-@virtually
-async def test_a_refused_read_has_failed() -> None:
-    rig = await ready()
-    del rig.unit.holding[3]
-
-    rig.submit("read", args={"parameter": "P003"})
-    await asyncio.sleep(1.0)
-
-    assert rig.sink.final().phase is Phase.FAILED
-    assert rig.sink.final().code == "illegal_data_address"
-
-
-@virtually
-async def test_a_set_is_written_once_and_read_back() -> None:
-    rig = await ready()
-    rig.unit.holding[314] = 5
-
-    rig.submit("set", args={"parameter": "P314", "value": 30})
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
-    assert rig.sink.final().values["value"] == 30
-    assert len(rig.line.writes) == 1
-
-
-@virtually
-async def test_a_value_that_stands_already_is_not_written_again() -> None:
-    rig = await ready()
-    rig.unit.holding[314] = 30
-
-    rig.submit("set", args={"parameter": "P314", "value": 30})
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [ACCEPTED, ("confirmed", "unchanged")]
-    assert rig.line.writes == []
-
-
-@virtually
 async def test_a_reset_stops_after_a_first_write_that_was_not_answered() -> None:
     rig = await ready()
     rig.unit.holding[VB01] = READY | FAULT
@@ -155,19 +102,6 @@ async def test_a_line_lost_between_two_writes_leaves_the_command_unconfirmed() -
     await asyncio.sleep(20.0)
 
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "line_down")]
-
-
-@virtually
-async def test_the_restart_after_an_ssw06_reset_is_announced_to_the_line() -> None:
-    rig = await ready("ssw06")
-    rig.unit.holding[VB01] = READY | FAULT
-    rig.unit.on_write = lambda request: clear_fault(rig, request)
-
-    rig.submit("reset")
-    await asyncio.sleep(20.0)
-
-    assert rig.line.expected_silence == [(7, 10.0)]
-    assert rig.sink.final().phase is Phase.CONFIRMED
 
 
 @virtually

@@ -106,19 +106,6 @@ async def test_what_the_ledger_remembers_counts_more_than_a_refusal_of_before_it
 
 
 @virtually
-async def test_a_known_id_is_answered_even_without_the_ledger() -> None:
-    rig = await rig_online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.journal.trouble = "the disk is full"
-
-    rig.submit("start", "1")
-
-    assert rig.sink.of(ResultRecord)[-1].is_duplicate
-    assert rig.sink.of(ResultRecord)[-1].phase is Phase.CONFIRMED
-
-
-@virtually
 async def test_a_stop_waits_for_no_disk_and_its_result_neither() -> None:
     rig = await rig_online(takes_s=60.0)
     rig.unit.holding[VB01] = AT_SPEED

@@ -11,7 +11,6 @@ from gateway.storage.journal import Remembered
 from tests.starters.fakes import AT_SPEED, READY, TRANSACTION_S, VB01
 from tests.starters.journal_rig import rig_online
 from tests.starters.rig import virtually
-from tests.starters.rules import ignore
 
 # A crash at every moment of a start's life: the start frame goes out at most once per id, whatever follows.
 MOMENTS_S = [round(TRANSACTION_S * step / 4, 4) for step in range(40)]
@@ -37,22 +36,6 @@ async def test_killed_again_while_it_recovers_it_still_publishes_the_end_once(se
     assert [(each.id, each.phase, each.code, each.is_duplicate) for each in finals] == [
         ("1", Phase.UNCONFIRMED, "crashed", False)
     ]
-    assert rig.starts() == 1
-
-
-@virtually
-async def test_a_repeat_after_a_restart_gets_the_stored_result() -> None:
-    rig = await rig_online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.crash()
-
-    rig.restart()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    (result,) = rig.sink.of(ResultRecord)
-    assert (result.phase, result.is_duplicate) == (Phase.CONFIRMED, True)
     assert rig.starts() == 1
 
 
@@ -84,29 +67,6 @@ async def test_an_intent_without_outcome_is_published_once_with_the_state_and_ne
     assert again == []
     assert rig.starts() == 1
     assert rig.sink.of(ResultRecord)[-1].is_duplicate
-
-
-@pytest.mark.parametrize("is_killed", [False, True])
-@virtually
-async def test_a_start_that_the_end_of_the_gateway_cuts_short_is_said_to_stand_perhaps(
-    *, is_killed: bool
-) -> None:
-    """Nothing takes it back: nothing is written at an end, nor at a beginning."""
-    rig = await rig_online()
-    rig.unit.on_write = ignore
-    rig.submit("start", "1")
-    await asyncio.sleep(1.0)
-
-    if is_killed:
-        rig.crash()
-        rig.restart()
-    else:
-        await rig.dispatcher.close()
-    await asyncio.sleep(15.0)
-
-    assert rig.sink.final("1").phase is Phase.UNCONFIRMED
-    assert "stand in the starter and act later: send a stop" in rig.sink.final("1").text
-    assert len(rig.line.writes) == 1
 
 
 @virtually
@@ -209,27 +169,6 @@ async def test_what_came_before_the_ledger_could_be_read_is_not_overwritten_by_i
     assert {result.verb for result in rig.sink.of(ResultRecord)} == {"stop"}
 
 
-@pytest.mark.parametrize("days", [-9, 9, -20_000])
-@virtually
-async def test_an_executed_id_stays_known_over_restarts_however_far_the_clock_is_off(days: int) -> None:
-    rig = await rig_online()
-    rig.submit("start", "old")
-    await asyncio.sleep(5.0)
-
-    for _ in range(2):
-        rig.clock.epoch_s += days * 86_400.0
-        rig.crash()
-        rig.restart()
-        for number in range(300):
-            rig.submit("read", f"new {number}", args={"parameter": "P003"})
-            await asyncio.sleep(0.3)
-        rig.submit("start", "old")
-        await asyncio.sleep(5.0)
-
-    assert rig.sink.of(ResultRecord)[-1].is_duplicate
-    assert rig.starts() == 1
-
-
 @pytest.mark.parametrize("takes_s", [0.0, 0.015, 0.3])
 @virtually
 async def test_at_most_one_start_frame_per_id_goes_out_whenever_the_gateway_crashes(takes_s: float) -> None:
@@ -297,22 +236,3 @@ async def test_a_stop_without_an_id_that_has_ended_is_not_reported_after_a_crash
     await asyncio.sleep(15.0)
 
     assert rig.sink.of(ResultRecord) == []
-
-
-@virtually
-async def test_a_start_is_still_known_after_a_crash_when_a_stop_came_with_its_id() -> None:
-    rig = await rig_online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.submit("stop", "1")
-    await asyncio.sleep(5.0)
-    rig.crash()
-
-    rig.restart()
-    rig.poll()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    (final,) = rig.sink.of(ResultRecord)
-    assert (final.verb, final.phase, final.is_duplicate) == ("start", Phase.CONFIRMED, True)
-    assert rig.starts() == 1

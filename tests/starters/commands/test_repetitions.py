@@ -4,156 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.records import AuditRecord, Phase, ResultRecord
-from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.rights import Rights
+from gateway.records import Phase, ResultRecord
+from gateway.starters.policy.start_rules import PolicySettings, RateLimits
+from tests.starters.plant import Plant
 from tests.starters.rig import CommandRig, virtually
-
-
-@virtually
-async def test_a_repeated_id_gets_the_stored_result_and_is_not_carried_out() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
-
-    rig.submit("start", "1", correlation=b"again")
-    await asyncio.sleep(5.0)
-
-    (result,) = rig.sink.of(ResultRecord)
-    assert (result.phase, result.is_duplicate, result.correlation) == (Phase.CONFIRMED, True, b"again")
-    assert rig.starts() == 1
-    assert [audit.decision for audit in rig.sink.of(AuditRecord)] == ["duplicate"]
-
-
-@virtually
-async def test_a_rejected_command_is_not_carried_out_when_it_is_repeated() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.lose()
-    rig.submit("start", "1")
-    rig.poll()
-    await asyncio.sleep(5.0)
-    rig.poll()
-
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.starts() == 0
-    assert rig.sink.of(ResultRecord)[-1].is_duplicate
-
-
-@virtually
-async def test_the_same_id_of_another_client_is_another_command() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("stop", "1", client="alice")
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
-
-    rig.submit("stop", "1", client="victor")
-    await asyncio.sleep(5.0)
-
-    assert not any(result.is_duplicate for result in rig.sink.of(ResultRecord))
-
-
-@virtually
-async def test_an_id_that_stood_for_another_command_is_refused() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("read", "1", args={"parameter": "P003"})
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
-
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [("rejected", "id_reused")]
-    assert rig.starts() == 0
-
-
-@virtually
-async def test_a_command_that_was_unfit_to_be_submitted_is_rejected_and_audited() -> None:
-    rig = CommandRig()
-    await rig.online()
-
-    rig.dispatcher.reject(CommandRequest("pump-1", "alice", "start", "1"), "expired", "too old")
-
-    assert rig.sink.phases() == [("rejected", "expired")]
-    (audit,) = rig.sink.of(AuditRecord)
-    assert (audit.client, audit.decision, audit.code) == ("alice", "rejected", "expired")
-
-
-@virtually
-async def test_a_late_redelivery_of_a_command_gets_the_first_ones_result() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
-
-    rig.dispatcher.reject(CommandRequest("pump-1", "alice", "start", "1"), "expired", "too old")
-
-    (result,) = rig.sink.of(ResultRecord)
-    assert (result.phase, result.is_duplicate) == (Phase.CONFIRMED, True)
-
-
-@virtually
-async def test_a_rejected_form_with_a_known_id_of_another_command_keeps_its_own_code() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
-
-    rig.dispatcher.reject(CommandRequest("pump-1", "alice", "reset", "1"), "expired", "too old")
-
-    assert rig.sink.phases() == [("rejected", "expired")]
-
-
-@virtually
-async def test_a_command_rejected_for_its_form_may_be_sent_again_in_good_form() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.dispatcher.reject(CommandRequest("pump-1", "alice", "start", "1"), "bad_payload", "no args")
-
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.of(ResultRecord)[-1].phase is Phase.CONFIRMED
-
-
-@virtually
-async def test_a_command_whose_proof_was_refused_is_not_carried_out_when_a_copy_of_it_proves_itself() -> None:
-    rig = CommandRig()
-    await rig.online()
-    text = "issued_at is 9.0 s in the future"
-    rig.dispatcher.reject(CommandRequest("pump-1", "alice", "start", "1"), "not_fresh", text)
-    await asyncio.sleep(9.0)
-
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.starts() == 0
-    assert rig.sink.phases() == [("rejected", "not_fresh"), ("rejected", "not_fresh")]
-    assert rig.sink.of(ResultRecord)[-1].is_duplicate
-
-
-@virtually
-async def test_one_id_sent_three_hundred_times_has_one_end_and_never_another() -> None:
-    rig = CommandRig()
-    await rig.online()
-
-    for number in range(300):
-        rig.submit("start", "1")
-        await asyncio.sleep(0.01 if number % 2 else 0.0)
-    await asyncio.sleep(5.0)
-
-    finals = [result for result in rig.sink.of(ResultRecord) if result.phase.is_final]
-    assert {(result.id, result.phase, result.code) for result in finals} == {("1", Phase.CONFIRMED, "ok")}
-    assert [result.is_duplicate for result in finals].count(False) == 1
-    assert rig.starts() == 1
 
 
 @virtually
@@ -193,41 +47,6 @@ async def test_too_many_stops_with_an_id_that_has_a_result_get_no_other_end() ->
 
 
 @virtually
-async def test_a_client_that_has_lost_its_right_still_gets_the_result_of_its_command() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-    ends = {id_: rig.sink.final(id_).code for id_ in ("1", "2")}
-    rig.dispatcher.apply_rights(Rights([]))
-    rig.sink.clear()
-    frames = len(rig.line.writes)
-
-    rig.submit("start", "1")
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert {result.id: result.code for result in rig.sink.of(ResultRecord)} == ends
-    assert all(result.is_duplicate for result in rig.sink.of(ResultRecord))
-    assert len(rig.line.writes) == frames
-
-
-@virtually
-async def test_what_is_refused_under_the_id_of_another_command_counts_as_a_duplicate() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    rig.submit("reset", "1")
-    await asyncio.sleep(1.0)
-
-    finals = [result for result in rig.sink.of(ResultRecord) if result.phase.is_final]
-    assert [(result.code, result.is_duplicate) for result in finals] == [("ok", False), ("id_reused", True)]
-
-
-@virtually
 async def test_a_full_ledger_refuses_all_but_stops_until_its_first_proof_is_over() -> None:
     rig = CommandRig()
     await rig.online()
@@ -245,18 +64,15 @@ async def test_a_full_ledger_refuses_all_but_stops_until_its_first_proof_is_over
 
 
 @virtually
-async def test_a_copy_of_a_start_is_answered_with_the_starts_end_also_after_a_stop_with_the_same_id() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-    rig.submit("stop", "1")
-    await asyncio.sleep(5.0)
-    rig.sink.clear()
+async def test_what_was_too_much_stays_refused_and_is_taken_with_a_new_id() -> None:
+    policy = PolicySettings(limits=RateLimits(under_way_on_line=1))
+    plant = await Plant(None, "a@x", "b@x", policy=policy).online()
+    plant.submit("start", "1", starter="a")
+    plant.submit("start", "2", starter="b")
+    await plant.wait(3.0)
+    assert plant.sink.final("2").code == "too_many"
+    plant.sink.clear()
 
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    (result,) = rig.sink.of(ResultRecord)
-    assert (result.verb, result.phase, result.is_duplicate) == ("start", Phase.CONFIRMED, True)
-    assert rig.starts() == 1
+    assert await plant.do("start", "2", starter="b") == "too_many"
+    assert await plant.do("start", "3", starter="b") == "ok"
+    assert plant.starts("b") == 1

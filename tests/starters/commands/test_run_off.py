@@ -11,9 +11,7 @@ from gateway.line.rtu.outcome import Garbled, Refused, Silent
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil
 from gateway.records import Phase
-from gateway.sim.factory import make_unit
 from tests.starters.fakes import ENABLED, FAULT, READY, REMOTE, VB01, VB03
-from tests.starters.one_starter import one_starter
 from tests.starters.rig import CommandRig, virtually
 
 RUN_OFF, JOG_OFF = WriteCoil(100, False), WriteCoil(102, False)
@@ -32,18 +30,6 @@ async def in_fault() -> CommandRig:
 
     rig.unit.on_write = obey
     return rig
-
-
-@virtually
-async def test_the_result_says_that_run_was_set_to_0_first() -> None:
-    rig = await in_fault()
-
-    rig.submit("reset")
-    await asyncio.sleep(20.0)
-
-    assert rig.sink.final().phase is Phase.CONFIRMED
-    assert "run = 0 was written first" in rig.sink.final().text
-    assert rig.line.writes == [RUN_OFF, JOG_OFF, *RESET]
 
 
 @virtually
@@ -187,42 +173,3 @@ async def test_a_motor_that_starts_at_a_reset_is_stopped_and_the_result_says_so(
     assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.UNCONFIRMED, "not_seen")
     assert "the motor may be turning" in rig.sink.final().text
     assert rig.line.writes[-2:] == [RUN_OFF, JOG_OFF]
-
-
-@virtually
-async def test_an_output_that_does_not_follow_is_not_called_a_turning_motor() -> None:
-    rig = CommandRig("ssw07")
-    rig.unit.holding |= {5008: 0, 277: 1}
-    await rig.online()
-    rig.unit.on_write = lambda request: rig.unit.holding.update({5008: 0})
-
-    rig.submit("output", args={"output": "RL1", "value": True})
-    await asyncio.sleep(20.0)
-
-    final = rig.sink.final()
-    assert (final.phase, final.code) == (Phase.UNCONFIRMED, "not_followed")
-    assert "did not follow" in final.text
-    assert "P277" in final.text
-    assert "turning" not in final.text
-
-
-@virtually
-async def test_a_start_that_was_seen_not_to_act_does_not_act_later() -> None:
-    """A fault comes between the reading that allowed it and its write; it is reset at the starter later."""
-    async with one_starter(make_unit("ssw07", 1, keeps_run_command=True)) as here:
-        await asyncio.sleep(20.0)
-        answer = here.unit.handle
-
-        def handle(pdu: bytes, now_s: float) -> bytes | None:
-            if pdu == WriteCoil(100, is_on=True).encode():
-                here.unit.trip(5)
-            return answer(pdu, now_s)
-
-        here.unit.handle = handle
-        here.submit("start", "s1")
-        await asyncio.sleep(600.0)
-        assert here.sink.final("s1").code == "not_seen"
-        here.unit.reset_at_keypad()
-        await asyncio.sleep(10.0)
-
-        assert not here.unit.motor.is_turning

@@ -54,22 +54,6 @@ def after_the_start(rig: CommandRig, then: Callable[[Request], Outcome | None]) 
     rig.line.rules.append(rule)
 
 
-@pytest.mark.parametrize(
-    ("verb", "args", "writes"),
-    [("start", {}, [START, RUN_OFF]), ("jog", {"value": True}, [JOG, JOG_OFF])],
-)
-@virtually
-async def test_run_or_jog_is_written_0_once_where_that_is_taken(
-    verb: str, args: dict[str, object], writes: list[Request]
-) -> None:
-    rig = await hindered()
-
-    assert TAKEN in await end_of(rig, verb, **args)
-
-    assert rig.line.writes == writes
-    assert rig.unit.holding[VB03] == 0
-
-
 @pytest.mark.parametrize("lost", range(1, MOST_TAKE_BACKS))
 @virtually
 async def test_run_0_is_written_again_while_it_is_lost(lost: int) -> None:

@@ -8,63 +8,15 @@ from collections.abc import Callable
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import identify_requests
-from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Outcome, Silent
-from gateway.line.scheduler.requests import Priority
 from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
-from gateway.records import EventRecord
 from gateway.starters.identity.first_contact import UNANSWERED_MOST, FirstContact, IdentityStatus
 from tests.starters.rig import Rig, virtually
 
 
 def asked(rig: Rig) -> list[float]:
     return [sent.at_s for sent in rig.line.sent if isinstance(sent.request, ReadDeviceIdentification)]
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-@virtually
-async def test_every_family_is_identified_by_reading(family: str) -> None:
-    rig = Rig(family)
-    rig.telemetry.start()
-    rig.poll()
-
-    await asyncio.sleep(0.5)
-
-    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
-    assert rig.telemetry.identity_reason == ""
-    assert rig.line.writes == []
-    questions = {each.request for each in identify_requests(rig.setup.profile) if not each.is_for_doubt}
-    asked = [sent for sent in rig.line.sent if sent.request in questions]
-    assert {sent.request for sent in asked} == questions
-    assert {sent.lane for sent in asked} == {Priority.IDENTITY}
-
-
-@virtually
-async def test_nothing_is_identified_before_the_first_answer() -> None:
-    rig = Rig()
-    rig.telemetry.start()
-
-    await asyncio.sleep(100.0)
-
-    assert rig.line.sent == []
-    assert rig.telemetry.identity_standing is IdentityStatus.UNKNOWN
-
-
-@virtually
-async def test_another_family_at_the_address_holds_commands_and_is_one_event() -> None:
-    rig = Rig("ssw07")
-    rig.unit.objects = {0: "WEG", 1: "SSW-06 820.0A", 2: "V1.60"}
-    rig.telemetry.start()
-    rig.poll()
-
-    await asyncio.sleep(300.0)
-
-    assert rig.telemetry.identity_standing is IdentityStatus.MISMATCHED
-    (event,) = [record for record in rig.sink.of(EventRecord) if record.code == "identity_mismatch"]
-    assert (event.data["expected"], event.data["seen"]) == ("ssw07", "ssw06")
-    assert rig.telemetry.variant == rig.setup.variant
 
 
 @virtually
@@ -108,18 +60,6 @@ async def test_a_starter_that_matches_but_leaves_a_question_open_is_not_asked_fo
 
     assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
     assert len(asked(rig)) == UNANSWERED_MOST
-
-
-@virtually
-async def test_a_starter_is_identified_again_after_each_silence() -> None:
-    rig = await Rig().online()
-    rig.lose()
-    assert "went silent" in rig.telemetry.identity_reason
-
-    rig.poll()
-    await asyncio.sleep(0.5)
-
-    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
 
 
 @virtually

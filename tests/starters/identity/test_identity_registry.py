@@ -11,13 +11,9 @@ import pytest
 from gateway.modbus.adu import decode
 from gateway.modbus.reads import ReadInputRegisters
 from gateway.records import (
-    AuditRecord,
     AvailabilityRecord,
     Phase,
     Quality,
-    Severity,
-    StateRecord,
-    ValueRecord,
 )
 from gateway.sim.bus.faults import Reply
 from gateway.sim.core.unit import SimulatedUnit
@@ -61,39 +57,6 @@ async def ask(
     return final.phase, final.code
 
 
-@pytest.mark.parametrize("family", list(OURS))
-@virtually
-async def test_a_starter_that_was_never_seen_is_taken_as_it_is(family: str) -> None:
-    memory = TestMemory()
-    async with one_starter(ours(family), memory=memory) as here:
-        await asyncio.sleep(10.0)
-
-        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
-        assert here.events("identity_changed") == []
-        assert memory.document is not None
-        assert memory.document["starters"]["pump"]["family"] == family
-
-
-@pytest.mark.parametrize(("family", "change", "field"), OTHERS)
-@virtually
-async def test_another_starter_than_last_time_gets_no_command_and_says_what_differs(
-    family: str, change: dict[str, Any], field: str
-) -> None:
-    memory = TestMemory()
-    async with one_starter(ours(family), memory=memory):
-        await asyncio.sleep(10.0)
-
-    async with one_starter(ours(family, **change), memory=memory) as here:
-        await asyncio.sleep(10.0)
-
-        (event,) = here.events("identity_changed")
-        assert event.severity is Severity.ERROR
-        assert event.data["known"][field] != event.data["seen"][field]
-        assert f"{field} was" in event.text
-        assert await ask(here, "start", "1") == (Phase.REJECTED, "identity_changed")
-        assert list(here.unit.writes) == []
-
-
 @pytest.mark.parametrize("code", [2, 4, 6, None])  # None: such long frames are lost
 @virtually
 async def test_an_sst_whose_name_can_be_read_only_later_is_the_same_and_stays_it(code: int | None) -> None:
@@ -121,62 +84,6 @@ async def test_what_another_starter_is_accused_of_begins_with_serial_number_and_
         assert event.text.startswith("another starter than before? serial was 7, is 1; firmware was 1.0, is")
 
 
-@virtually
-async def test_telemetry_goes_on_while_commands_are_held() -> None:
-    async with one_starter(ours("ssw900")) as here:
-        await asyncio.sleep(10.0)
-        await here.replace(ours("ssw900", serial_number=2))
-        here.sink.clear()
-        await asyncio.sleep(330.0)
-
-        assert {record.quality.value for record in here.sink.of(ValueRecord)} == {"good"}
-        assert here.events("identity_changed") == []  # it was said once
-
-
-@virtually
-async def test_a_stop_is_never_held() -> None:
-    async with one_starter(ours("ssw07")) as here:
-        await asyncio.sleep(10.0)
-        await here.replace(ours("ssw07", firmware="1.70"))
-        here.unit.motor.start()
-        await asyncio.sleep(30.0)
-        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
-
-        assert await ask(here, "stop", "1", 60.0) == (Phase.CONFIRMED, "ok")
-
-        assert not here.unit.motor.is_turned_on
-
-
-@virtually
-async def test_what_an_operator_accepts_gets_commands_again_and_is_remembered() -> None:
-    memory = TestMemory()
-    async with one_starter(ours("ssw07"), memory=memory) as here:
-        await asyncio.sleep(10.0)
-        await here.replace(ours("ssw07", firmware="1.70"))
-
-        assert await ask(here, "accept", "1") == (Phase.CONFIRMED, "ok")
-        assert await ask(here, "start", "2") == (Phase.CONFIRMED, "ok")
-        (audit,) = [a for a in here.sink.of(AuditRecord) if a.verb == "accept" and a.decision == "confirmed"]
-        assert (audit.before["firmware"], audit.after["firmware"]) == ("1.60", "1.70")
-        assert here.events("identity_accepted")
-
-    async with one_starter(ours("ssw07", firmware="1.70"), memory=memory) as here:
-        await asyncio.sleep(10.0)
-
-        assert here.events("identity_changed") == []
-
-
-@virtually
-async def test_the_starter_that_comes_back_needs_no_acceptance() -> None:
-    async with one_starter(ours("ssw07")) as here:
-        await asyncio.sleep(10.0)
-        await here.replace(ours("ssw07", firmware="1.70"))
-        await here.replace(ours("ssw07"))
-
-        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
-        assert await ask(here, "start", "1") == (Phase.CONFIRMED, "ok")
-
-
 @pytest.mark.parametrize("is_other", [False, True])
 @virtually
 async def test_there_is_nothing_to_accept_while_nothing_is_held_or_no_device_answers(
@@ -190,15 +97,6 @@ async def test_there_is_nothing_to_accept_while_nothing_is_held_or_no_device_ans
             await asyncio.sleep(30.0)
 
         assert await ask(here, "accept", "1") == (Phase.REJECTED, "nothing_to_accept")
-
-
-@virtually
-async def test_an_acceptance_takes_no_arguments() -> None:
-    async with one_starter(ours("ssw07")) as here:
-        await asyncio.sleep(10.0)
-        await here.replace(ours("ssw07", firmware="1.70"))
-
-        assert await ask(here, "accept", "1", parameter="P220") == (Phase.REJECTED, "bad_arguments")
 
 
 @virtually
@@ -294,38 +192,6 @@ async def test_an_open_question_holds_commands_but_is_no_change_yet() -> None:
 
 
 @virtually
-async def test_values_of_a_device_of_another_family_are_bad_with_the_reason() -> None:
-    unit = make_unit("ssw06", 1, rated_current_a=950.0)
-    async with one_starter(unit, family="ssw07") as here:
-        await asyncio.sleep(10.0)
-        here.sink.records.clear()
-        await asyncio.sleep(330.0)
-
-        latest = here.sink.values("current")[-1]
-        assert (latest.value, latest.quality) == (None, Quality.BAD)
-        assert "it is ssw06, not ssw07" in latest.reason
-        assert not [record for record in here.sink.of(ValueRecord) if record.quality is not Quality.BAD]
-        assert {record.state for record in here.sink.of(StateRecord)} == {"unknown"}
-
-
-@virtually
-async def test_a_contradicting_device_is_degraded_and_its_raw_words_can_be_read() -> None:
-    unit = make_unit("ssw06", 1, rated_current_a=950.0)
-    async with one_starter(unit, family="ssw07") as here:
-        await asyncio.sleep(10.0)
-
-        assert await ask(here, "read", "1", parameter="P003") == (Phase.CONFIRMED, "ok")
-        values = here.sink.final("1").values
-        assert values["value"] is None
-        assert values["raw"] == list(here.telemetry.snapshot.rows["P003"])
-        assert "not ssw07" in values["reason"]
-        assert (await ask(here, "start", "2"))[1] == "identity_mismatch"
-        availability = here.sink.of(AvailabilityRecord)[-1]
-        assert availability.state == "degraded"
-        assert "it is ssw06, not ssw07" in (availability.reason or "")
-
-
-@virtually
 async def test_values_of_another_model_than_configured_are_bad_until_it_is_accepted() -> None:
     async with one_starter(ours("ssw07"), model="SSW-07 130A") as here:
         await asyncio.sleep(30.0)
@@ -339,31 +205,3 @@ async def test_values_of_another_model_than_configured_are_bad_until_it_is_accep
         assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD
         assert here.telemetry.snapshot.readings["current"].reason == ""
         assert here.sink.of(AvailabilityRecord)[-1].state == "online"
-
-
-@virtually
-async def test_values_are_bad_again_when_a_contradicting_device_comes_back_from_a_silence() -> None:
-    unit = make_unit("ssw06", 1, rated_current_a=950.0)
-    async with one_starter(unit, family="ssw07") as here:
-        await asyncio.sleep(10.0)
-        here.sink.records.clear()
-        here.bus.remove(unit)
-        await asyncio.sleep(30.0)
-        here.bus.add(unit)
-        await asyncio.sleep(120.0)
-
-        assert not [record for record in here.sink.of(ValueRecord) if record.quality is Quality.GOOD]
-        assert here.sink.of(AvailabilityRecord)[-1].state == "degraded"
-
-
-@virtually
-async def test_values_of_another_device_that_the_configuration_allows_stay_good() -> None:
-    memory = TestMemory()
-    async with one_starter(ours("ssw06"), memory=memory):
-        await asyncio.sleep(10.0)
-
-    async with one_starter(ours("ssw06", rated_current_a=130.0), memory=memory) as here:
-        await asyncio.sleep(10.0)
-
-        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
-        assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD

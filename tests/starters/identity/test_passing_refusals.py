@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from gateway.families.diagnosis.identify import identify_requests
-from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.codes import ExceptionCode
-from gateway.records import Phase, Quality, StateRecord
-from tests.starters.identity.habits import Answer, as_printed, at_first, device, good_values, is_fc43
+from gateway.records import Phase
+from tests.starters.identity.habits import Answer, as_printed, at_first, device, is_fc43
 from tests.starters.one_starter import one_starter
 from tests.starters.rig import virtually
 
@@ -39,65 +37,6 @@ class Losing:
             return None
 
         return handle
-
-
-@pytest.mark.parametrize("code", CODES)
-@pytest.mark.parametrize("times", [1, 2])
-@pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900"])
-@virtually
-async def test_refusals_of_a_register_do_not_hide_a_device_that_fc43_names(
-    family: str, times: int, code: int
-) -> None:
-    (first, *_) = [each for each in identify_requests(load_profile(family)) if each.is_always_there]
-    refused = first.request.encode()
-    async with one_starter(device(family, 0, at_first(times, refused.__eq__, code=code))) as here:
-        await asyncio.sleep(10.0)
-
-        assert here.sink.of(StateRecord)[-1].quality is Quality.GOOD
-        assert not here.events("identity_mismatch", "went_silent")
-
-
-@pytest.mark.parametrize("code", [ExceptionCode.SERVER_DEVICE_FAILURE, ExceptionCode.SERVER_DEVICE_BUSY])
-@virtually
-async def test_a_refusal_of_vb00_that_passes_does_not_stand_for_its_answer(code: int) -> None:
-    vb00, silent = at_first(1, VB00.__eq__, code=code), at_first(10_000, is_fc43, code=None)
-    unit = device("ssw06", 0, lambda unit, answer: silent(unit, vb00(unit, answer)))
-    async with one_starter(unit, family="ssw07") as here:
-        await asyncio.sleep(60.0)
-
-        assert good_values(here) == []
-        assert len(here.events("identity_mismatch")) == 1
-
-
-@pytest.mark.parametrize("lost", [2, 3, 4])
-@virtually
-async def test_a_device_that_is_named_only_later_is_one_event(lost: int) -> None:
-    unit = device("ssw06", 0, at_first(lost, is_fc43, code=None))
-    async with one_starter(unit, family="ssw07") as here:
-        await asyncio.sleep(60.0)
-
-        assert good_values(here) == []
-        assert len(here.events("identity_mismatch")) == 1
-
-
-@pytest.mark.parametrize("lost", [1, 2, 3])
-@pytest.mark.parametrize("after_s", [0.5, 3.0, 10.0])
-@pytest.mark.parametrize("family", FAMILIES)
-@virtually
-async def test_after_a_lost_reply_the_right_device_is_started_as_ever(
-    family: str, after_s: float, lost: int
-) -> None:
-    """What it refuses might answer an earlier request then; that it refuses it twice cannot."""
-    losing = Losing()
-    async with one_starter(device(family, 0, losing.habit)) as here:
-        await asyncio.sleep(40.0)
-        losing.left = lost
-        await asyncio.sleep(lost + after_s)
-        here.submit("start", "s1")
-        await asyncio.sleep(60.0)
-
-        end = here.sink.final("s1")
-        assert end.phase is Phase.CONFIRMED, end
 
 
 @pytest.mark.parametrize("owed", [1, 2])

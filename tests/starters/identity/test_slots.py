@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any, Literal
-
-import pytest
 
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister
 from gateway.records import Severity
@@ -56,37 +53,6 @@ async def test_so_does_a_stop_of_a_starter_that_has_gone_silent_since() -> None:
         assert not here.unit.motor.is_turning
 
 
-@pytest.mark.parametrize(
-    ("verb", "args"),
-    [
-        ("start", {}),
-        ("reset", {}),
-        ("general_enable", {"value": True}),
-        ("set", {"parameter": "C1.1", "value": 3}),
-    ],
-)
-@virtually
-async def test_every_other_command_is_held(verb: str, args: dict[str, Any]) -> None:
-    async with one_starter(make_unit("ssw900", 1, slot=2), slot=1) as here:
-        await asyncio.sleep(30.0)
-        here.submit(verb, "1", **args)
-        await asyncio.sleep(30.0)
-
-        assert here.sink.phases("1") == [("rejected", "slot_mismatch")]
-        assert "slot = 1 is configured, but the RS-485 accessory sits in slot 2" in here.sink.final("1").text
-        assert not writes(here)
-
-
-@virtually
-async def test_rows_are_read_all_the_same() -> None:
-    async with one_starter(make_unit("ssw900", 1, slot=2), slot=1) as here:
-        await asyncio.sleep(30.0)
-        here.submit("read", "1", parameter="C3.3")
-        await asyncio.sleep(10.0)
-
-        assert here.sink.final("1").code == "ok"
-
-
 @virtually
 async def test_it_is_an_event_once_and_the_advice_follows_the_proof() -> None:
     async with one_starter(make_unit("ssw900", 1, slot=2, settings={229: 0, 230: 4}), slot=1) as here:
@@ -99,20 +65,6 @@ async def test_it_is_an_event_once_and_the_advice_follows_the_proof() -> None:
         assert "slot = 1 is configured" in advice
         assert "Slot 2)" in advice
         assert "Slot 1)" not in advice.replace("C3.3 = 4 (Slot 1)", "")
-
-
-@pytest.mark.parametrize("configured", [None, 2])
-@virtually
-async def test_nothing_is_held_where_the_configuration_says_the_same_or_nothing(
-    configured: Literal[1, 2] | None,
-) -> None:
-    async with one_starter(make_unit("ssw900", 1, slot=2), slot=configured) as here:
-        await asyncio.sleep(30.0)
-        here.submit("start", "1")
-        await asyncio.sleep(30.0)
-
-        assert here.sink.final("1").code == "ok"
-        assert not here.events("slot_mismatch")
 
 
 @virtually

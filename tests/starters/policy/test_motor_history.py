@@ -85,10 +85,6 @@ def test_a_state_that_is_not_known_changes_nothing() -> None:
     assert motor_history.standing_since("a") == 5.0
 
 
-def test_a_starter_that_is_not_configured_has_no_page() -> None:
-    assert not MotorHistory(["a"]).note_state("b", "ready", now_s=7.0)
-
-
 def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_stored() -> None:
     motor_history = MotorHistory(["a"])
     motor_history.note_start("a", now_s=0.0)

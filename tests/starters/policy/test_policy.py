@@ -1,108 +1,21 @@
-"""The gateway's own rules on the way of a command: judged, counted and stored before anything is written."""
+"""The gateway's own rules between a command and its first write: a slow disk, locks and changes meanwhile."""
 
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 import pytest
 
-from gateway.records import EventRecord, Phase, Severity
-from gateway.starters.policy.rights import Operator
-from gateway.starters.policy.start_rules import RuleSet
+from gateway.errors import CommandError
+from gateway.records import EventRecord, LockRecord, Phase
+from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.preconditions import Guard
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from tests.starters.fakes import AT_SPEED, VB01
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually
-
-PAUSE = RuleSet(minimum_pause_s=60.0)
-
-
-@virtually
-async def test_without_rules_a_motor_may_be_started_as_often_as_it_is_stopped() -> None:
-    plant = await Plant().online()
-
-    for number in range(20):
-        assert await plant.do("start", f"start {number}") == "ok"
-        assert await plant.do("stop", f"stop {number}") == "ok"
-
-    assert plant.starts() == 20
-
-
-@virtually
-async def test_a_start_too_many_is_refused_by_the_name_of_its_rule_and_with_the_reading() -> None:
-    plant = await Plant({"pump-1": RuleSet(starts_per_hour=1)}).online()
-    await plant.do("start", "1")
-    await plant.do("stop", "2")
-
-    assert await plant.do("start", "3") == "too_many_starts"
-
-    final = plant.sink.final("3")
-    assert final.phase is Phase.REJECTED
-    assert "1 in the last hour, of 1" in final.text
-    assert plant.starts() == 1
-
-
-@virtually
-async def test_local_starts_count_as_well() -> None:
-    plant = await Plant({"pump-1": RuleSet(starts_per_hour=1)}).online()
-    plant.machines["pump-1"].set_motor(is_on=True)
-    plant.machines["pump-1"].set_motor(is_on=False)
-
-    assert await plant.do("start") == "too_many_starts"
-
-
-@virtually
-async def test_a_stop_begins_the_pause_before_the_next_start() -> None:
-    plant = await Plant({"pump-1": PAUSE}).online()
-    await plant.wait(60.0)
-    assert await plant.do("start", "1") == "ok"
-    await plant.do("stop", "2")
-
-    assert await plant.do("start", "3") == "pause_too_short"
-    await plant.wait(60.0)
-    assert await plant.do("start", "4") == "ok"
-
-
-@virtually
-async def test_starters_of_a_feeder_on_different_lines_do_not_start_together() -> None:
-    on_a = RuleSet(feeder="a", stagger_s=10.0)
-    plant = await Plant({"pump-1": on_a, "pump-2": on_a}).online()
-
-    plant.submit("start", "1", starter="pump-1")
-    plant.submit("start", "2", starter="pump-2")
-    plant.submit("start", "3", starter="pump-3")
-    await plant.wait(5.0)
-
-    assert sorted(plant.sink.final(id_).code for id_ in "12") == ["feeder_busy", "ok"]
-    assert plant.starts("pump-1") + plant.starts("pump-2") == 1
-    assert plant.sink.final("3").code == "ok"
-    await plant.wait(10.0)
-    late = "pump-1" if plant.starts("pump-1") == 0 else "pump-2"
-    assert await plant.do("start", "4", starter=late) == "ok"
-
-
-@virtually
-async def test_starts_and_standstill_outlive_the_gateway() -> None:
-    rules = {"pump-1": RuleSet(starts_per_hour=1), "pump-2": PAUSE}
-    before = await Plant(rules).online()
-    await before.do("start", "1")
-    await before.do("stop", "2")
-    await before.wait(60.0)
-    await before.dispatcher.close()
-
-    after = await Plant(rules, memory=FakeMemory(before.memory.document)).online()
-
-    assert await after.do("start", "3") == "too_many_starts"
-    assert await after.do("start", "4", starter="pump-2") == "ok"
-
-
-@virtually
-async def test_where_nothing_is_known_the_pause_begins_when_the_motor_is_first_seen_to_stand() -> None:
-    plant = await Plant({"pump-1": PAUSE}).online()
-
-    assert await plant.do("start", "1") == "pause_too_short"
-    await plant.wait(60.0)
-    assert await plant.do("start", "2") == "ok"
 
 
 @virtually
@@ -150,80 +63,133 @@ async def test_a_stop_while_the_start_is_being_counted_leaves_it_unwritten() -> 
 
 
 @virtually
-async def test_a_damaged_memory_locks_what_can_be_locked_and_says_so() -> None:
-    memory = FakeMemory()
-    memory.is_damaged = True
-    operators = (Operator("alice", ("*",), ("pump-1",)), Operator("bob", ("start",), ("*",)))
-    plant = Plant(memory=memory, operators=operators)
-    (event,) = plant.sink.of(EventRecord)
-    await plant.online()
-
-    assert (event.code, event.severity) == ("memory_damaged", Severity.ERROR)
-    assert "1 starters are locked" in event.text
-    assert memory.set_asides == 1
-    assert await plant.do("start", "1") == "locked"
-    assert await plant.do("start", "2", starter="pump-2", client="bob") == "ok"
-    assert await plant.do("unlock", "3") == "ok"
-    assert await plant.do("start", "4") == "ok"
-
-
-@virtually
-async def test_a_memory_of_another_shape_is_damaged() -> None:
-    plant = Plant(memory=FakeMemory({"version": 7}))
-
-    assert [event.code for event in plant.sink.of(EventRecord)] == ["memory_damaged"]
-
-
-@pytest.mark.parametrize(
-    ("expect", "code"),
-    [
-        ({"state": "ready"}, "ok"),
-        ({"state": "ready", "speed": 3}, "bad_expect"),
-        ({"remote": True, "running": False}, "ok"),
-        ({"state": "running"}, "not_as_expected"),
-        ({"state": "gone"}, "bad_expect"),
-    ],
-)
-@virtually
-async def test_a_start_is_only_written_while_things_are_as_its_operator_expects(
-    expect: dict[str, Any], code: str
-) -> None:
-    plant = await Plant().online()
-
-    assert await plant.do("start", expect=expect) == code
-
-    assert plant.starts() == (code == "ok")
-
-
-@virtually
-async def test_expectations_are_judged_on_what_is_read_then_and_not_on_what_was() -> None:
-    plant = await Plant().online()
-    plant.machines["pump-1"].unit.holding[VB01] = AT_SPEED  # not yet polled
-
-    code = await plant.do("read", args={"parameter": "P003"}, expect={"state": "ready"})
-
-    assert code == "not_as_expected"
-
-
-@virtually
-async def test_a_command_that_has_waited_too_long_is_not_written_any_more() -> None:
-    plant = await Plant().online()
-    plant.submit("start", expires_s=plant.clock.now_s() + 0.01)
-    await plant.wait(3.0)
-
-    final = plant.sink.final("1")
-    assert (final.phase, final.code) == (Phase.REJECTED, "expired")
-    assert plant.starts() == 0
-
-
-@virtually
-async def test_a_start_that_is_written_is_still_read_back_when_a_lock_comes() -> None:
+async def test_a_lock_comes_before_a_start_that_is_not_yet_written() -> None:
     plant = await Plant().online()
     plant.submit("start", "1", client="bob")
-    await asyncio.sleep(0.15)
-    assert plant.starts() == 1
+    await asyncio.sleep(0.01)
 
     plant.submit("lock", "2", args={"reason": "belt is off"})
     await plant.wait(3.0)
 
-    assert plant.sink.final("1").code == "ok"
+    assert plant.sink.final("1").code == "locked"
+    assert plant.sink.final("2").code == "ok"
+    assert plant.starts() == 0
+
+
+@virtually
+async def test_a_lock_that_cannot_be_stored_holds_and_an_unlocking_that_cannot_be_stored_does_not() -> None:
+    plant = await Plant().online()
+    plant.memory.is_away = True
+
+    assert await plant.do("lock", "1", args={"reason": "belt is off"}) == "not_kept"
+    assert await plant.do("start", "2") == "locked"
+    assert await plant.do("unlock", "3") == "not_kept"
+    assert await plant.do("start", "4") == "locked"
+    assert {plant.sink.final(id_).phase for id_ in "13"} == {Phase.FAILED}
+
+
+def take_over(plant: Plant, policy: PolicySettings, *operators: Operator) -> None:
+    rights = Rights(operators or (Operator("alice", ("*",), ("*",)),))
+    for name in plant.policy.apply(policy, rights=rights):
+        plant.machines[name].telemetry.republish_state()
+    plant.dispatcher.apply_rights(rights)
+
+
+@virtually
+async def test_a_change_waits_for_the_command_and_lets_no_new_one_but_stop_begin() -> None:
+    plant = await Plant().online()
+    plant.submit("start", "1")
+
+    settling = asyncio.create_task(plant.dispatcher.settle(["pump-1"], within_s=15.0))
+    await asyncio.sleep(0)
+    assert not settling.done()
+    await plant.wait(3.0)
+
+    assert settling.done()
+    assert plant.sink.final("1").phase is Phase.CONFIRMED
+    assert await plant.do("read", "2", args={"parameter": "P003"}) == "busy"
+    assert await plant.do("read", "3", starter="pump-2", args={"parameter": "P003"}) == "ok"
+    assert await plant.do("stop", "4") == "ok"
+    take_over(plant, PolicySettings())
+    assert await plant.do("read", "5", args={"parameter": "P003"}) == "ok"
+
+
+@virtually
+async def test_a_change_waits_for_a_stop_but_not_for_ever() -> None:
+    plant = await Plant().online()
+    machine = plant.machines["pump-1"]
+    machine.set_motor(is_on=True)
+    machine.unit.on_write = lambda _: None  # it does not obey
+    plant.submit("stop", None)
+
+    began_s = plant.clock.now_s()
+    await plant.dispatcher.settle(["pump-1"], within_s=2.0)
+
+    assert plant.clock.now_s() - began_s == 2.0
+
+
+@virtually
+async def test_what_may_have_been_locked_is_locked_once_somebody_could_unlock_it() -> None:
+    memory = FakeMemory()
+    memory.is_damaged = True
+    plant = await Plant(memory=memory, operators=()).online()
+    assert plant.policy.motor_history.lock_of("pump-1") is None
+
+    take_over(plant, PolicySettings())
+    assert await plant.do("start", "1") == "locked"
+    assert await plant.do("unlock", "2") == "ok"
+    take_over(plant, PolicySettings())
+
+    assert await plant.do("start", "3") == "ok"
+    assert plant.locks()[:1] == ["gateway"]
+    assert plant.sink.of(EventRecord)[-1].code != "memory_damaged"
+
+
+def test_a_page_that_a_starter_had_before_stays() -> None:
+    motor_history = MotorHistory(["pump"])
+    motor_history.note_start("pump", now_s=1.0)
+
+    motor_history.add("pump")
+    motor_history.add("fan")
+
+    assert motor_history.starts_since("pump", 0.0) == [1.0]
+    assert motor_history.lock_of("fan") is None
+
+
+LOCK = LockRecord("alice", 0.0, "belt is off")
+
+
+def guard(plant: Plant, verb: str, *, expires_s: float | None = None) -> Guard:
+    return plant.policy.guard(
+        CommandRequest("pump-1", "alice", verb, "1", received_s=0.0, expires_s=expires_s), ()
+    )
+
+
+@virtually
+async def test_a_lock_set_or_a_time_run_out_while_the_start_is_being_counted_stops_it() -> None:
+    for expires_s, code in ((None, "locked"), (0.2, "expired")):
+        plant = Plant({"pump-1": RuleSet(starts_per_hour=5)})
+        plant.memory.save_s = 0.5
+        now_s = plant.clock.now_s()
+        admission = asyncio.create_task(
+            guard(plant, "start", expires_s=None if expires_s is None else now_s + expires_s).admit()
+        )
+        await asyncio.sleep(0.3)
+        plant.policy.motor_history.set_lock("pump-1", LOCK if code == "locked" else None)
+
+        with pytest.raises(CommandError) as caught:
+            await admission
+
+        assert caught.value.code == code
+
+
+@virtually
+async def test_a_start_does_not_stand_in_its_own_way() -> None:
+    plant = Plant({"pump-1": RuleSet(starts_per_hour=1)})
+    starting = guard(plant, "start")
+
+    await starting.admit()
+    starting.check({})
+
+    with pytest.raises(CommandError):
+        guard(plant, "start").check({})

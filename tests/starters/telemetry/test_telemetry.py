@@ -5,36 +5,12 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Refused, Silent
-from gateway.records import AvailabilityRecord, EventRecord, Quality, StateRecord, ValueRecord
+from gateway.records import AvailabilityRecord, Quality, StateRecord, ValueRecord
 from tests.starters.fakes import P003, READY
 from tests.starters.rig import Rig, virtually
 
 STATUS, VALUES = "pump-1/status:VB01", "pump-1/values:P002"
 STALE = Quality.STALE
-
-
-@virtually
-async def test_before_the_first_answer_everything_is_bad_and_the_starter_offline() -> None:
-    rig = Rig()
-
-    rig.telemetry.start()
-
-    values = rig.sink.of(ValueRecord)
-    assert {value.point for value in values} == set(rig.setup.profile.points)
-    assert all((value.value, value.quality, value.time_s) == (None, Quality.BAD, None) for value in values)
-    assert [(r.state, r.reason) for r in rig.sink.of(AvailabilityRecord)] == [("offline", "not yet read")]
-    (state,) = rig.sink.of(StateRecord)
-    assert (state.state, state.quality, state.time_s) == ("unknown", Quality.BAD, None)
-
-
-@virtually
-async def test_a_disabled_starter_is_never_asked() -> None:
-    rig = Rig(is_enabled=False)
-
-    rig.telemetry.start()
-
-    assert rig.telemetry.polls() == ()
-    assert rig.sink.of(AvailabilityRecord)[0].state == "disabled"
 
 
 @virtually
@@ -67,29 +43,6 @@ async def test_a_change_within_the_pause_goes_out_when_the_pause_is_over() -> No
 
 
 @virtually
-async def test_a_starter_that_goes_silent_is_offline_and_all_its_values_stale() -> None:
-    rig = await Rig().online()
-    rig.unit.holding[P003] = 815
-    await asyncio.sleep(1.0)
-    rig.poll()
-    read_s = rig.clock.utc_s()
-    await asyncio.sleep(1.0)
-    rig.sink.clear()
-
-    rig.lose("no reply", frames=(">> 07 03", "<< nothing"))
-
-    assert [(r.state, r.reason) for r in rig.sink.of(AvailabilityRecord)] == [("offline", "no reply")]
-    assert [(v.value, v.quality, v.time_s) for v in rig.sink.values("current")] == [(81.5, STALE, read_s)]
-    assert {v.quality for v in rig.sink.of(ValueRecord)} == {STALE}
-    (state,) = rig.sink.of(StateRecord)
-    assert (state.state, state.quality, state.time_s) == ("unknown", STALE, read_s)
-    assert set(state.flags.values()) == {None}
-    (event,) = rig.sink.of(EventRecord)
-    assert event.code == "went_silent"
-    assert event.data["frames"] == [">> 07 03", "<< nothing"]
-
-
-@virtually
 async def test_every_point_that_was_good_is_published_as_stale_even_right_after_a_publication() -> None:
     rig = await Rig().online()
     await asyncio.sleep(1.0)
@@ -100,56 +53,6 @@ async def test_every_point_that_was_good_is_published_as_stale_even_right_after_
     await asyncio.sleep(0.3)
 
     assert [record.quality for record in rig.sink.values("current")] == [Quality.GOOD, STALE]
-
-
-@virtually
-async def test_nothing_is_published_as_good_while_a_starter_is_lost() -> None:
-    rig = await Rig().online()
-    rig.lose()
-    rig.sink.clear()
-
-    await asyncio.sleep(1000.0)
-
-    assert {record.quality for record in rig.sink.of(ValueRecord)} <= {STALE, Quality.BAD}
-    assert {record.quality for record in rig.sink.of(StateRecord)} == {STALE}
-    assert len(rig.sink.values("current")) == 3
-
-
-@virtually
-async def test_silence_is_one_event() -> None:
-    rig = await Rig().online()
-
-    rig.lose()
-    rig.lose()
-
-    assert rig.sink.events() == ["went_silent"]
-
-
-@virtually
-async def test_the_first_answer_after_a_silence_brings_the_starter_back() -> None:
-    rig = await Rig().online()
-    rig.lose()
-    rig.sink.clear()
-    await asyncio.sleep(5.0)
-
-    rig.poll()
-    await asyncio.sleep(0.3)
-
-    assert [record.state for record in rig.sink.of(AvailabilityRecord)] == ["online"]
-    assert rig.sink.events() == ["answers_again"]
-    assert rig.sink.states() == ["unknown", "ready"][-len(rig.sink.states()) :]
-    assert {value.quality for value in rig.sink.values("running")} == {Quality.GOOD}
-
-
-@virtually
-async def test_news_that_a_unit_answers_brings_it_online_once() -> None:
-    rig = Rig()
-    rig.telemetry.start()
-
-    rig.telemetry.on_unit(is_answering=True, reason="")
-    rig.telemetry.on_unit(is_answering=True, reason="")
-
-    assert [record.state for record in rig.sink.of(AvailabilityRecord)] == ["offline", "online"]
 
 
 @virtually
@@ -218,18 +121,6 @@ async def test_a_value_that_was_not_answered_for_a_minute_is_good_for_no_longer_
         rig.poll(STATUS)
 
     assert [record.quality for record in rig.sink.values("current")][-2:] == [Quality.GOOD, STALE]
-
-
-@virtually
-async def test_a_line_that_reports_nothing_more_makes_everything_stale() -> None:
-    rig = await Rig().online()
-    await asyncio.sleep(1.0)
-    rig.poll()
-
-    await asyncio.sleep(120.0)
-
-    assert rig.sink.states()[-1] == "unknown"
-    assert {rig.sink.values(point)[-1].quality for point in rig.setup.profile.points} <= {STALE, Quality.BAD}
 
 
 @virtually

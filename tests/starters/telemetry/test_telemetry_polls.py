@@ -10,7 +10,7 @@ from gateway.families.profile.load import load_profile
 from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.records import AvailabilityRecord, Quality
+from gateway.records import Quality
 from gateway.starters.telemetry.polling import IDLE_FACTOR, IN_ROW, LONGEST_PAUSE_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
@@ -95,7 +95,7 @@ async def test_a_refused_block_is_asked_row_by_row() -> None:
     rig.poll(VALUES)
 
     values = {key for key in rig.line.polls if "/values:" in key}
-    assert {"pump-1/values:P002", "pump-1/values:P003"} <= values
+    assert {"pump-1/values:P002 alone", "pump-1/values:P003 alone"} <= values
     assert all(rig.line.every_s[key] == IDLE_FACTOR * 1.0 for key in values)  # the motor stands
 
 
@@ -108,21 +108,6 @@ async def test_values_are_read_less_often_while_the_motor_stands_and_the_status_
     rig.poll(STATUS)
 
     assert (rig.line.every_s[VALUES], rig.line.every_s[STATUS]) == (1.0, 1.0)
-
-
-@virtually
-async def test_only_the_row_that_is_still_refused_is_bad_and_given_up() -> None:
-    rig = await Rig().online()
-    rig.line.rules.append(refuse_p003)
-
-    await rig.poll_for(15.0)
-    assert "pump-1/values:P003" in rig.line.polls  # twice, some time apart, is not enough
-    await rig.poll_for(15.0)
-
-    assert "pump-1/values:P003" not in rig.line.polls
-    await asyncio.sleep(1.0)
-    assert {(v.value, v.quality) for v in rig.sink.values("current")} == {(None, Quality.BAD)}
-    assert all(value.quality is Quality.GOOD for value in rig.sink.values("current_pct"))
 
 
 @virtually
@@ -156,22 +141,6 @@ async def test_a_starter_that_refuses_everything_is_still_asked_for_what_decides
 
 
 @virtually
-async def test_once_the_right_device_answers_everything_is_asked_again() -> None:
-    rig = Rig()
-    rig.unit.objects = {1: "SSW-06 85.0A"}
-    rig.line.rules.append(refuse_p003)
-    rig.telemetry.start()
-    await rig.poll_for(30.0)
-    assert "pump-1/values:P003" not in rig.line.polls
-
-    rig.line.rules.clear()
-    rig.unit.objects = {1: "SSW-07 85.0A"}
-    await asyncio.sleep(5.0)
-
-    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
-
-
-@virtually
 async def test_what_is_polled_fast_stays_fast_when_its_block_is_split() -> None:
     rig = await Rig().online()
     rig.unit.holding[VB01] = READY | FAULT
@@ -181,7 +150,7 @@ async def test_what_is_polled_fast_stays_fast_when_its_block_is_split() -> None:
     for _ in range(IN_ROW):
         rig.poll(VALUES)
 
-    assert rig.line.every_s["pump-1/values:P003"] == 0.25
+    assert rig.line.every_s["pump-1/values:P003 alone"] == 0.25
 
 
 @virtually
@@ -226,41 +195,6 @@ async def test_one_exception_to_the_status_word_changes_nothing(code: int) -> No
 
 
 @virtually
-async def test_a_refused_status_word_degrades_the_starter_until_it_is_given_again() -> None:
-    rig = await Rig().online()
-    rig.line.rules.append(refuse_vb01)
-    await rig.poll_for(20.0)
-
-    degraded = rig.sink.of(AvailabilityRecord)[-1]
-    assert (degraded.state, rig.sink.states()[-1]) == ("degraded", "unknown")
-    assert "VB01 refused (illegal data address)" in (degraded.reason or "")
-    assert rig.sink.events().count("degraded") == 1
-    assert 1.0 < rig.line.every_s["pump-1/status:VB01"] <= 30.0
-
-    rig.line.rules.clear()
-    await rig.poll_for(20.0)
-
-    assert rig.sink.of(AvailabilityRecord)[-1].state == "online"
-    assert rig.sink.states()[-1] == "ready"
-    assert rig.sink.events().count("recovered") == 1
-    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}  # as a whole again
-
-
-@virtually
-async def test_a_row_given_up_is_asked_again_after_an_hour() -> None:
-    rig = await Rig(every_s=10.0).online()
-    rig.line.rules.append(refuse_p003)
-    await rig.poll_for(60.0)
-    assert "pump-1/values:P003" not in rig.line.polls
-    rig.line.rules.clear()
-
-    await rig.poll_for(3700.0)
-
-    assert rig.sink.values("current")[-1].quality is Quality.GOOD
-    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
-
-
-@virtually
 async def test_exceptions_now_and_then_cost_no_polls() -> None:
     rig = await Rig().online()
     dice = random.Random(5)
@@ -271,11 +205,6 @@ async def test_exceptions_now_and_then_cost_no_polls() -> None:
 
     assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
     assert rig.sink.states()[-1] == "ready"
-
-
-def refuse_vb01(request: Request) -> Outcome | None:
-    is_hit = isinstance(request, ReadHoldingRegisters) and VB01 in read_codes(request)
-    return Refused(2, at_s=asyncio.get_running_loop().time()) if is_hit else None
 
 
 def read_codes(request: Request) -> range:

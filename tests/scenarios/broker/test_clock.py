@@ -1,0 +1,275 @@
+"""Clocks and standstills: what proves a command fresh, and what a step, a sleep or a stall does to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    event,
+    frames,
+    msg,
+    never,
+    play,
+    result,
+    row,
+    seen,
+)
+from tests.rig.sites import ALICE, QUICK, SSW07, operator, table
+from tests.scenarios.broker.support import issued
+
+START = "05 00 64 ff 00"
+BRIDGE = operator("dispatch", freshness="issued_at")
+AUTO = table("gateway", name="plant", state_dir="state", clock="auto")
+
+
+def step(by_s: float) -> Callable[[RigPlant], None]:
+    """Set the wall clock ahead, or back."""
+
+    def act(plant: RigPlant) -> None:
+        plant.world.stepped_s += by_s
+
+    return act
+
+
+def asleep(for_s: float) -> Callable[[RigPlant], None]:
+    """Let the machine have slept; no clock but that of the boot knows."""
+
+    def act(plant: RigPlant) -> None:
+        plant.world.slept_s += for_s
+
+    return act
+
+
+def keep(plant: RigPlant) -> None:
+    plant.old = plant.token()  # type: ignore[attr-defined]
+
+
+def start_with_it(plant: RigPlant) -> None:
+    plant.command("pump/alice/start", token=plant.old, ttl_s=60)  # type: ignore[attr-defined]
+
+
+def synchronised(is_it: bool) -> Callable[[RigPlant], None]:
+    return lambda plant: setattr(plant, "is_clock_synchronised", is_it)
+
+
+DATED = [
+    row(
+        f"a command that is dated {ago_s} s ago, with {ttl_s} s to live, is {code}",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={70.0: issued("pump/alice/start", ago_s, ttl_s=ttl_s)},
+        then={74.0: [result(f"start {code}"), frames("pump", *([START] if code == "confirmed ok" else []))]},
+    )
+    for ago_s, ttl_s, code in (
+        (0.0, 5, "confirmed ok"),
+        (3.0, 5, "confirmed ok"),
+        (6.0, 5, "rejected expired"),
+        (50.0, 60, "confirmed ok"),
+        (75.0, 60, "rejected expired"),
+        (-1.0, 5, "confirmed ok"),  # a sender's clock may be a little ahead
+        (-30.0, 5, "rejected not_fresh"),
+    )
+]
+
+PROOFS = [
+    row(
+        "a command that nothing dates is refused, but a read",
+        given=SSW07 + ALICE,
+        at={
+            4.0: command("pump/alice/start", fresh=False),
+            6.0: command("pump/alice/read", fresh=False, args={"parameter": "P003"}),
+        },
+        then={5.0: result("start rejected not_fresh"), 8.0: [result("read confirmed ok"), frames("pump")]},
+    ),
+    row(
+        "a token that was never made proves nothing",
+        given=SSW07 + ALICE,
+        at={4.0: command("pump/alice/start", token="0123456789abcdef")},
+        then={5.0: [result("start rejected not_fresh"), frames("pump")]},
+    ),
+    row(
+        "a token is too old after five seconds, or after what the command says",
+        given=SSW07 + ALICE,
+        at={
+            4.0: keep,
+            10.0: lambda plant: plant.command("pump/alice/start", token=plant.old),  # type: ignore[attr-defined]
+            11.0: start_with_it,
+        },
+        then={10.5: [result("start rejected expired"), frames("pump")], 14.0: [result("start confirmed ok")]},
+    ),
+    row(
+        "an expired proof is saved by no other",
+        given=SSW07 + ALICE,
+        at={70.0: lambda plant: issued("pump/alice/start", 20.0, token=plant.token())(plant)},  # type: ignore[operator]
+        then={72.0: [result("start rejected expired"), frames("pump")]},
+    ),
+    row(
+        "who has freshness by issued_at is refused with a token alone, and heard with a date",
+        given=SSW07 + BRIDGE,
+        sim={"pump": QUICK},
+        at={68.0: command("pump/dispatch/start"), 70.0: issued("pump/dispatch/start", 1.0)},
+        then={
+            69.0: result("start rejected not_fresh", client="dispatch"),
+            74.0: [result("start confirmed ok", client="dispatch"), frames("pump", START)],
+        },
+    ),
+    row(
+        "a date of before this run is refused, however long it may live",
+        given=SSW07 + ALICE,
+        at={70.0: "restart", 76.0: issued("pump/alice/start", 30.0, ttl_s=60)},
+        then={78.0: [result("start rejected before_connection"), frames("pump")]},
+    ),
+    row(
+        "a date of before this connection is refused",
+        given=SSW07 + ALICE,
+        at={70.0: "broker drops", 76.0: issued("pump/alice/start", 30.0, ttl_s=60)},
+        then={78.0: [result("start rejected before_connection"), frames("pump")]},
+    ),
+]
+
+STEPS = [
+    row(
+        f"after the clock was set {by_s:+.0f} s no date counts for a minute, but a token does",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            70.0: step(by_s),
+            75.0: issued("pump/alice/start"),
+            80.0: command("pump/alice/start"),
+            84.0: command("pump/alice/stop"),
+            150.0: issued("pump/alice/start"),
+        },
+        then={
+            76.0: [result("start rejected not_fresh"), event("clock_stepped", severity="warning")],
+            84.0: result("start confirmed ok"),
+            155.0: [event("clock_trusted"), result("start confirmed ok")],
+        },
+    )
+    for by_s in (3600.0, -3600.0, 3.0, -3.0, 86400.0)
+]
+
+CLOCKS = [
+    row(
+        "a clock that moves by a tenth of a second was not set",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={70.0: step(0.1), 75.0: issued("pump/alice/start")},
+        then={80.0: [result("start confirmed ok"), never("gateway/event", code="clock_stepped")]},
+    ),
+    row(
+        "while the kernel does not call the clock synchronised no date counts, but a token does",
+        given=AUTO + SSW07 + ALICE,
+        sim={"pump": QUICK},
+        before=synchronised(False),
+        at={70.0: issued("pump/alice/start"), 72.0: command("pump/alice/start")},
+        then={71.0: result("start rejected not_fresh"), 76.0: result("start confirmed ok")},
+    ),
+    row(
+        "a synchronised clock makes a date count",
+        given=AUTO + SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={70.0: issued("pump/alice/start")},
+        then={74.0: result("start confirmed ok")},
+    ),
+    row(
+        "a clock that was set between two runs makes no id unknown",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/alice/start", id="one"),
+            8.0: ["end", step(-86400.0), "start"],
+            14.0: command("pump/alice/start", id="one"),
+        },
+        then={15.0: [msg("result/pump/alice", duplicate=True, phase="confirmed"), frames("pump", START)]},
+    ),
+    row(
+        "a step of the clock changes no token, no poll and no watch over the starter",
+        given=SSW07 + ALICE,
+        at={10.0: step(7200.0), 20.0: step(-7200.0)},
+        then={
+            40.0: [
+                never("starter/pump/availability", since=5.0),
+                never("starter/pump/value/current", since=5.0, quality="stale"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+]
+
+STANDSTILLS = [
+    row(
+        "after the machine slept no token of before counts, and the status has another boot",
+        given=SSW07 + ALICE,
+        at={5.0: [keep, asleep(60.0)], 7.0: start_with_it},
+        then={
+            8.0: [
+                event("stood_still", severity="warning"),
+                result("start rejected not_fresh"),
+                frames("pump"),
+                lambda plant: (
+                    "" if len({m.json["boot"] for m in plant.messages("gateway/status")}) > 1 else "one boot"
+                ),
+            ]
+        },
+    ),
+    row(
+        "after the process stood still no token of before counts",
+        given=SSW07 + ALICE,
+        at={5.0: [keep, lambda plant: plant.stand_still(8.0)], 15.0: start_with_it},
+        then={16.0: [event("stood_still"), result("start rejected not_fresh"), frames("pump")]},
+    ),
+    row(
+        "a start that came while the process stood still is refused, a stop stops",
+        given=SSW07 + ALICE,
+        at={
+            5.0: [
+                lambda plant: plant.stand_still(8.0),
+                command("pump/alice/start", ttl_s=60),
+                command("pump/alice/stop", fresh=False),
+            ]
+        },
+        then={
+            20.0: [
+                seen("result/pump/alice", verb="start", phase="rejected"),
+                seen("result/pump/alice", verb="stop", phase="confirmed"),
+                lambda plant: (
+                    "" if START not in [pdu for _, pdu in plant.starter("pump").writes] else "started"
+                ),
+            ]
+        },
+    ),
+    row(
+        "after a standstill the next token starts",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={5.0: lambda plant: plant.stand_still(8.0), 16.0: command("pump/alice/start")},
+        then={20.0: [result("start confirmed ok"), frames("pump", START)]},
+    ),
+]
+
+HEARTBEAT = [
+    row(
+        "a token comes each second, and another at once with a stop",
+        given=SSW07 + ALICE,
+        at={10.4: command("pump/alice/stop", fresh=False)},
+        then={
+            20.0: [
+                lambda plant: "" if 19 <= len(plant.messages("gateway/fresh")) <= 23 else "not each second",
+                seen("gateway/fresh", since=10.39, token=..., time=..., retain=True, qos=0),
+                lambda plant: (
+                    "" if [m for m in plant.messages("gateway/fresh", 10.39) if m.at_s < 10.5] else "none"
+                ),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", DATED + PROOFS + STEPS + CLOCKS + STANDSTILLS + HEARTBEAT)
+def test_freshness(row: ScenarioRow) -> None:
+    play(row)

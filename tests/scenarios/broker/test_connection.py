@@ -1,0 +1,246 @@
+"""Logins, versions, rights and other clients: what the gateway makes of the broker that it has."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    clean_line,
+    command,
+    event,
+    frames,
+    msg,
+    never,
+    play,
+    publish,
+    result,
+    results,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.sites import ALICE, HOME_ASSISTANT, QUICK, SSW07, table
+from tests.scenarios.broker.support import TRIP, afresh, broker, codes, count
+
+MQTT_3 = table("mqtt", url="mqtt://127.0.0.1", version="3.1.1")
+
+
+def _logins(at_least: int, at_most: int):  # type: ignore[no-untyped-def]
+    return lambda plant: (
+        "" if at_least <= len(plant.broker.logins) <= at_most else f"{len(plant.broker.logins)}"
+    )
+
+
+REFUSED = [
+    row(
+        f"a broker that refuses the connection ({name}) is tried again; the line is polled on",
+        given=SSW07,
+        before=broker(refuses=code),
+        at={60.0: broker(refuses=None)},
+        then={
+            59.0: [count("#", 0), _logins(14, 70)],
+            75.0: [
+                seen("gateway/event", code="broker_away", text=re.compile(words), times=1),
+                retained("gateway/status", state="online"),
+                clean_line,
+                lambda plant: "" if plant.last("gateway/line/pumps")["answered"] > 60 else "not polled",
+            ],
+        },
+    )
+    for code, name, words in (
+        (0x86, "bad user name or password", "."),
+        (0x87, "not authorised", "."),
+        (0x97, "quota exceeded", "."),
+    )
+]
+
+VERSIONS = [
+    row(
+        "a broker of MQTT 3.1.1 has the whole contract: telemetry, commands, results, will",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        before=broker(speaks_5=False),
+        at={4.0: command("pump/alice/start"), 8.0: command("pump/alice/stop"), 14.0: "broker drops"},
+        then={
+            13.0: [
+                event("mqtt_3_1_1", severity="warning"),
+                retained("gateway/info", mqtt_version="3.1.1"),
+                retained("starter/pump/value/current", quality="good"),
+                results(
+                    *("start accepted ok", "start written ok", "start confirmed ok"),
+                    *("stop accepted ok", "stop written ok", "stop confirmed ok"),
+                ),
+            ],
+            14.0: retained("gateway/status", state="offline"),
+            20.0: [
+                retained("gateway/status", state="online"),
+                seen("gateway/event", code="mqtt_3_1_1", times=1),
+            ],
+        },
+    ),
+    row(
+        "a configuration that asks for MQTT 3.1.1 has it from a broker of MQTT 5",
+        given=SSW07 + MQTT_3,
+        then={4.0: [retained("gateway/info", mqtt_version="3.1.1"), event("mqtt_3_1_1")]},
+    ),
+    row(
+        "a broker that learns MQTT 5 is spoken to in it at the next connection",
+        given=SSW07,
+        before=broker(speaks_5=False),
+        at={5.0: [broker(speaks_5=True), "broker drops"]},
+        then={10.0: [event("mqtt_5"), retained("gateway/info", mqtt_version="5")]},
+    ),
+    row(
+        "MQTT 5 gives a result the correlation data of its command",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={4.0: publish("command/pump/alice/stop", {"id": "x"}, client="alice", correlation=b"7")},
+        then={
+            7.0: lambda plant: (
+                ""
+                if {each.correlation for each in plant.messages("result/pump/alice")} == {b"7"}
+                else str(plant.messages("result/pump/alice"))
+            )
+        },
+    ),
+    row(
+        "a live retained start is refused in MQTT 5, where its flag shows",
+        given=SSW07 + ALICE,
+        at={4.0: lambda plant: plant.publish(*_start(plant), client="alice", retain=True)},
+        then={6.0: [result("start rejected retained"), frames("pump")]},
+    ),
+    row(
+        "a live retained stop stops in MQTT 5, and a stored one never",
+        given=SSW07 + ALICE,
+        at={4.0: publish("command/pump/alice/stop", b"", client="alice", retain=True), 10.0: "broker drops"},
+        then={
+            9.0: [
+                result("stop confirmed ok"),
+                lambda plant: "" if plant.starter("pump").writes else "no frame",
+            ],
+            20.0: lambda plant: "" if plant.starter("pump").writes[-1][0] < 10.0 else "stopped again",
+        },
+    ),
+]
+
+
+def _start(plant: RigPlant) -> tuple[str, dict[str, str]]:
+    return "command/pump/alice/start", {"id": "kept", "token": plant.token()}
+
+
+OTHERS = [
+    row(
+        "another client with the gateway's id is told once until a connection has held",
+        given=SSW07,
+        at={5.0 + 2 * n: (lambda plant: plant.broker.drop(code=0x8E)) for n in range(4)},
+        then={
+            30.0: [
+                seen("gateway/event", code="client_id_taken", severity="error", times=1),
+                msg("gateway/status", state="online"),
+                clean_line,
+            ]
+        },
+    ),
+    row(
+        "a broker that closes three young connections without a reason may have another client with this id",
+        given=SSW07,
+        at={5.0 + 3 * n: "broker drops" for n in range(5)},
+        then={40.0: seen("gateway/event", code="client_id_taken", text=re.compile("perhaps"), times=1)},
+    ),
+    row(
+        "another gateway under one base is told once, and keeps what it retains",
+        given=SSW07,
+        at={
+            **{
+                5.0 + n: publish("gateway/fresh", {"token": f"t{n}", "time": None}, client="b", retain=True)
+                for n in range(20)
+            },
+            6.5: publish("starter/fan/info", {"family": "ssw06"}, client="b", retain=True),
+        },
+        then={
+            30.0: [
+                seen("gateway/event", code="base_shared", severity="error", times=1),
+                retained("starter/fan/info", family="ssw06"),
+            ]
+        },
+    ),
+    row(
+        "a gateway that returns to its broker takes itself for no other",
+        given=SSW07,
+        at={5.0: "broker drops", 10.0: "kill", 11.0: "start", 20.0: "restart"},
+        then={40.0: [never("gateway/event", code="base_shared"), msg("gateway/status", state="online")]},
+    ),
+]
+
+RIGHTS = [
+    row(
+        "messages that the broker refuses are counted, told once, and not tried again",
+        given=SSW07,
+        before=lambda plant: plant.broker.deny("*", "starters/plant/starter/pump/value/current", "write"),
+        at={6.0: "pump P003 = 100"},
+        then={
+            40.0: [
+                seen("gateway/event", code="publish_refused", severity="error", times=1),
+                never("starter/pump/value/current"),
+                lambda plant: "" if plant.last("gateway/outbox")["refused"] >= 1 else "not counted",
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
+        "a gateway that may not read commands says that it is deaf to them",
+        given=SSW07 + ALICE,
+        before=lambda plant: plant.broker.deny("*", "starters/plant/command/#", "read"),
+        then={6.0: retained("gateway/status", state="degraded", reason=re.compile("command"))},
+    ),
+    row(
+        "a message larger than the broker takes is set aside, and the rest is sent",
+        given=SSW07,
+        before=broker(connack={"MaximumPacketSize": 1000}),
+        then={
+            10.0: [
+                event("publish_refused"),
+                never("starter/pump/info"),
+                msg("starter/pump/state", quality="good"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
+        "a gateway that listens for Home Assistant tells it all again at its birth, which is no command",
+        given=SSW07 + ALICE + HOME_ASSISTANT,
+        at={20.0: publish("homeassistant/status", b"online", client="ha")},
+        then={60.0: [seen("homeassistant/device/+/config", since=20.0), never("audit"), frames("pump")]},
+    ),
+    row(
+        "a slow broker holds neither the line nor a stop",
+        given=SSW07 + ALICE,
+        before=broker(ack_after_s=2.0),
+        at={10.0: command("pump/alice/stop", fresh=False), 10.5: TRIP},
+        then={
+            10.6: lambda plant: "" if plant.starter("pump").writes else "no stop",
+            40.0: [codes("starter/pump/event", "fault"), result("stop confirmed ok"), clean_line],
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", REFUSED + VERSIONS + OTHERS + RIGHTS)
+def test_a_connection(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_a_refused_login_says_who_and_never_the_password() -> None:
+    site = SSW07 + table("mqtt", url="mqtt://127.0.0.1", username="mcc1", password_file="mqtt.password")
+    with RigPlant(site, files={"mqtt.password": "s3cret\n"}, before=broker(refuses=0x86)) as plant:
+        plant.run(until=20.0)
+        plant.broker.refuses = None
+        plant.run(until=40.0)
+
+        assert {login[1:] for login in plant.broker.logins} == {("mcc1", "s3cret")}
+        assert "s3cret" not in plant.transcript()
+        assert afresh(20.0)(plant) == ""

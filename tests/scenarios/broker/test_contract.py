@@ -1,0 +1,286 @@
+"""Every message of a busy day is one that docs/reference describes, on topics by the contract's rules."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import pytest
+import yaml
+from jsonschema import Draft7Validator
+
+from tests.reference.asyncapi import payload_schema
+from tests.reference.pages import FOLDER
+from tests.reference.topics import TOPICS
+from tests.rig import RigPlant, ScenarioRow, play, retained, row
+from tests.rig.broker import MqttMessage
+from tests.rig.sites import (
+    ALICE,
+    FOUR,
+    HOME_ASSISTANT,
+    LOGIN,
+    METRICS,
+    PASSWORD,
+    QUICK,
+    SPARKPLUG,
+    SSW07,
+    WEB,
+    operator,
+    table,
+)
+from tests.scenarios.broker.support import codes, count
+
+BASE = "starters/plant"
+DAY = (
+    FOUR
+    + ALICE
+    + WEB
+    + LOGIN
+    + METRICS
+    + HOME_ASSISTANT
+    + SPARKPLUG
+    + 'commands = true\noperator = "alice"\n'
+)
+BELT = DAY.index("[[line.starter]]", DAY.index("mill"))
+WITHOUT_BELT = DAY[:BELT] + DAY[DAY.index("[[operator") :]
+INSTANT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z")
+
+
+@pytest.fixture(scope="module")
+def day() -> list[MqttMessage]:
+    """Return all messages of a day: commands by every way, a trip, an outage, a reload, a kill, an end."""
+    with RigPlant(DAY, sim=dict.fromkeys(("pump", "fan"), QUICK)) as plant:
+        plant.run(until=5.0)
+        plant.command("pump/alice/start")
+        plant.run(until=9.0)
+        plant.command("pump/alice/start")
+        plant.command("mill/alice/read", args={"parameter": "S1.1.1"})
+        plant.run(until=11.0)
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
+        plant.do(lambda: plant.lines["pumps"].silent("fan", 20.0))
+        plant.run(until=15.0)
+        plant.publish("spBv1.0/plant/DCMD/plant/pump", plant.sparkplug({"Command/Stop": True}))
+        plant.run(until=18.0)
+        plant.browser.log_in("anna", PASSWORD)
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "clear", ""))
+        plant.run(until=20.0)
+        plant.post("/api/v1/command/pump/read", {"id": "page", "args": {"parameter": "P003"}})
+        plant.publish("command/PUMP/alice/start", b"x", client="alice")
+        plant.broker.stop()
+        for current in range(100, 110):
+            plant.starter("pump").set_word("P003", current)
+            plant.run(until=plant.world.now_s() + 1.5)
+        plant.broker.start()
+        plant.run(until=45.0)
+        plant.reload(WITHOUT_BELT)
+        plant.run(until=50.0)
+        plant.kill()
+        plant.start()
+        plant.run(until=60.0)
+        plant.end()
+        return [each for each in plant.broker.log if each.topic.startswith(BASE) and each.client == "plant"]
+
+
+class Described:
+    """The messages of docs/reference/asyncapi.yaml below one base."""
+
+    def __init__(self) -> None:
+        whole = yaml.safe_load((FOLDER / "reference" / "asyncapi.yaml").read_text("utf-8"))
+        self.channels: dict[str, dict[str, Any]] = whole["channels"]
+        self._addresses = {
+            name: re.compile(re.sub(r"{\w+}", "[a-z0-9_-]+", each["address"].replace("{base}", BASE)))
+            for name, each in self.channels.items()
+        }
+        self._schemas = {
+            name: Draft7Validator(each["payload"]) for name, each in whole["components"]["messages"].items()
+        }
+        # The file permits fields that it does not name, for later versions; this one has none.
+        self._closed = {
+            topic.name: Draft7Validator(payload_schema(topic, is_closed=True)) for topic in TOPICS
+        }
+        self._delivery = {
+            each["channel"]["$ref"].rpartition("/")[2]: each["bindings"]["mqtt"]
+            for each in whole["operations"].values()
+        }
+        self.channel_of = cache(self._channel_of)
+
+    def _channel_of(self, topic: str) -> str:
+        return next((name for name, each in self._addresses.items() if each.fullmatch(topic)), "")
+
+    def problems(self, message: MqttMessage) -> Iterator[str]:
+        """Yield what is not as the file says."""
+        name = self.channel_of(message.topic)
+        if not name:
+            yield f"{message}: no channel"
+            return
+        how = self._delivery[name]
+        if (message.qos, message.retain) != (how["qos"], how["retain"]):
+            yield f"{message}: delivered otherwise"
+        kind, value = (name, message.json) if message.payload else ("deleted", "")
+        if kind not in self.channels[name]["messages"]:
+            yield f"{message}: an empty payload"
+            return
+        for error in (*self._schemas[kind].iter_errors(value), *self._closed[name].iter_errors(value)):
+            if kind != "deleted":
+                yield f"{message}: {'.'.join(map(str, error.path))}: {error.message[:200]}"
+
+
+def test_every_message_is_as_the_reference_says(day: list[MqttMessage]) -> None:
+    described = Described()
+
+    assert [problem for each in day for problem in described.problems(each)][:5] == []
+    # A start's record comes once it is over, and a command comes from elsewhere.
+    assert described.channels.keys() - {described.channel_of(each.topic) for each in day} <= {"command"}
+
+
+def test_no_topic_that_carries_a_payload_is_a_prefix_of_another(day: list[MqttMessage]) -> None:
+    topics = sorted({each.topic for each in day})
+
+    assert [pair for pair in pairwise(topics) if pair[1].startswith(pair[0] + "/")] == []
+    assert all(re.fullmatch("[a-z0-9_-]+(/[a-z0-9_-]+)*", each) for each in topics)
+
+
+def test_floats_have_a_decimal_part_always(day: list[MqttMessage]) -> None:
+    kinds: dict[tuple[str, str], set[str]] = {}
+    for each in day:
+        if "/value/" in each.topic and each.payload:
+            number = re.search(rb'"value":(-?[\d.eE+-]+),"unit":"([^"]*)"', each.payload)
+            if number:
+                kinds.setdefault((each.topic, "value"), set()).add("." if b"." in number[1] else "int")
+
+    assert [each for each, found in kinds.items() if len(found) > 1] == []
+    assert kinds[f"{BASE}/starter/pump/value/current", "value"] == {"."}
+    assert all(b"NaN" not in each.payload and b"Infinity" not in each.payload for each in day)
+
+
+def test_times_are_utc_with_milliseconds(day: list[MqttMessage]) -> None:
+    def times(value: Any) -> Iterator[str]:
+        for name, each in value.items() if isinstance(value, dict) else ():
+            if name in ("time", "since", "cleared") and each is not None:
+                yield each
+            yield from times(each)
+
+    found = [time for each in day if each.payload for time in times(each.json)]
+
+    assert len(found) > 500
+    assert [each for each in found if not INSTANT.fullmatch(each)] == []
+
+
+def test_topic_boot_and_seq_name_a_message_and_a_run_counts_up(day: list[MqttMessage]) -> None:
+    named: dict[tuple[str, str, int], bytes] = {}
+    newest: dict[tuple[str, str], int] = {}
+    for each in day:
+        body = each.json if each.payload else {}
+        if "seq" not in body:
+            continue
+        assert named.setdefault((each.topic, body["boot"], body["seq"]), each.payload) == each.payload
+        assert newest.get((each.topic, body["boot"]), 0) <= body["seq"]  # one topic never goes back
+        newest[each.topic, body["boot"]] = body["seq"]
+    assert len({boot for _, boot, _ in named}) == 2
+
+
+def test_each_command_has_one_final_result_and_its_audit(day: list[MqttMessage]) -> None:
+    results = [each.json for each in day if "/result/" in each.topic]
+    finals = [each["id"] for each in results if each["phase"] not in ("accepted", "written")]
+    audits = [each.json for each in day if each.topic.endswith("/audit")]
+
+    assert len(finals) == len(set(finals)) >= 4
+    assert {each["id"] for each in audits} >= set(finals)
+    assert {each.get("source") for each in audits} == {None, "sparkplug", "web"}
+
+
+SHAPES = [
+    row(
+        "the gateway's info says what it is, what it has, who may do what, and that it protects nobody",
+        given=FOUR + ALICE + operator("bob", may=("stop",), starters=("pump",), freshness="issued_at"),
+        then={
+            4.0: [
+                retained(
+                    "gateway/info",
+                    product="starter-gateway",
+                    contract=1,
+                    starters=["pump", "fan", "mill", "belt"],
+                    lines=["pumps"],
+                    mqtt_version="5",
+                    notice=re.compile("safety"),
+                    qos=1,
+                ),
+                lambda plant: (
+                    ""
+                    if plant.last("gateway/info")["operators"]
+                    == [
+                        {"client": "alice", "may": ["*"], "starters": ["*"], "freshness": "token"},
+                        {"client": "bob", "may": ["stop"], "starters": ["pump"], "freshness": "issued_at"},
+                    ]
+                    else str(plant.last("gateway/info"))
+                ),
+            ]
+        },
+    ),
+    row(
+        "a line's statistics come every 30 s, with what was asked and answered",
+        given=SSW07,
+        then={
+            65.0: [
+                count("gateway/line/pumps", 6, at_least=3),
+                retained("gateway/line/pumps", is_open=True, silent=0, garbled=0, units={"1": ...}),
+                lambda plant: _answered(plant.last("gateway/line/pumps")),
+            ]
+        },
+    ),
+    row(
+        "the outbox says what waits, what was lost, and how often the gateway came back",
+        given=SSW07,
+        at={35.0: "broker down", 36.0: "pump trip E05", 50.0: "broker up"},
+        then={
+            34.0: retained("gateway/outbox", oldest_s=0.0, dropped=0, refused=0, reconnects=0),
+            95.0: retained("gateway/outbox", oldest_s=0.0, dropped=0, refused=0, reconnects=1),
+        },
+    ),
+    row(
+        "an event of the gateway has a number, a time, a run, a code, its severity, words and data",
+        given=SSW07,
+        then={
+            4.0: [
+                codes("gateway/event", "port_open", "broker_connected"),
+                lambda plant: (
+                    ""
+                    if set(plant.last("gateway/event"))
+                    == {"seq", "time", "boot", "code", "severity", "text", "data"}
+                    else str(plant.last("gateway/event"))
+                ),
+            ]
+        },
+    ),
+    row(
+        "a base of several levels carries everything, commands too",
+        given=SSW07 + ALICE + table("mqtt", url="mqtt://127.0.0.1", base="acme/site1/{gateway}"),
+        at={4.0: lambda plant: plant.command("pump/alice/stop", fresh=False)},
+        then={
+            8.0: [
+                retained("/starters/plant/#"),
+                lambda plant: "" if plant.base == "acme/site1/plant" else plant.base,
+                retained("starter/pump/state", state="ready"),
+                lambda plant: "" if plant.results()[-1] == "stop confirmed ok" else str(plant.results()),
+            ]
+        },
+    ),
+]
+
+
+def _answered(line: dict[str, Any]) -> str:
+    is_right = (
+        line["answered"] + line["refused"] == line["polls"] + line["jobs"]
+        and line["polls"] > 60
+        and line["utilisation"] > 0
+    )
+    return "" if is_right else json.dumps(line)
+
+
+@pytest.mark.parametrize("row", SHAPES)
+def test_the_gateways_own_topics(row: ScenarioRow) -> None:
+    play(row)

@@ -1,0 +1,265 @@
+"""What an earlier run left retained is cleared at a start, before online; nobody else's topics are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    event,
+    fault,
+    msg,
+    never,
+    play,
+    publish,
+    reload,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.sites import SSW07, line, starter
+from tests.scenarios.broker.support import HEAL, TRIP
+
+TWO = SSW07 + starter("fan", 2, "ssw06")
+OTHER_LINE = line("hall") + starter("fan", 2, "ssw06")
+AS_SST = line() + starter("pump", 1, "sst")
+RENAMED = line() + starter("pump-1", 1, "ssw07")
+
+
+def becomes(toml: str) -> Callable[[RigPlant], None]:
+    """Change the configuration while the gateway does not run, and begin."""
+
+    def act(plant: RigPlant) -> None:
+        plant.write(toml)
+        plant.start()
+
+    return act
+
+
+def cleared(topic: str, since: float) -> Callable[[RigPlant], str]:
+    """Nothing of it is retained, and it was cleared before the gateway said online."""
+
+    def check(plant: RigPlant) -> str:
+        if wrong := retained(topic)(plant):
+            return wrong
+        gone = [each.at_s for each in plant.messages(topic, since) if not each.payload]
+        online = [m.at_s for m in plant.messages("gateway/status", since) if m.json["state"] == "online"]
+        return "" if gone and online and max(gone) <= online[0] else f"cleared {gone}, online {online}"
+
+    return check
+
+
+def swap(plant: RigPlant) -> None:
+    """Put an SST in the place of the pump's starter."""
+    plant.do(lambda: plant.lines["pumps"].swap("pump", "sst"))
+
+
+def no_value_of_before(since: float) -> Callable[[RigPlant], str]:
+    """Nothing that was published before is retained as a value."""
+
+    def check(plant: RigPlant) -> str:
+        values = [each for topic, each in plant.broker.retained.items() if "/value/" in topic]
+        return "\n".join(each.topic for each in values if each.at_s < since)
+
+    return check
+
+
+ALARM = {
+    "active": True,
+    "severity": "fault",
+    "text": "old",
+    "time": "2026-11-20T00:00:00.000Z",
+    "cleared": None,
+    "count": 1,
+    "seq": 1,
+    "boot": "0123456789abcdef",
+}
+
+
+GHOSTS = [
+    row(
+        "an alarm that ended while the gateway was away is cleared",
+        given=SSW07,
+        at={4.0: TRIP, 9.0: "kill", 10.0: HEAL, 12.0: "start"},
+        then={
+            8.9: retained("starter/pump/alarm/e05", active=True),
+            25.0: cleared("starter/pump/alarm/e05", since=12.0),
+        },
+    ),
+    row(
+        "an alarm that still stands is never cleared in between",
+        given=SSW07,
+        at={4.0: TRIP, 9.0: "kill", 12.0: "start"},
+        then={
+            25.0: [
+                retained("starter/pump/alarm/e05", active=True),
+                lambda plant: (
+                    ""
+                    if all(m.payload for m in plant.messages("starter/pump/alarm/e05"))
+                    else "it was cleared"
+                ),
+            ]
+        },
+    ),
+    row(
+        "an alarm of a starter that is away is left until it answers",
+        given=SSW07,
+        at={4.0: TRIP, 9.0: "kill", 10.0: [HEAL, fault("silent", "pump", for_s=30.0)], 12.0: "start"},
+        then={
+            35.0: [
+                retained("starter/pump/alarm/e05", active=True),
+                msg("starter/pump/availability", state="offline"),
+            ],
+            60.0: retained("starter/pump/alarm/e05"),
+        },
+    ),
+    row(
+        "a starter that was taken out between two runs is cleared whole",
+        given=TWO,
+        at={8.0: "kill", 9.0: becomes(SSW07)},
+        then={25.0: [cleared("starter/fan/#", since=9.0), retained("starter/pump/info", family="ssw07")]},
+    ),
+    row(
+        "a starter that was renamed between two runs is cleared under its former name",
+        given=SSW07,
+        absent=("pump-1",),  # it is the same device
+        at={8.0: "end", 9.0: becomes(RENAMED)},
+        then={
+            25.0: [
+                cleared("starter/pump/#", since=9.0),
+                retained("starter/pump-1/availability", state="online"),
+            ]
+        },
+    ),
+    row(
+        "a line that was taken out between two runs is cleared",
+        given=SSW07 + OTHER_LINE,
+        at={8.0: "kill", 9.0: becomes(TWO)},
+        then={25.0: [cleared("gateway/line/hall", since=9.0), retained("gateway/line/pumps", is_open=True)]},
+    ),
+    row(
+        "a starter that a reload takes out or renames is cleared",
+        given=TWO,
+        absent=("pump-1",),
+        at={8.0: reload(RENAMED)},
+        then={
+            20.0: [
+                retained("starter/fan/#"),
+                retained("starter/pump/#"),
+                retained("starter/pump-1/state", quality="good"),
+            ]
+        },
+    ),
+    row(
+        "what fits no topic or field of the contract is somebody else's and stays",
+        given=SSW07,
+        before=lambda plant: [
+            plant.publish(topic, payload, client="other", retain=True)
+            for topic, payload in (
+                ("notes/pump", {"text": "x"}),
+                ("starter/fan/note", {"text": "x"}),
+                ("starter/fan/state", "no JSON"),
+                ("command/fan/alice/stop", b"x"),
+                ("/plant/starter/fan/state", {"state": "ready"}),
+            )
+        ],
+        then={
+            20.0: [
+                msg("gateway/status", state="online"),
+                lambda plant: (
+                    ""
+                    if len([m for m in plant.broker.retained.values() if m.client == "other"]) == 5
+                    else "cleared"
+                ),
+            ]
+        },
+    ),
+    row(
+        "an alarm of a starter that never had it is cleared",
+        given=SSW07,
+        before=lambda plant: plant.publish("starter/pump/alarm/e99", ALARM, client="plant", retain=True),
+        then={20.0: cleared("starter/pump/alarm/e99", since=0.0)},
+    ),
+    row(
+        "a broker that does not let the gateway read its leftovers is named, and nothing is cleared",
+        given=TWO,
+        at={
+            8.0: "kill",
+            8.5: lambda plant: plant.broker.deny("*", "starters/plant/starter/#", "read"),
+            9.0: becomes(SSW07),
+        },
+        then={
+            25.0: [
+                event("leftovers_unread", severity="warning"),
+                retained("starter/fan/info", family="ssw06"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
+        "what another gateway under the same base retains is not cleared",
+        given=SSW07,
+        before=lambda plant: (
+            plant.publish("starter/fan/info", {"family": "ssw06"}, client="b", retain=True),
+            plant.publish("gateway/status", {"state": "online", "run": "ff"}, client="b", retain=True),
+        ),
+        at={
+            0.5 + n: publish("gateway/fresh", {"token": f"t{n}"}, client="b", retain=True) for n in range(10)
+        },
+        then={20.0: [event("base_shared"), retained("starter/fan/info", family="ssw06")]},
+    ),
+    row(
+        "a family that was changed between two runs leaves no value of the former one",
+        given=SSW07,
+        at={8.0: "kill", 8.5: swap, 9.0: becomes(AS_SST)},
+        then={30.0: [retained("starter/pump/info", family="sst"), no_value_of_before(9.0)]},
+    ),
+    row(
+        "a family that a reload changes leaves no value of the former one",
+        given=SSW07,
+        at={8.0: [swap, reload(AS_SST)]},
+        then={30.0: [retained("starter/pump/info", family="sst"), no_value_of_before(8.0)]},
+    ),
+    row(
+        "a connection that is lost while the leftovers are read is followed by another reading",
+        given=TWO,
+        at={8.0: "kill", 9.0: [becomes(SSW07), "broker drops"]},
+        then={30.0: [cleared("starter/fan/#", since=9.0), msg("gateway/status", state="online")]},
+    ),
+    row(
+        "the status of a gateway that died with its broker prevents nothing",
+        given=SSW07,
+        before=lambda plant: (
+            plant.publish("starter/pump/alarm/e99", ALARM, client="b", retain=True),
+            plant.publish("gateway/status", {"state": "online", "run": "ff"}, client="b", retain=True),
+        ),
+        then={
+            20.0: [
+                retained("starter/pump/alarm/e99"),
+                never("gateway/event", code="base_shared"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
+        "nothing that was never published is cleared at a first start",
+        given=SSW07,
+        then={20.0: lambda plant: "\n".join(m.topic for m in plant.messages("#") if not m.payload)},
+    ),
+    row(
+        "a start that the broker keeps from an earlier day is refused and stays the broker's",
+        given=SSW07,
+        before=lambda plant: plant.publish(
+            "command/pump/alice/start", {"id": "1"}, client="alice", retain=True
+        ),
+        then={6.0: [never("starter/pump/event", code="started"), seen("command/pump/alice/start", times=1)]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", GHOSTS)
+def test_ghosts(row: ScenarioRow) -> None:
+    play(row)

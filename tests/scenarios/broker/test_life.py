@@ -1,0 +1,373 @@
+"""How a run begins and ends, and what the next one remembers after an end and after a kill."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    clean_line,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    result,
+    results,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.sites import ALICE, FOUR, QUICK, SSW07, starter, table
+from tests.scenarios.broker.support import TRIP, afresh, codes, order
+
+START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
+TWO = SSW07 + starter("fan", 2, "ssw06")
+LOCK = command("pump/alice/lock", args={"reason": "belt is off"})
+
+
+def nothing_good(since: float, topic: str = "starter/+/#") -> Callable[[RigPlant], str]:
+    """Nothing was called good or online from then on."""
+
+    def check(plant: RigPlant) -> str:
+        for each in plant.messages(topic, since):
+            body: dict[str, Any] = each.json if each.payload else {}
+            if body.get("quality") == "good" or body.get("state") == "online":
+                return str(each)
+        return ""
+
+    return check
+
+
+def last_words(plant: RigPlant) -> str:
+    """The gateway's status is the last message of all; before it, all starters are offline and stale."""
+    log = [each for each in plant.broker.log if each.client == "plant"]
+    if not log[-1].topic.endswith("gateway/status") or log[-1].json["state"] != "offline":
+        return str(log[-1])
+    fresh = [
+        topic
+        for topic, each in plant.broker.retained.items()
+        if each.json.get("quality") == "good" or each.json.get("state") == "online"
+    ]
+    return f"still fresh: {fresh}" if fresh else ""
+
+
+BEGINNING = [
+    row(
+        "a start says starting, publishes every retained topic, then online",
+        given=FOUR,
+        then={
+            8.0: [
+                afresh(0.0),
+                order(("gateway/status", {"state": "starting"}), ("gateway/status", {"state": "online"})),
+                retained("gateway/status", state="online", reason=None, since=..., boot=..., run=...),
+            ]
+        },
+    ),
+    row(
+        "nothing is written to a starter at a start or an end, nor after a kill",
+        given=FOUR + ALICE,
+        at={5.0: "kill", 6.0: "start", 11.0: "restart", 16.0: "end"},
+        then={16.0: [*(frames(name) for name in ("pump", "fan", "mill", "belt")), clean_line]},
+    ),
+    row(
+        "a run begins without any good value, whatever the one before had published",
+        given=SSW07,
+        at={5.0: ["kill", fault("silent", "pump")], 6.0: "start"},
+        then={
+            30.0: [
+                nothing_good(5.1),
+                retained("starter/pump/availability", state="offline"),
+                retained("starter/pump/state", state="unknown"),
+                retained("starter/pump/value/current", quality="bad"),
+            ]
+        },
+    ),
+    row(
+        "a motor that runs at the start is shown running, and was not started",
+        given=SSW07,
+        sim={"pump": QUICK},
+        at={2.0: "pump control local", 2.1: "pump keypad start", 5.0: "kill", 8.0: "start"},
+        then={
+            12.0: [
+                msg("starter/pump/state", state="running", quality="good"),
+                never("starter/pump/event", since=8.0, code="started"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a starter that is not there at the start is offline, and the gateway online",
+        given=TWO,
+        absent=("fan",),
+        then={
+            20.0: [
+                retained("starter/fan/availability", state="offline"),
+                retained("starter/fan/state", state="unknown"),
+                retained("gateway/status", state="online"),
+            ]
+        },
+    ),
+]
+
+ENDS = [
+    row(
+        "an orderly end says offline and stale of every starter, then of the gateway",
+        given=FOUR,
+        at={6.0: "end"},
+        then={
+            6.0: [
+                last_words,
+                retained("gateway/status", state="offline", reason=...),
+                retained(
+                    "starter/belt/availability", state="offline", reason=re.compile("the gateway ended")
+                ),
+                retained("starter/belt/state", quality="stale"),
+                retained("starter/belt/value/current", quality="stale"),
+                event("stopping"),
+                order(
+                    ("gateway/event", {"code": "stopping"}),
+                    ("starter/belt/availability", {"state": "offline"}),
+                    ("gateway/status", {"state": "offline"}),
+                    since=5.9,
+                ),
+            ]
+        },
+    ),
+    row(
+        "a value keeps its own time when the end makes it stale",
+        given=SSW07,
+        at={3.9: "pump P003 = 100", 6.9: "end"},
+        then={6.9: lambda plant: _same_time(plant)},
+    ),
+    row(
+        "a kill leaves the will: offline, with no time of its own, and nothing else changes",
+        given=SSW07,
+        at={6.0: "kill"},
+        then={
+            9.0: [
+                retained("gateway/status", state="offline", time=None),
+                retained("starter/pump/availability", state="online"),
+                never("gateway/event", code="stopping"),
+            ]
+        },
+    ),
+    row(
+        "an end without a broker is over within ten seconds",
+        given=SSW07,
+        at={5.0: "broker down", 6.0: "end"},
+        then={6.0: lambda plant: "" if plant.world.now_s() < 16.0 else f"{plant.world.now_s()}"},
+    ),
+    row(
+        "an end at a broker that stands still is over within ten seconds",
+        given=SSW07,
+        at={5.0: "broker stalls", 6.0: "end"},
+        then={6.0: lambda plant: "" if plant.world.now_s() < 16.0 else f"{plant.world.now_s()}"},
+    ),
+    row(
+        "a command that is under way has its final result before the end",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={4.0: command("pump/alice/start"), 4.2: "end"},
+        then={4.2: [result("start unconfirmed shutting_down"), frames("pump", START), last_words]},
+    ),
+]
+
+
+def _same_time(plant: RigPlant) -> str:
+    good, stale = (plant.messages("starter/pump/value/current")[place].json for place in (-2, -1))
+    is_right = good["time"] == stale["time"] and good["value"] == stale["value"] == 10.0
+    return "" if is_right and stale["quality"] == "stale" else f"{good} {stale}"
+
+
+def again(**fields: Any) -> Callable[[RigPlant], object]:
+    return lambda plant: plant.command("pump/alice/start", id="one", **fields)
+
+
+MEMORY = [
+    row(
+        "a start under way at a kill ends unconfirmed, crashed, in the next run, and is not repeated",
+        given=SSW07 + ALICE,
+        at={4.0: command("pump/alice/start", id="one"), 4.2: "kill", 6.0: "start", 12.0: again()},
+        then={
+            11.0: [
+                result("start unconfirmed crashed"),
+                seen("result/pump/alice", phase="unconfirmed", id="one", times=1),
+                event("command_cut_short", topic="starter/pump/event", severity="error"),
+                seen("audit", id="one", decision="unconfirmed", code="crashed", times=1),
+            ],
+            14.0: [msg("result/pump/alice", id="one", code="crashed", duplicate=True), frames("pump", START)],
+        },
+    ),
+    row(
+        "a confirmed start is not repeated after a kill: its id gets its result again",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={4.0: command("pump/alice/start", id="one"), 8.0: "kill", 9.0: "start", 14.0: again()},
+        then={
+            13.0: seen("result/pump/alice", phase="confirmed", times=1),
+            15.0: [
+                msg("result/pump/alice", id="one", phase="confirmed", duplicate=True),
+                frames("pump", START),
+            ],
+        },
+    ),
+    row(
+        "a refused id stays refused after a restart",
+        given=SSW07 + ALICE,
+        at={
+            4.0: "pump control local",
+            6.0: again(),
+            8.0: "pump control remote",
+            9.0: "restart",
+            14.0: again(),
+        },
+        then={15.0: [msg("result/pump/alice", id="one", phase="rejected", duplicate=True), frames("pump")]},
+    ),
+    row(
+        "a token of the run before is not fresh, though its time is not over",
+        given=SSW07 + ALICE,
+        at={
+            5.0: lambda plant: setattr(plant, "old", plant.token()),
+            5.1: "restart",
+            8.0: lambda plant: plant.command("pump/alice/start", token=plant.old, ttl_s=60),  # type: ignore[attr-defined]
+        },
+        then={9.0: [result("start rejected not_fresh"), frames("pump")]},
+    ),
+    row(
+        "a maintenance lock outlives a kill and an orderly end",
+        given=SSW07 + ALICE,
+        at={4.0: LOCK, 6.0: "kill", 7.0: "start", 12.0: "restart", 18.0: command("pump/alice/start")},
+        then={
+            19.0: [
+                result("start rejected locked"),
+                retained("starter/pump/state", locked={"by": "alice", "reason": "belt is off"}),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "counted starts outlive a kill",
+        given=SSW07 + ALICE + table("[rules]", starters=["*"], starts_per_hour=1),
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/alice/start"),
+            7.0: command("pump/alice/stop"),
+            12.0: "kill",
+            13.0: "start",
+            20.0: command("pump/alice/start"),
+        },
+        then={21.0: [result("start rejected too_many_starts"), frames("pump", START, STOP)]},
+    ),
+    row(
+        "a selection dies with the run",
+        given=SSW07 + ALICE,
+        at={
+            4.0: command("pump/alice/select", args={"verb": "start", "args": {}}),
+            6.0: lambda plant: setattr(plant, "old", plant.last("result/pump/alice")["select"]),
+            6.1: "restart",
+            10.0: lambda plant: plant.command("pump/alice/start", select=plant.old),  # type: ignore[attr-defined]
+        },
+        then={
+            11.0: [
+                seen("result/pump/alice", verb="start", phase="rejected", code=re.compile("select")),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a fault that an earlier run has published is no event again",
+        given=SSW07,
+        at={4.0: TRIP, 10.0: "kill", 12.0: "start"},
+        then={
+            25.0: [
+                seen("starter/pump/event", code="fault", times=1),
+                lambda plant: (
+                    "" if len({m.json["id"] for m in plant.messages("starter/pump/trip")}) == 1 else "two"
+                ),
+                retained("starter/pump/alarm/e05", active=True),
+            ]
+        },
+    ),
+    row(
+        "another device than before the restart takes no command until it is accepted",
+        given=SSW07 + ALICE,
+        at={
+            6.0: "end",
+            6.5: lambda plant: plant.lines["pumps"].swap("pump", "ssw07", model="SSW-07 30.0A"),
+            7.0: "start",
+            14.0: command("pump/alice/start"),
+        },
+        then={
+            15.0: [
+                event("identity_changed", topic="starter/pump/event"),
+                result("start rejected identity_changed"),
+            ]
+        },
+    ),
+    row(
+        "three kills in a row leave everything right",
+        given=FOUR + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: "kill", 3.1: "start", 3.5: "kill", 3.6: "start", 4.0: "kill", 4.1: "start", 10.0: again()},
+        then={
+            14.0: [
+                results("start accepted ok", "start written ok", "start confirmed ok"),
+                retained("gateway/status", state="online"),
+                codes("gateway/event", since=12.0),
+            ]
+        },
+    ),
+    row(
+        "the state survives a kill at the very moment of a stop: it is repeated by nobody, and told",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/alice/start"),
+            7.0: [command("pump/alice/stop", id="s")],
+            7.1: "kill",
+            9.0: "start",
+        },
+        then={
+            20.0: [
+                seen("result/pump/alice", id="s", code="crashed", times=1),
+                lambda plant: (
+                    "" if all(at_s < 8.0 for at_s, _ in plant.starter("pump").writes) else "repeated"
+                ),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", BEGINNING + ENDS + MEMORY)
+def test_a_life(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_the_audit_is_one_chain_over_kills_and_restarts() -> None:
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        for number in range(3):
+            plant.run(until=plant.world.now_s() + 5.0)
+            plant.command("pump/alice/stop", id=f"stop-{number}")
+            plant.run(until=plant.world.now_s() + 4.0)
+            (plant.kill if number else plant.end)()
+            plant.start()
+        plant.run(until=40.0)
+
+        verified = plant.cli("audit", "verify", "CONFIG")
+        shown = plant.cli("audit", "show", "CONFIG")
+        file = next((plant.folder / "state" / "audit").iterdir())
+        file.write_text(file.read_text().replace("stop-1", "stop-x"))
+        forged = plant.cli("audit", "verify", "CONFIG")
+
+        assert verified.code == 0, verified
+        assert [shown.out.count(f"stop-{number}") >= 1 for number in range(3)] == [True] * 3
+        assert forged.code == 1

@@ -1,0 +1,304 @@
+"""A reload: what it changes, what it leaves alone, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    clean_line,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    reload,
+    result,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.sites import ALICE, QUICK, SSW07, line, operator, starter, table
+
+START = "05 00 64 ff 00"
+FAN = starter("fan", 2, "ssw06")
+RULE = table("[rules]", starters=["*"], starts_per_hour=1)
+
+
+def gateway(**keys: str) -> str:
+    return table("gateway", **{"name": "plant", "state_dir": "state", "clock": "trusted", **keys})
+
+
+def untouched(plant: RigPlant) -> str:
+    """The first starter and its line have noticed nothing since second 5."""
+    for topic in ("starter/pump/availability", "starter/pump/info"):
+        if said := [each for each in plant.messages(topic, 5.05) if not each.retain or each.payload]:
+            return str(said[0])
+    bad = [each for each in plant.messages("starter/pump/value/+", 5.05) if each.json["quality"] == "stale"]
+    return str(bad[0]) if bad else clean_line(plant)
+
+
+CHANGES = [
+    row(
+        "a starter that is added is online, named, and leaves the others alone",
+        given=SSW07,
+        at={5.0: reload(SSW07 + FAN)},
+        then={
+            9.0: [
+                event("reloaded", data={"starters_added": ["fan"]}),
+                retained("starter/fan/availability", state="online"),
+                retained("gateway/info", starters=["pump", "fan"]),
+                untouched,
+            ]
+        },
+    ),
+    row(
+        "a starter that is taken out is cleared and asked no more",
+        given=SSW07 + FAN,
+        at={5.0: reload(SSW07)},
+        then={
+            9.0: [
+                event("reloaded", data={"starters_removed": ["fan"]}),
+                retained("starter/fan/#"),
+                retained("gateway/info", starters=["pump"]),
+                untouched,
+            ]
+        },
+    ),
+    row(
+        "a command to a starter that a reload took out is refused",
+        given=SSW07 + FAN + ALICE,
+        at={5.0: reload(SSW07 + ALICE), 7.0: command("fan/alice/start")},
+        then={8.0: [result("start rejected unknown_starter"), frames("fan")]},
+    ),
+    row(
+        "a line that is added is open and polled, one that is taken out cleared",
+        given=SSW07,
+        at={5.0: reload(SSW07 + line("hall") + FAN), 12.0: reload(SSW07)},
+        then={
+            11.0: [
+                retained("gateway/line/hall", is_open=True),
+                retained("starter/fan/state", quality="good"),
+            ],
+            16.0: [retained("gateway/line/hall"), retained("starter/fan/#"), untouched],
+        },
+    ),
+    row(
+        "a right that is given or taken counts for the next command",
+        given=SSW07 + operator("bob", may=("stop",)),
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/bob/start"),
+            5.0: reload(SSW07 + operator("bob")),
+            6.0: command("pump/bob/start"),
+            9.0: reload(SSW07 + operator("bob", may=("stop",))),
+            10.0: command("pump/bob/reset"),
+        },
+        then={
+            4.5: result("start rejected not_allowed"),
+            8.0: [result("start confirmed ok"), retained("gateway/info", operators=...)],
+            11.0: [result("reset rejected not_allowed"), frames("pump", START), untouched],
+        },
+    ),
+    row(
+        "an operator that is taken out can do nothing but be refused",
+        given=SSW07 + ALICE,
+        at={5.0: reload(SSW07), 6.0: command("pump/alice/stop", fresh=False)},
+        then={
+            8.0: [result("stop rejected not_allowed"), frames("pump"), retained("gateway/info", operators=[])]
+        },
+    ),
+    row(
+        "rules count for starts that come from then on, and starts of before are counted",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/alice/start"),
+            7.0: command("pump/alice/stop"),
+            10.0: reload(SSW07 + ALICE + RULE),
+            12.0: command("pump/alice/start"),
+        },
+        then={13.0: result("start rejected too_many_starts")},
+    ),
+    row(
+        "another period of a starter is nothing but another period",
+        given=SSW07,
+        at={5.0: reload(line() + starter("pump", 1, "ssw07", every_s=0.5))},
+        then={9.0: [event("reloaded", data={"starters_paced": ["pump"]}), untouched]},
+    ),
+    row(
+        "another setting of the port opens it anew, and its starters begin anew",
+        given=SSW07,
+        at={5.0: reload(line(deaf_after_s=30) + starter("pump", 1, "ssw07"))},
+        then={
+            12.0: [
+                event("reloaded", data={"lines_reopened": ["pumps"]}),
+                msg("starter/pump/availability", state="online"),
+                msg("starter/pump/value/current", quality="good"),
+            ]
+        },
+    ),
+    row(
+        "a file that says the same changes nothing",
+        given=SSW07 + ALICE,
+        at={5.0: reload(SSW07 + ALICE + "\n# a remark\n")},
+        then={9.0: [event("reloaded", data={}), untouched]},
+    ),
+    row(
+        "a reload while a start is under way lets it end, and is in force then",
+        given=SSW07 + ALICE,
+        at={
+            5.0: command("pump/alice/start"),
+            5.3: reload(line() + starter("pump", 1, "ssw07", model="SSW-07 30.0A") + ALICE),
+        },
+        then={
+            25.0: [
+                seen("result/pump/alice", phase="confirmed", times=1),
+                frames("pump", START),
+                event("reloaded"),
+            ]
+        },
+    ),
+    row(
+        "locks stay over a reload",
+        given=SSW07 + ALICE,
+        at={
+            4.0: command("pump/alice/lock", args={"reason": "belt"}),
+            6.0: reload(SSW07 + ALICE + FAN),
+            9.0: command("pump/alice/start"),
+        },
+        then={10.0: [result("start rejected locked"), msg("starter/pump/state", locked={"by": "alice"})]},
+    ),
+    row(
+        "an id of before a reload is known after it",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            4.0: command("pump/alice/start", id="one"),
+            7.0: reload(SSW07 + FAN + ALICE),
+            9.0: command("pump/alice/start", id="one"),
+        },
+        then={10.0: [msg("result/pump/alice", duplicate=True, phase="confirmed"), frames("pump", START)]},
+    ),
+    row(
+        "an alarm of a starter stays over the reload of another",
+        given=SSW07,
+        at={3.0: "pump trip E05", 6.0: reload(SSW07 + FAN)},
+        then={
+            12.0: [
+                retained("starter/pump/alarm/e05", active=True, count=1),
+                seen("starter/pump/event", code="fault", times=1),
+            ]
+        },
+    ),
+    row(
+        "another refresh_s counts for every value at once, on the same connection",
+        given=SSW07,
+        at={5.0: reload(SSW07 + table("mqtt", url="mqtt://127.0.0.1", refresh_s=10))},
+        then={
+            40.0: [
+                lambda plant: (
+                    "" if 2 <= len(plant.messages("starter/pump/value/current", 6.0)) <= 4 else "not so often"
+                ),
+                lambda plant: "" if len(plant.broker.logins) == 1 else "a new connection",
+            ]
+        },
+    ),
+    row(
+        "a starter that is silent when the file changes is asked at once",
+        given=SSW07,
+        at={
+            4.0: fault("silent", "pump", for_s=20.0),
+            26.0: reload(line() + starter("pump", 1, "ssw07", every_s=0.5)),
+        },
+        then={30.0: msg("starter/pump/availability", state="online")},
+    ),
+]
+
+LINES = [
+    row(
+        "a lost port makes only its own starters offline",
+        given=SSW07 + line("hall") + FAN,
+        at={5.0: "line hall unplug"},
+        then={
+            12.0: [
+                event("port_away", severity="error", data={"line": "hall"}),
+                msg("starter/fan/availability", state="offline"),
+                msg("starter/fan/value/current", quality="stale"),
+                retained("gateway/status", state="degraded"),
+                untouched,
+            ]
+        },
+    ),
+    row(
+        "a starter that moves to another line is read there",
+        given=SSW07 + FAN + line("hall") + starter("mill", 3, "ssw900"),
+        at={5.0: reload(SSW07 + line("hall") + starter("mill", 3, "ssw900") + FAN)},
+        then={
+            15.0: [
+                retained("starter/fan/info", line="hall"),
+                msg("starter/fan/availability", state="online"),
+                msg("starter/fan/state", quality="good"),
+                untouched,
+            ]
+        },
+    ),
+]
+
+REFUSALS = [
+    row(
+        f"a reload with {what} is refused, says what is wrong, and changes nothing",
+        given=SSW07 + ALICE,
+        at={5.0: reload(toml), 7.0: command("pump/alice/stop", fresh=False)},
+        then={
+            9.0: [
+                seen("gateway/event", code="reload_refused", severity="error", times=1),
+                seen("gateway/event", code="reload_refused", data={"mistakes": ...}, text=re.compile(word)),
+                never("gateway/event", code="reloaded"),
+                untouched,
+                result("stop confirmed ok"),
+            ]
+        },
+    )
+    for what, toml, word in (
+        ("an unknown key", SSW07 + "wrong = 1\n" + ALICE, "wrong"),
+        ("no TOML", SSW07 + "= =", "."),
+        ("two starters at one address", SSW07 + starter("fan", 1, "ssw06") + ALICE, "address"),
+        ("another base", SSW07 + table("mqtt", url="mqtt://127.0.0.1", base="plant/two") + ALICE, "base"),
+        ("another name of the gateway", gateway(name="other") + SSW07 + ALICE, "name"),
+        ("another state_dir", gateway(state_dir="elsewhere") + SSW07 + ALICE, "state_dir"),
+        (
+            "a watchdog that the line cannot keep",
+            line() + starter("pump", 1, "ssw07", watchdog_s=0.1) + ALICE,
+            "watchdog",
+        ),
+    )
+]
+
+
+@pytest.mark.parametrize("row", CHANGES + LINES + REFUSALS)
+def test_a_reload(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_another_broker_gets_everything_and_the_former_one_is_told_the_end() -> None:
+    with RigPlant(SSW07 + ALICE) as plant:
+        second = plant.other_broker("10.0.0.2")
+        plant.run(until=5.0)
+        plant.reload(SSW07 + ALICE + table("mqtt", url="mqtt://10.0.0.2", allow_plaintext=True))
+        plant.run(until=15.0)
+
+        now = {topic.removeprefix("starters/plant/"): each for topic, each in second.retained.items()}
+        assert plant.broker.retained[plant.topic("gateway/status")].json["state"] == "offline"
+        assert now["gateway/status"].json["state"] == "online"
+        assert now["starter/pump/state"].json["quality"] == "good"
+        assert untouched_line(plant)
+
+
+def untouched_line(plant: RigPlant) -> bool:
+    return clean_line(plant) == ""

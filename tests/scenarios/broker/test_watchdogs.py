@@ -1,0 +1,143 @@
+"""Communication watchdogs of the starters: set, judged, kept over a restart, changed by others."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    event,
+    frames,
+    msg,
+    never,
+    play,
+    reload,
+    result,
+    row,
+    seen,
+)
+from tests.rig.sites import ALICE, SSW07, line, starter
+from tests.scenarios.broker.support import codes
+
+SLOW = line(baud=9600)
+PUMP = starter("pump", 1, "ssw07")
+MANY = "".join(starter(f"p{at}", at, "ssw07", watchdog_s=3.0) for at in range(2, 20))
+OTHERS = tuple(f"p{at}" for at in range(2, 20))
+SET_3 = command("pump/alice/set", args={"parameter": "P314", "value": 3})
+
+
+def stored(plant: RigPlant) -> str:
+    """The file of the state has the watchdog that was set."""
+    text = (plant.folder / "state" / "watchdogs.json").read_text()
+    return "" if "pump" in text and "3" in json.dumps(json.loads(text)["starters"]["pump"]) else text
+
+
+def change(number: int, value: int):  # type: ignore[no-untyped-def]
+    """Set a parameter at the keypad."""
+    return lambda plant: plant.starter("pump").unit.settings.__setitem__(number, value)
+
+
+ROWS = [
+    row(
+        "a watchdog of 3 s is served in time although every_s is 10",
+        given=line() + starter("pump", 1, "ssw07", every_s=10.0),
+        sim={"pump": {"settings": {313: 1, 314: 3}}},
+        then={
+            40.0: [
+                never("starter/pump/alarm/e28", active=True),
+                never("gateway/event", code="watchdog_unkept"),
+            ]
+        },
+    ),
+    row(
+        "a watchdog that the line can keep is set, and stored for the next run",
+        given=SSW07 + ALICE,
+        at={6.0: SET_3, 15.0: "kill", 16.0: "start"},
+        then={
+            14.0: [result("set confirmed ok"), stored],
+            40.0: [stored, never("starter/pump/event", code="parameter_changed")],
+        },
+    ),
+    row(
+        "a watchdog that the line cannot keep is refused, with the gap and the shortest that can be met",
+        given=SLOW + PUMP + MANY + ALICE,
+        absent=OTHERS,
+        at={20.0: command("pump/alice/set", args={"parameter": "P314", "value": 1})},
+        then={
+            22.0: [
+                result("set rejected watchdog_unkept"),
+                seen("result/pump/alice", text=re.compile("the shortest that can be met is")),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a reload that would miss a watchdog that was read is refused",
+        given=SLOW + PUMP,
+        sim={"pump": {"settings": {314: 1}}},
+        absent=OTHERS,
+        at={15.0: reload(SLOW + PUMP + MANY)},
+        then={20.0: [event("reload_refused"), msg("starter/pump/availability", state="online")]},
+    ),
+    row(
+        "a watchdog that was changed while the gateway was away is told with both values",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 30}}},
+        at={15.0: ["end", change(314, 7), "start"]},
+        then={
+            40.0: seen(
+                "starter/pump/event",
+                code="parameter_changed",
+                times=1,
+                data={"parameter": "P314", "before": {"value": 30}, "after": {"value": 7}},
+            )
+        },
+    ),
+    row(
+        "a damaged file of watchdogs is set aside and told, and they are read again",
+        given=SSW07,
+        at={
+            10.0: [
+                "end",
+                lambda plant: (plant.folder / "state" / "watchdogs.json").write_text('{"starters": 7}'),
+                "start",
+            ]
+        },
+        then={
+            30.0: [
+                event("memory_damaged"),
+                codes("starter/pump/event"),
+                lambda plant: (
+                    "" if len([*(plant.folder / "state").glob("watchdogs.json*")]) > 1 else "not set aside"
+                ),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_watchdogs(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize(
+    ("family", "parameter", "value"),
+    [("ssw06", "P314", 4), ("ssw07", "P314", 3), ("ssw900", "C8.2.5.3", 5), ("sst", "R41", 6)],
+)
+def test_each_family_has_a_watchdog_that_can_be_set(family: str, parameter: str, value: int) -> None:
+    with RigPlant(line() + starter("pump", 1, family) + ALICE) as plant:
+        plant.run(until=10.0)
+        plant.command("pump/alice/set", args={"parameter": parameter, "value": value})
+        plant.run(until=20.0)
+        plant.restart()
+        plant.run(until=40.0)
+
+        assert plant.results()[-1] == "set confirmed ok"
+        assert "parameter_changed" not in plant.events("starter/pump/event")
+        assert parameter in (plant.folder / "state" / "watchdogs.json").read_text()

@@ -1,0 +1,419 @@
+"""`check`: right, unwise, wrong, each mistake with line, key and remedy; and wrong uses of any command."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, SSW07, WEB, line, operator, starter, table
+from tests.scenarios.cli.lines import LineRow, line_row, play_line
+
+MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
+SLOW = line() + starter("pump", 1, "ssw900", every_s=2.0)
+
+RIGHT = [
+    line_row(
+        "the budget of each line is printed",
+        "check CONFIG",
+        given=FOUR + ALICE,
+        out=(
+            "site.toml: valid, 4 starters on 1 line, 1 operator\n",
+            re.compile(
+                r"line pumps: /dev/pumps, 19200 8N2\n  load \d+%, sweep [\d.]+ s, a stop waits at most "
+            ),
+            re.compile(r"pump +1 +ssw07 +not stated, must be above [\d.]+ s"),
+        ),
+        err="",
+    ),
+    line_row(
+        "a watchdog has its margin",
+        "check CONFIG",
+        given=line()
+        + starter("pump", 1, "ssw07", watchdog_s=60.0)
+        + starter("fan", 2, "ssw06", watchdog_s=0.0),
+        out=(re.compile(r"pump +1 +ssw07 +60 s, [\d.]+ s to spare"), re.compile(r"fan +2 +ssw06 +off")),
+    ),
+    line_row(
+        "as JSON it is for programs",
+        "check CONFIG --json",
+        given=line() + starter("pump", 1, "ssw07", watchdog_s=60.0),
+        json={
+            "is_valid": True,
+            "warnings": [],
+            "lines/0/line": "pumps",
+            "lines/0/is_overloaded": False,
+            "lines/0/load": ...,
+            "lines/0/sweep_s": ...,
+            "lines/0/stop_latency_s": ...,
+            "lines/0/starters/0/watchdog_s": 60.0,
+            "lines/0/starters/0/watchdog_margin_s": ...,
+        },
+    ),
+    line_row(
+        "periods that the line cannot keep are stretched with a warning",
+        "check CONFIG",
+        given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07", every_s=0.1) for n in range(1, 9)),
+        out=re.compile(
+            r"^warning: line pumps: asked for 10\d\d% of its time, periods become [\d.]+ times as long"
+        ),
+    ),
+    line_row(
+        "a plain ttyUSB may be another tomorrow",
+        "check CONFIG",
+        given=SSW07.replace("/dev/pumps", "/dev/ttyUSB9"),
+        out="warning: line pumps: /dev/ttyUSB9 may be another adapter tomorrow (use a name",
+    ),
+    line_row(
+        "without TLS, where that is permitted, there is a warning",
+        "check CONFIG",
+        given='[mqtt]\nurl = "mqtt://broker.plant"\nallow_plaintext = true\n' + SSW07,
+        out="warning: mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)",
+    ),
+    line_row(
+        "a site without operators is read-only",
+        "check CONFIG",
+        given=SSW07,
+        out="1 starter on 1 line, read-only\n",
+    ),
+    line_row("lines may end as on Windows", "check CONFIG", given=SSW07.replace("\n", "\r\n"), out="valid"),
+    line_row(
+        "where no gateway runs, an upgrade interrupts nothing",
+        "check CONFIG --upgrade --json",
+        given=SSW07,
+        json={"is_valid": True, "is_running": False, "is_restart_safe": True, "starters/0/starter": "pump"},
+    ),
+    *(
+        line_row(f"a watchdog: {said}", "check CONFIG", given=SLOW + more, out=said)
+        for more, said in (
+            ("", "(not stated)"),
+            ("watchdog_s = 0\n", "(off)"),
+            ("watchdog_s = 7\n", "(7 s outlasts nothing)"),
+            (
+                "watchdog_s = 7\n",
+                "warning: starter pump: its watchdog of 7 s acts when the gateway crashes: ",
+            ),
+            ("watchdog_s = 12\n", "(12 s outlasts a crash)"),
+            ("watchdog_s = 12\n", "acts when the gateway hangs: "),
+            ("watchdog_s = 20\n", "or WatchdogSec="),
+            ("watchdog_s = 40\n", "(40 s outlasts both)"),
+            ("watchdog_s = 2.5\n", "warning: starter pump: its watchdog of 2.5 s has "),
+        )
+    ),
+    line_row(
+        "a watchdog that outlasts both draws no warning, and JSON has the gaps",
+        "check CONFIG --json",
+        given=SLOW + "watchdog_s = 40\n",
+        json={"warnings": [], "lines/0/starters/0/crash_gap_s": ..., "lines/0/starters/0/hang_gap_s": ...},
+    ),
+    *(
+        line_row(f"there is a warning: {said}", "check CONFIG", given=given, out=f"warning: {said}")
+        for given, said in (
+            ('[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n' + SSW07, "mqtt.ca_file: "),
+            (SSW07 + '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n', "web.cert_file: "),
+            (SSW07 + '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n', "web.key_file: "),
+            (
+                '[gateway]\nname = "a"\nclock = "untrusted"\n'
+                + SSW07
+                + operator("alice", freshness="issued_at"),
+                "operator alice: commands need issued_at, but the configuration does not trust",
+            ),
+            (
+                SSW07 + ALICE + table("sparkplug", group="plant", commands=True, operator="alice"),
+                "sparkplug.commands: every Sparkplug host is the same person, operator alice",
+            ),
+        )
+    ),
+]
+
+MISTAKES = [  # what is wrong, in which configuration, and what is said of it
+    (
+        "an unknown key is answered with those that there are",
+        SSW07 + "[web]\nport = 1\n",
+        "line 18: web.port: unknown key (one of listen, ",
+    ),
+    (
+        "a mistyped key with the one that was meant",
+        SSW07 + 'famly = "ssw07"\n',
+        "line[0].starter[0].famly: unknown key (did you mean family?)",
+    ),
+    ("a missing key", SSW07.replace("address = 1\n", ""), "line[0].starter[0].address: is missing"),
+    (
+        "two starters of one name",
+        SSW07 + line("fans") + starter("pump", 1, "ssw06"),
+        "line[1].starter[0].name: 'pump' is also line[0].starter[0].name (each starter needs its own name",
+    ),
+    (
+        "two starters at one address",
+        SSW07 + starter("fan", 1, "ssw06"),
+        "line[0].starter[1].address: 1 is also line[0].starter[0].address (each starter on",
+    ),
+    (
+        "address 0 is for broadcasts",
+        line() + starter("pump", 0, "ssw07"),
+        "address: is 0 (must be at least 1)",
+    ),
+    ("address 248", line() + starter("pump", 248, "ssw07"), "address: is 248 (must be at most 247)"),
+    ("a text for a number", SSW07.replace("= 1\n", '= "1"\n', 1), "address: is '1' (must be a whole number)"),
+    (
+        "a name that is no level of a topic",
+        line() + starter("Pump 1", 1, "ssw07"),
+        "is 'Pump 1' (only a-z, 0-9, _ and -)",
+    ),
+    ("an unknown family", line() + starter("pump", 1, "ssw99"), "is 'ssw99' (did you mean ssw900 or ssw07?)"),
+    (
+        "a framing that the manual does not have",
+        line(framing="8E1") + starter("belt", 1, "sst"),
+        "line[0].framing: '8E1' is not for sst (belt) (its manual allows 8N2)",
+    ),
+    (
+        "a rate that the manual does not have",
+        line(baud=115200) + starter("pump", 1, "ssw07"),
+        "line[0].baud: 115200 is not for ssw07 (pump) (its manual allows 9600, 19200, 38400)",
+    ),
+    (
+        "a rate that nobody has",
+        line(baud=1234) + starter("pump", 1, "ssw07"),
+        "is 1234 (must be 1200, 2400, ",
+    ),
+    (
+        "a port that is none",
+        SSW07.replace("/dev/pumps", "COM3"),
+        "line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/..., or socket://host:port)",
+    ),
+    (
+        "one port in two lines",
+        SSW07 + line("fans").replace("/dev/fans", "/dev/pumps") + starter("fan", 2, "ssw06"),
+        "line[1].port: '/dev/pumps' is also line[0].port (put all starters of a port under one [[line]])",
+    ),
+    (
+        "a negative period",
+        line() + starter("pump", 1, "ssw07", every_s=-1.0),
+        "every_s: is -1.0 (must be at least 0)",
+    ),
+    (
+        "a slot of a starter that has none",
+        line() + starter("pump", 1, "ssw07", slot=1),
+        "line[0].starter[0].slot: ssw07 has no slots (leave it out)",
+    ),
+    (
+        "a broker elsewhere without TLS",
+        '[mqtt]\nurl = "mqtt://broker.plant"\n' + SSW07,
+        "mqtt.url: would send passwords and commands unencrypted (use mqtts://, or allow_plaintext = true)",
+    ),
+    (
+        "an address that is no broker's",
+        '[mqtt]\nurl = "http://x"\n' + SSW07,
+        "'http://x' is no broker address",
+    ),
+    (
+        "a password file that is missing",
+        '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n' + SSW07,
+        "mqtt.password: password_file: No such file or directory (create it, mode 0600)",
+    ),
+    (
+        "a pattern that fits nothing",
+        SSW07 + operator("alice", starters=("mill-*",)),
+        "operator[0].starters[0]: 'mill-*' fits no starter (one of pump)",
+    ),
+    (
+        "a verb that is none",
+        SSW07 + operator("alice", may=("strat",)),
+        "may[0]: is 'strat' (did you mean start?)",
+    ),
+    (
+        "a group with a starter's name",
+        SSW07 + table("[group]", name="pump", starters=["pump"]),
+        "group[0].name: 'pump' is also line[0].starter[0].name",
+    ),
+    (
+        "one bracket too few",
+        SSW07 + table("rules", starts_per_hour=2),
+        "rules: is not a list of tables (write [[rules]]",
+    ),
+    (
+        "the time between two starts without their feeder",
+        line() + starter("pump", 1, "ssw07", rules={"stagger_s": 3.0}),
+        "'pump' has stagger_s without feeder",
+    ),
+    (
+        "a page for others without TLS",
+        SSW07 + table("web", listen="0.0.0.0:8480"),
+        "web.listen: would send passwords and commands unencrypted (give cert_file and key_file",
+    ),
+    (
+        "a page for others without logins",
+        SSW07 + table("web", listen="0.0.0.0:8480", allow_plaintext=True),
+        "web.listen: opens the page to other machines without any login (add a [[web.user]]",
+    ),
+    (
+        "a login with the rights of nobody",
+        SSW07 + ALICE + WEB + table("[web.user]", name="x", operator="carol", password="secret"),
+        "web.user[0].operator: 'carol' is no [[operator]]'s client (one of alice)",
+    ),
+    (
+        "Home Assistant as nobody",
+        SSW07 + ALICE + table("homeassistant", operator="carol"),
+        "homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)",
+    ),
+    (
+        "Home Assistant's prefix with a space",
+        SSW07 + HOME_ASSISTANT + 'discovery_prefix = "home assistant"\n',
+        "is 'home assistant' (levels of a topic, ",
+    ),
+    (
+        "a page's address that is none",
+        SSW07 + HOME_ASSISTANT + 'page_url = "mcc1"\n',
+        "is 'mcc1' (an address that begins with http:// or https://)",
+    ),
+    (
+        "a Sparkplug group of two levels",
+        SSW07 + table("sparkplug", group="a/b"),
+        "sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)",
+    ),
+    ("no [gateway]'s name", '[gateway]\nstate_dir = "state"\n' + SSW07, "gateway.name: is missing"),
+    ("no line", ALICE, "line: is missing (at least one [[line]] is needed)"),
+    (
+        "an unknown language",
+        '[gateway]\nname = "a"\nlanguage = "de"\n' + SSW07,
+        "language: is 'de' (one of en, es, pt)",
+    ),
+    ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: a header [...] is not closed"),
+    ("a key that is given twice", SSW07 + "every_s = 2.0\n", "line 17: syntax: a key is given twice"),
+    (
+        "a watchdog that the line cannot keep",
+        line(baud=9600) + MANY,
+        "line[0].starter[18].watchdog_s: p19: 1 s is too short: the watchdogs on this "
+        "line need 278% of the line's time (14 of its 19 starters on another line, or no watchdog below 3 s)",
+    ),
+    # Removed in 0.3.0, each with what to do instead
+    (
+        "fast_words are no longer",
+        line() + starter("mill", 3, "ssw900", fast_words=True),
+        "line[0].starter[0].fast_words: was removed in 0.3.0 (leave it out",
+    ),
+    (
+        "response times are not learnt",
+        line(learn_response_times=True) + starter("pump", 1, "ssw07"),
+        "line[0].learn_response_times: was removed in 0.3.0 (leave it out; where replies are sure to be ",
+    ),
+    (
+        "a boot proves nothing",
+        SSW07 + operator("alice", freshness="boot"),
+        "operator[0].freshness: was removed in 0.3.0 (leave it out; the client sends the token",
+    ),
+]
+
+WRONG = [
+    line_row(name, "check CONFIG", given=given, code=78, out="", err=said) for name, given, said in MISTAKES
+]
+
+ALL_AT_ONCE = line(baud=1234) + starter("Pump", 0, "ssw99", foo=1) + operator("alice", may=("strat",))
+
+OTHERS = [
+    line_row(
+        "all mistakes are reported at once, a line each, in the file's order",
+        "check CONFIG",
+        given=ALL_AT_ONCE,
+        code=78,
+        out="",
+        err=re.compile(
+            r"^(starter-gateway: \S+site\.toml: line \d+: \S+: [^\n]+\n){6}$",
+        ),
+    ),
+    line_row(
+        "as JSON each has line, key, what and remedy",
+        "check CONFIG --json",
+        given=SSW07 + starter("fan", 1, "ssw06"),
+        code=78,
+        json={
+            "is_valid": False,
+            "problems/0/line": 19,
+            "problems/0/key": "line[0].starter[1].address",
+            "problems/0/what": "1 is also line[0].starter[0].address",
+            "problems/0/hint": "each starter on a line needs its own address",
+        },
+    ),
+    line_row(
+        "a file that is not there",
+        "check DIR/none.toml",
+        code=78,
+        out="",
+        err="none.toml: file: No such file or directory (is the path right, and may this user read it?)",
+    ),
+    line_row(
+        "`run` ends with the same", "run DIR/none.toml", code=78, out="", err="No such file or directory"
+    ),
+    line_row(
+        "and says of a wrong configuration what `check` says",
+        "run CONFIG",
+        given=SSW07 + 'famly = "ssw07"\n',
+        code=78,
+        out="",
+        err="line[0].starter[0].famly: unknown key (did you mean family?)",
+    ),
+    line_row(
+        "the schema knows each table",
+        "schema",
+        json={
+            "properties/gateway": ...,
+            "properties/mqtt": ...,
+            "properties/line": ...,
+            "properties/operator": ...,
+            "properties/sparkplug": ...,
+            "required": ["gateway", "mqtt", "line"],
+            "additionalProperties": False,
+            "$defs/StarterTable/properties/address/maximum": 247,
+        },
+    ),
+    line_row("the version is printed", "--version", out=re.compile(r"^starter-gateway \d+\.\d+\.\d+")),
+    line_row("help is no error", "check --help", out=("usage: starter-gateway check", "--upgrade"), err=""),
+]
+
+USAGE = [
+    line_row(f"wrong use: {words or 'nothing at all'}", words, given=SSW07 + ALICE, code=2, out="", err=said)
+    for words, said in [
+        ("frobnicate", "invalid choice: 'frobnicate' (choose from "),
+        ("check", "the following arguments are required: CONFIG (see starter-gateway check --help)"),
+        ("check CONFIG --fast", "--fast"),
+        ("check CONFIG CONFIG", "unrecognized arguments"),
+        ("send CONFIG pump", "the following arguments are required: VERB"),
+        ("send CONFIG mill stop", "no starter 'mill' (one of pump)"),
+        ("send CONFIG pump start P314", "'P314' is not KEY=VALUE"),
+        ("send CONFIG pump start --timeout 0", "--timeout 0 leaves no time for a result: nothing was sent"),
+        ("send CONFIG pump start --timeout=-1", "nothing was sent"),
+        ("send CONFIG pump start --timeout=nan", "nothing was sent"),
+        ("send CONFIG pump Start", "no verb 'Start'"),
+        ("send CONFIG pump start --client A/b", "--client 'A/b' is no name"),
+        ("send CONFIG pump start --username alice", "no password for alice"),
+        *(
+            (f"send CONFIG pump start expect={what}", "is not POINT:VALUE")
+            for what in ("ready", "state:", ":x", "a:b,a:c")
+        ),
+        ("scan /dev/null --baud 12345", "--baud"),
+        ("scan /dev/null --framing 7E1", "--framing"),
+        ("scan /dev/null --address 0-300", "--address"),
+        ("scan /dev/null --reply-within 0", "--reply-within"),
+        ("parameters save CONFIG mill -", "no starter 'mill' (one of pump)"),
+        ("history CONFIG mill", "no starter 'mill' (one of pump)"),
+        ("report CONFIG mill", "no starter 'mill' (one of pump)"),
+        ("audit show DIR", "no audit in "),
+        ("audit show CONFIG --last 0", "--last 0 shows nothing"),
+        ("watch mqtt://127.0.0.1 --base Plant/#", "each level is"),
+        ("watch mqtt://broker.plant --username alice", "unencrypted"),
+        ("audit prove CONFIG", "invalid choice: 'prove'"),
+        ("watch ftp://x", "ftp"),
+        ("broker-kit CONFIG", "broker-kit needs the folder of the kit behind CONFIG"),
+    ]
+]
+
+
+@pytest.mark.parametrize("row", RIGHT + WRONG + OTHERS)
+def test_check(row: LineRow, tmp_path: Path) -> None:
+    play_line(row, tmp_path)
+
+
+@pytest.mark.parametrize("row", USAGE)
+def test_a_wrong_use_ends_with_2_and_one_line(row: LineRow, tmp_path: Path) -> None:
+    play_line(row, tmp_path)

@@ -1,0 +1,255 @@
+"""`send`: the phases that it shows, and exit code 0 only when the command is confirmed."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, results, row
+from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
+from tests.scenarios.cli.lines import cli
+
+BOB = operator("bob", may=("stop", "read"))
+HALL = SSW07 + starter("fan", 2, "ssw06") + ALICE + table("[group]", name="hall", starters=["pump", "fan"])
+START = "send CONFIG pump start"
+CONFIRMED = "accepted\nwritten: being read back\nconfirmed: read back from the starter\n"
+
+
+def _stop(plant: RigPlant) -> None:
+    plant.end()
+
+
+def _two_steps(plant: RigPlant) -> str:
+    """Select a start, then start with the token that `send` has printed."""
+    selected = plant.cli("send", "CONFIG", "pump", "select", "verb=start")
+    token = re.search(r"^select=([0-9a-f]+) \(within 10\.0 s\)$", selected.out, re.MULTILINE)
+    if selected.code or token is None:
+        return selected.out + selected.err
+    return cli(f"{START} select={token[1]}", out="confirmed")(plant)
+
+
+SENDING = [
+    row(
+        "a start is confirmed, and every phase shown",
+        given=SSW07 + ALICE,
+        then={3.0: [cli(START, out=CONFIRMED, err=""), frames("pump", "05 00 64 ff 00")]},
+    ),
+    row(
+        "a command that is refused says why, and that nothing was written",
+        given=SSW07 + ALICE,
+        at={3.0: command("pump/alice/start")},
+        then={
+            6.0: cli(START, code=1, out=(re.compile(r"rejected \[motor_running\]: "), "nothing was written"))
+        },
+    ),
+    row(
+        "a fault is a reason too",
+        given=SSW07 + ALICE,
+        at={3.0: "pump trip E05"},
+        then={6.0: cli(START, code=1, out=("rejected [fault_active]", "find its cause, then reset"))},
+    ),
+    row(
+        "a start that the starter does not follow is not confirmed",
+        given=SSW07 + ALICE,
+        at={3.0: "pump VB01 = 0x4102"},  # ready, whatever it is told
+        then={4.0: cli(START, code=1, out=("written: being read back", "unconfirmed [not_seen]"))},
+    ),
+    row(
+        "what the starter refuses has failed",
+        given=SSW07 + ALICE,
+        at={3.0: lambda plant: plant.do(lambda: plant.line_of("pump").refuse("pump", 4, functions=(5,)))},
+        then={3.5: cli(START, code=1, out="failed [server_device_failure]")},
+    ),
+    row(
+        "a silent starter is not commanded",
+        given=SSW07 + ALICE,
+        at={3.0: fault("silent", "pump")},
+        then={30.0: [cli(START, code=1, out="rejected [offline]"), frames("pump")]},
+    ),
+    row(
+        "a client without the right is refused",
+        given=SSW07 + ALICE + BOB,
+        then={
+            3.0: [
+                cli(
+                    f"{START} --client bob",
+                    code=1,
+                    out="rejected [not_allowed]: bob has no right to start pump",
+                ),
+                cli(f"{START} --client carol", code=1, out="rejected [not_allowed]"),
+                cli("send CONFIG pump stop --client bob", out="confirmed"),
+            ]
+        },
+    ),
+    row(
+        "of several operators one must be named",
+        given=SSW07 + ALICE + BOB,
+        then={
+            3.0: [
+                cli(START, code=2, out="", err="which operator? (--client with one of alice, bob)"),
+                results(),
+            ]
+        },
+    ),
+    row(
+        "a setting is written and read back",
+        given=SSW07 + ALICE,
+        then={
+            3.0: [
+                cli(
+                    "send CONFIG pump set parameter=P314 value=30",
+                    out="confirmed: read back from the starter = 30.0 s",
+                ),
+                frames("pump", "06 01 3a 00 1e"),
+                cli("send CONFIG pump read parameter=P314", out="confirmed: read = 30.0 s"),
+            ]
+        },
+    ),
+    row(
+        "an expectation that does not hold prevents the start",
+        given=SSW07 + ALICE,
+        then={
+            3.0: [
+                cli(
+                    f"{START} expect=state:running",
+                    code=1,
+                    out="rejected [not_as_expected]: state: expected running",
+                ),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "one that holds does not",
+        given=SSW07 + ALICE,
+        then={3.0: cli(f"{START} expect=state:ready,remote:true", out="confirmed")},
+    ),
+    row(
+        "where two steps are demanded, a start alone is refused",
+        given=SSW07 + ALICE + table("[rules]", starters=["pump"], two_step=["start"]),
+        then={3.0: [cli(START, code=1, out="rejected [select_first]"), _two_steps]},
+    ),
+    row(
+        "a wrong token selects nothing",
+        given=SSW07 + ALICE,
+        then={3.0: cli(f"{START} select=0123456789abcdef", code=1, out="rejected [not_selected]")},
+    ),
+    row(
+        "a group is stopped by one command",
+        given=HALL,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start")},
+        then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 read back from their starters")},
+    ),
+    row(
+        "a group takes no other verb",
+        given=HALL,
+        then={
+            3.0: [
+                cli("send CONFIG hall start", code=1, out="rejected [group_only_stop]"),
+                frames("pump"),
+                frames("fan"),
+            ]
+        },
+    ),
+    row(
+        "a verb that the family does not have",
+        given=SSW07 + ALICE,
+        then={3.0: cli("send CONFIG pump configure", code=1, out="rejected [unknown_verb]")},
+    ),
+    row(
+        "an argument that is missing",
+        given=SSW07 + ALICE,
+        then={3.0: cli("send CONFIG pump set parameter=P314", code=1, out="rejected [bad_arguments]")},
+    ),
+    row(
+        "a value outside the manual's range",
+        given=SSW07 + ALICE,
+        then={
+            3.0: [
+                cli("send CONFIG pump set parameter=P314 value=1000", code=1, out="[out_of_range]"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a lock by one holds for all",
+        given=SSW07 + ALICE,
+        then={
+            3.0: [
+                cli("send CONFIG pump lock reason=bearing", out="confirmed"),
+                cli(START, code=1, out="rejected [locked]"),
+                cli("send CONFIG pump unlock", out="confirmed"),
+                cli(START, out="confirmed"),
+            ]
+        },
+    ),
+    row(
+        "a site without operators takes no command",
+        given=SSW07,
+        then={3.0: [cli(f"{START} --client alice", code=1, out="rejected [not_allowed]"), frames("pump")]},
+    ),
+    row(
+        "several values are read at once, each on a line",
+        given=SSW07 + ALICE,
+        then={
+            3.0: cli(
+                "send CONFIG pump read parameters=P003,P220",
+                out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
+            )
+        },
+    ),
+    row(
+        "without a final result in time the command has failed",
+        given=SSW07 + ALICE,
+        then={
+            3.0: cli(
+                f"{START} --timeout 0.01", code=1, err="no final result within 0.01 s: look at the starter"
+            )
+        },
+    ),
+    row(
+        "a gateway that never was is not waited for",
+        given=SSW07 + ALICE,
+        at={3.0: ["end", lambda plant: plant.broker.retained.clear()]},
+        then={
+            4.0: cli(
+                START,
+                code=1,
+                err="no gateway has published its state in starters/plant/gateway/status (is it",
+            )
+        },
+    ),
+    row(
+        "without a broker nothing is sent",
+        given=SSW07 + ALICE,
+        at={3.0: "broker down"},
+        then={
+            4.0: cli(
+                START,
+                code=1,
+                out="",
+                err="broker 127.0.0.1:1883: nothing listens there (is the broker running?)",
+            )
+        },
+    ),
+    row(
+        "a gateway that has ended is named; a stop goes out all the same",
+        given=SSW07 + ALICE,
+        at={3.0: _stop},
+        then={
+            4.0: [
+                cli(START, code=1, out="", err="the gateway is offline: ended by SIGTERM (start it)"),
+                cli(
+                    "send CONFIG pump stop", code=1, out="", err="the stop was sent, and no gateway answered"
+                ),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SENDING)
+def test_send(row: ScenarioRow) -> None:
+    play(row)

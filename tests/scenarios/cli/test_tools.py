@@ -1,0 +1,775 @@
+"""The other commands, each beside its plant: what they print, write, refuse and leave alone."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.storage.audit.segments import ANCHOR
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
+from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
+from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
+
+SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
+TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
+RESTORE = "parameters restore CONFIG pump DIR/pump.toml"
+SAVED = "parameters save CONFIG pump DIR/pump.toml"
+NAMED = (
+    '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
+    + SSW07
+    + ALICE
+)
+
+
+def lines_of(name: str, *texts: str, but: tuple[str, ...] = ()) -> Any:
+    """Return the expectation that a file in the folder has these texts, and not those."""
+
+    def check(plant: RigPlant) -> str:
+        said = (plant.folder / name).read_text()
+        found = [text for text in texts if text not in said] + [text for text in but if text in said]
+        return f"{name}: {found}\n{said[:2000]}" if found else ""
+
+    return check
+
+
+def file_there(name: str, *, is_there: bool = True) -> Any:
+    return lambda plant: (
+        "" if (plant.folder / name).exists() is is_there else f"{name} is there: {not is_there}"
+    )
+
+
+def changed(name: str, pattern: str, by: str) -> Any:
+    """Return the action that changes a file in the folder."""
+
+    def change(plant: RigPlant) -> None:
+        path = plant.folder / name
+        text, count = re.subn(pattern, by, path.read_text())
+        assert count, f"{pattern} is not in {path.read_text()}"
+        path.write_text(text)
+
+    return change
+
+
+def ran(words: str, **said: object) -> Any:
+    """Return the action that runs a line, which must go as said."""
+
+    def act(plant: RigPlant) -> None:
+        wrong = cli(words, **said)(plant)
+        assert not wrong, wrong
+
+    return act
+
+
+def _accepted(plant: RigPlant) -> str:
+    """Have `check` accept what `scan` prints."""
+    found = plant.cli("scan", "/dev/pumps", "--baud", "19200", "--framing", "8N2", "--address", "1-5")
+    (plant.folder / "found.toml").write_text(found.out)
+    return cli("check DIR/found.toml", out="valid, 4 starters on 1 line, read-only")(plant)
+
+
+def _cut_off(plant: RigPlant) -> str:
+    """Take away the newest line of the audit: the chain is whole, but a hash that was noted is missing."""
+    noted = plant.cli("audit", "verify", str(plant.path)).out.split("hash ")[1].strip()
+    wrong = cli(f"audit verify CONFIG --contains {noted}")(plant)
+    changed("state/audit/audit-00000001.jsonl", r"[^\n]+\n\Z", "")(plant)
+    wrong += cli("audit verify CONFIG", out="chain whole")(plant)
+    missing = f"no line has the hash {noted}"
+    return wrong + cli(f"audit verify CONFIG --contains {noted}", code=1, out=(missing, "chain whole"))(plant)
+
+
+OTHER_P314 = changed(
+    "pump.toml", r'(P314 = .*value = )0.0(.*) label = "off", raw = \[0\]', r"\g<1>77.0\2 raw = [77]"
+)
+
+SCANNING = [
+    row(
+        "a scan finds every family and prints a site that check accepts",
+        given=FOUR,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(
+                    f"{SCAN} 1-5",
+                    out=(
+                        'family = "ssw07"',
+                        'family = "ssw06"',
+                        'family = "ssw900"',
+                        'family = "sst"',
+                        "address = 4",
+                    ),
+                    err=("80% ", "address 1 at 19200 8N2: SSW-07"),
+                ),
+                _accepted,
+                frames("pump"),
+                frames("belt"),
+            ]
+        },
+    ),
+    row(
+        "a line without starters is no success",
+        given=SSW07,
+        at={3.0: "end"},
+        then={3.0: cli(f"{SCAN} 9", code=1, out="", err="no starter was found")},
+    ),
+    row(
+        "a port that is not there is named",
+        given=SSW07,
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "scan /dev/none --baud 19200 --framing 8N2 --address 1",
+                code=1,
+                out="",
+                err="port /dev/none: ",
+            )
+        },
+    ),
+    row(
+        "a watchdog that the scan has started stands in the site that it prints",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 30}}},
+        at={3.0: "end"},
+        then={3.0: cli(f"{SCAN} 1-2", out="watchdog_s = 30.0", err="P314 runs since this scan: after 30 s")},
+    ),
+    row(
+        "what another setting of the line would find is not found at this one",
+        given=SSW07.replace("19200", "9600"),
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(f"{SCAN} 1-2", code=1, err="no starter was found"),
+                cli("scan /dev/pumps --baud 9600,19200 --framing 8N2 --address 1-2", out="baud = 9600"),
+            ]
+        },
+    ),
+]
+
+DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 too
+    row(
+        "doctor looks at port, broker, identity and settings, and changes nothing",
+        given=SSW07,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(
+                    "doctor CONFIG",
+                    code=None,
+                    out=(
+                        "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
+                        "ok      line pumps: /dev/pumps opens",
+                        "ok      starter pump: is SSW-07 85.0A",
+                        "note    starter pump: no watchdog is on: ",
+                    ),
+                ),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a broker that is away is an error",
+        given=SSW07,
+        at={3.0: ["end", "broker down"]},
+        then={
+            3.0: cli(
+                "doctor CONFIG",
+                code=1,
+                out=("error   broker 127.0.0.1:1883: ", "nothing listens there", "1 error"),
+            )
+        },
+    ),
+    row(
+        "a line whose adapter is gone is an error",
+        given=SSW07,
+        at={3.0: ["end", "line pumps unplug"]},
+        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   line pumps: "))},
+    ),
+    row(
+        "another starter than the one configured is an error",
+        given=SSW07,
+        sim={"pump": {"family": "ssw06"}},
+        at={3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*SSW-06"))},
+    ),
+    row(
+        "a starter that does not answer is an error",
+        given=SSW07,
+        absent=("pump",),
+        at={3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: "))},
+    ),
+    row(
+        "a watchdog that the polls keep quiet is a note, with what it would do",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 30, 313: 2}}},
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "doctor CONFIG",
+                code=None,
+                out=re.compile(r"starter pump: after 30 s without a request .*\(P314\)"),
+            )
+        },
+    ),
+    row(
+        "four starters that are set up well are no problem",
+        given=FOUR,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli("doctor CONFIG", code=None, out=re.compile(r"\n0 errors, |\nno problems")),
+                lambda plant: (
+                    ""
+                    if "warning starter" not in plant.cli("doctor", "CONFIG").out
+                    else "a starter is warned of"
+                ),
+                *(frames(name) for name in ("pump", "fan", "mill", "belt")),
+            ]
+        },
+    ),
+    row(
+        "a start that its starter would not execute is a problem",
+        given=SSW07,
+        sim={"pump": {"settings": {230: 0}}},
+        at={3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out="starter pump: a start is not executed")},
+    ),
+    row(
+        "a watchdog that the polls do not keep is a problem",
+        given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 9)),
+        sim={"p1": {"settings": {314: 1}}},
+        absent=tuple(f"p{n}" for n in range(2, 9)),
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "doctor CONFIG", code=1, out=("it may act although all is well", "P314 runs since this look")
+            )
+        },
+    ),
+    row(
+        "settings that stand as delivered are named",
+        given=SSW07,
+        sim={"pump": {"settings": {220: 3, 230: 2}}},
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")
+            )
+        },
+    ),
+    row(
+        "where a gateway holds the port it is asked instead",
+        given=SSW900 + ALICE,
+        then={
+            5.0: cli(
+                "doctor CONFIG --client alice",
+                code=None,
+                out=(
+                    "is in use; the gateway is asked over MQTT",
+                    "starter mill: answers the gateway",
+                    "C3.2 = 0",
+                ),
+            )
+        },
+    ),
+    row(
+        "a gateway that nobody may ask is a problem",
+        given=SSW900,
+        then={5.0: cli("doctor CONFIG", code=1, out="cannot be asked: no [[operator]] doctor may read it")},
+    ),
+    row(
+        "what the gateway knows of a silent starter is said",
+        given=SSW07 + ALICE,
+        at={3.0: fault("silent", "pump")},
+        then={30.0: cli("doctor CONFIG", code=1, out="starter pump: the gateway says: offline since ")},
+    ),
+    row(
+        "and of one of another family",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw06"}},
+        then={10.0: cli("doctor CONFIG", code=1, out=re.compile("gateway says: .*it is ssw06, not ssw07"))},
+    ),
+    row(
+        "a port that is lost on the way is a problem",
+        given=SSW07,
+        at={3.0: ["end", lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)]},
+        then={3.0: cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error"))},
+    ),
+    row(
+        "the slot of an SSW900's accessory decides where its command sources must point",
+        given=SSW900 + ALICE,
+        at={1.0: ["mill S3.5.1 = 2", "mill S3.5.2 = 0", "mill C3.3 = 5"], 3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out="C3.3 = 5 (Slot 2) (set C3.3 = 4, Slot 1)")},
+    ),
+]
+
+PARAMETERS = [
+    row(
+        "a saved set equals the starter that it was read from",
+        given=SSW07,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(SAVED, out=re.compile(r"pump\.toml: \d+ parameters of pump"), err="100%"),
+                lines_of("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
+                cli("parameters diff DIR/pump.toml CONFIG:pump"),
+                cli(SAVED, code=2, err="pump.toml"),
+            ]
+        },
+    ),
+    row(
+        "a difference is printed and ends with 1",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314]},
+        then={
+            3.0: cli(
+                "parameters diff DIR/pump.toml CONFIG:pump",
+                code=1,
+                out="P314 timeout for message reception: 77.0 s -> 0.0 s (off)",
+            )
+        },
+    ),
+    row(
+        "a dry run says what a restore would write, and writes nothing",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314]},
+        then={
+            3.0: [
+                cli(f"{RESTORE} --dry-run", out="would write: P314"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a restore writes it, and then there is no difference",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314]},
+        then={
+            3.0: [
+                cli(RESTORE),
+                frames("pump", "06 01 3a 00 4d"),
+                cli("parameters diff DIR/pump.toml CONFIG:pump"),
+            ]
+        },
+    ),
+    row(
+        "nothing is restored to a motor that turns",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"]},
+        then={
+            3.0: [
+                cli(RESTORE, code=1, out="[motor_running]"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a set of another family is refused",
+        given=SSW07 + starter("fan", 2, "ssw06"),
+        at={3.0: ["end", ran(SAVED)]},
+        then={
+            3.0: [
+                cli(
+                    "parameters restore CONFIG fan DIR/pump.toml",
+                    code=2,
+                    err="the file is of family ssw07, fan of ssw06: choose another file",
+                ),
+                frames("fan"),
+            ]
+        },
+    ),
+    row(
+        "against the factory's settings only what differs is printed",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED)]},
+        then={
+            3.0: cli(
+                "parameters diff DIR/pump.toml --factory", code=1, out=("P220 ", "as delivered: ", "P314")
+            )
+        },
+    ),
+    row(
+        "the writes of a restore are counted",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314, ran(RESTORE)]},
+        then={3.0: lines_of("state/wear.json", '"pump": 1')},
+    ),
+    row(
+        "where nothing differs nothing is written",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED)]},
+        then={3.0: [cli(RESTORE, out="nothing to write"), frames("pump")]},
+    ),
+    row(
+        "nothing is restored to a starter that is locked for maintenance",
+        given=SSW07 + ALICE,
+        at={
+            3.0: command("pump/alice/lock", args={"reason": "belt is off"}),
+            4.0: ["end", ran(SAVED), OTHER_P314],
+        },
+        then={
+            4.0: [
+                cli(RESTORE, code=1, err=("locked: pump: locked for maintenance by alice", "belt is off")),
+                cli(f"{RESTORE} --dry-run", out="would be refused: locked for maintenance by alice"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "nor to another starter than the gateway knows",
+        given=SSW07 + ALICE,
+        at={12.0: ["end", ran(SAVED), OTHER_P314, changed("state/identities.json", r"1\.40", "1.30")]},
+        then={
+            12.0: [
+                cli(RESTORE, code=1, err=("identity_changed: ", "firmware was 1.30, is 1.40", "send accept")),
+                cli(
+                    "doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*commands would be held")
+                ),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "nor where it cannot be read whether it is locked",
+        given=SSW07,
+        at={
+            3.0: [
+                "end",
+                ran(SAVED),
+                OTHER_P314,
+                lambda plant: (plant.folder / "state/precautions.json").write_text("["),
+            ]
+        },
+        then={3.0: [cli(RESTORE, code=1, err=("locked: ", "cannot be read")), frames("pump")]},
+    ),
+    row(
+        "a starter that is silent is not saved",
+        given=SSW07,
+        absent=("pump",),
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(SAVED, code=1, err="does not answer at address 1"),
+                file_there("pump.toml", is_there=False),
+            ]
+        },
+    ),
+    row(
+        "nor one of another family than the one configured",
+        given=SSW07,
+        sim={"pump": {"family": "ssw06"}},
+        at={3.0: "end"},
+        then={3.0: cli(SAVED, code=1, err="it is ssw06, not ssw07")},
+    ),
+    row(
+        "nor one whose port is not there",
+        given=SSW07,
+        at={3.0: ["end", "line pumps unplug"]},
+        then={3.0: [cli(SAVED, code=1, err="port "), file_there("pump.toml", is_there=False)]},
+    ),
+]
+
+AUDIT = [
+    row(
+        "the audit says who did what, with the result",
+        given=SSW07 + ALICE,
+        at={3.0: command("pump/alice/start", operator="Anna"), 6.0: command("pump/bob/stop")},
+        then={
+            8.0: [
+                cli(
+                    "audit show CONFIG",
+                    out=(
+                        "gateway_started",
+                        re.compile(
+                            r"alice \(says: Anna\): start pump, id id-1: confirmed; .*running false -> true"
+                        ),
+                        re.compile(r"bob.*: stop pump, id id-2: rejected \(not_allowed\)"),
+                    ),
+                ),
+                cli("audit show CONFIG --last 1", out=re.compile(r"^\d+ [^\n]*bob[^\n]*\n$")),
+                cli(
+                    "audit show CONFIG --last 1 --json",
+                    json={"client": "bob", "verb": "stop", "code": "not_allowed"},
+                ),
+                cli("audit verify CONFIG", out="chain whole"),
+                cli("audit verify DIR/state", out="chain whole"),
+                cli("audit verify CONFIG --contains abc", code=1, out="no line has the hash abc"),
+            ]
+        },
+    ),
+    row(
+        "an entry that was changed breaks the chain",
+        given=SSW07 + ALICE,
+        at={
+            3.0: command("pump/alice/start"),
+            6.0: ["end", changed("state/audit/audit-00000001.jsonl", '"alice"', '"mallory"')],
+        },
+        then={
+            6.0: cli(
+                "audit verify CONFIG", code=1, out=("audit-00000001.jsonl:2: was changed", "chain broken")
+            )
+        },
+    ),
+    row(
+        "so does one that was taken out",
+        given=SSW07 + ALICE,
+        at={
+            3.0: command("pump/alice/start"),
+            6.0: ["end", changed("state/audit/audit-00000001.jsonl", r'\n.*"accepted".*\n', r"\n")],
+        },
+        then={6.0: cli("audit verify CONFIG", code=1)},
+    ),
+    row(
+        "that the newest entries were cut off only a hash that was noted shows",
+        given=SSW07 + ALICE,
+        at={3.0: command("pump/alice/start"), 6.0: "end"},
+        then={6.0: _cut_off},
+    ),
+    row(
+        "an anchor that cannot be read is a problem",
+        given=SSW07,
+        at={3.0: ["end", lambda plant: (plant.folder / "state/audit" / ANCHOR).write_text("nonsense")]},
+        then={3.0: cli("audit verify CONFIG", code=1, out="anchor")},
+    ),
+    *(
+        row(
+            f"what is no entry is shown as such: {text}",
+            given=SSW07,
+            at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"\n\Z", rf"\n{text}\n")]},
+            then={3.0: cli("audit show CONFIG --last 1", out=f"?  {text!r}\n")},
+        )
+        for text in ("nonsense", "[]")
+    ),
+    row(
+        "an empty file is an empty chain",
+        given=SSW07,
+        at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"(?s).+", "")]},
+        then={3.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole")},
+    ),
+]
+
+HISTORY = [
+    row(
+        "starts and trips are listed",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at=TRIPPED,
+        then={
+            9.0: [
+                cli(
+                    "history CONFIG pump",
+                    out=(
+                        re.compile(r" start  full voltage, 0\.\d+ s, "),
+                        " trip   e05 fault E05 Motor overload, was running",
+                    ),
+                ),
+                cli(
+                    "history CONFIG pump --json",
+                    out=(re.compile(r'^\{"id": .*"outcome": "full_voltage"'), '"code": "e05"'),
+                ),
+                cli(
+                    "history CONFIG pump --id 1-1",
+                    code=2,
+                    err="pump has no record 1-1; without --id they are listed",
+                ),
+            ]
+        },
+    ),
+    row(
+        "the newest trip is exported as CSV and COMTRADE",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at=TRIPPED,
+        then={
+            9.0: [
+                cli(
+                    "history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")
+                ),
+                cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
+                lines_of("trip.cfg", ",2013", "current,,,A", "ASCII"),
+                file_there("trip.dat"),
+            ]
+        },
+    ),
+    row(
+        "a starter without records says so",
+        given=SSW07,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli("history CONFIG pump", out="no starts and no trips are recorded yet"),
+                cli("history CONFIG pump --csv -", code=1),
+            ]
+        },
+    ),
+    row(
+        "the report has identity, starts and trips, in the language asked for, and as a page",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start"), 6.0: "pump trip E05"},
+        then={
+            9.0: [
+                cli(
+                    "report CONFIG pump",
+                    out=("Health report: pump", "SSW-07 85.0A", "85 A", "Starts", "E05", "alice"),
+                ),
+                cli("report CONFIG pump --no-broker", out="Health report: pump"),
+                cli("report CONFIG pump --language es", out="Informe de estado: pump"),
+                cli("report CONFIG pump --html DIR/pump.html", out="pump.html: written"),
+                lines_of("pump.html", "<html", "<svg", "E05", but=("<script",)),
+            ]
+        },
+    ),
+]
+
+BACKUP = [
+    row(
+        "a backup of the running gateway is restored elsewhere, its starters locked",
+        given=SSW07 + ALICE + WEB + LOGIN,
+        at={3.0: command("pump/alice/start")},
+        then={
+            6.0: [
+                cli(
+                    "backup CONFIG DIR/b.tar.gz",
+                    out=("gateway.sqlite", "left out (--secrets takes them): the password of login anna"),
+                ),
+                cli("backup CONFIG DIR/b.tar.gz"),  # in place of the earlier one
+                cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
+                cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
+                cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
+                file_there("new/state/gateway.sqlite"),
+                cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
+                cli("restore DIR/none.tar.gz", code=1, out="", err="none.tar.gz: No such file or directory"),
+            ]
+        },
+    ),
+    row(
+        "what is replaced is set aside, and a start is refused until somebody has unlocked",
+        given=SSW07 + ALICE,
+        at={
+            3.0: [
+                ran("backup CONFIG DIR/b.tar.gz"),
+                "end",
+                ran("restore DIR/b.tar.gz --replace", out="set aside: "),
+                "start",
+            ],
+            80.0: command("pump/alice/start"),
+            82.0: command("pump/alice/unlock"),
+            84.0: command("pump/alice/start"),
+        },
+        then={
+            81.0: lambda plant: (
+                "" if plant.results()[-1] == "start rejected locked" else str(plant.results())
+            ),
+            83.0: lambda plant: "" if plant.results()[-1] == "unlock confirmed ok" else str(plant.results()),
+            88.0: lambda plant: "" if plant.results()[-1] == "start confirmed ok" else str(plant.results()),
+        },
+    ),
+]
+
+WATCH = [
+    row(
+        "watch shows each starter with state, current, fault and the last command",
+        given=SSW07 + ALICE + starter("fan", 2, "ssw06"),
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start")},
+        then={
+            6.0: cli(
+                "watch CONFIG --once",
+                out=(
+                    "starters/plant  online  LIVE",
+                    re.compile("fan .* ready"),
+                    re.compile("pump .* running"),
+                ),
+            )
+        },
+    ),
+    row(
+        "a broker's address will do",
+        given=SSW07,
+        then={3.0: cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE")},
+    ),
+    row(
+        "what is not live is never shown as if it were",
+        given=SSW07,
+        at={3.0: "end"},
+        then={3.0: cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?"))},
+    ),
+    row(
+        "without a broker there is no table",
+        given=SSW07,
+        at={3.0: "broker down"},
+        then={
+            3.5: cli(
+                "watch CONFIG --once", code=1, out="", err="nothing listens there (is the broker running?)"
+            )
+        },
+    ),
+    row(
+        "a stop of the gateway would interrupt nothing while no watchdog is shorter",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 30}}},
+        at={3.0: "end"},
+        then={
+            3.0: cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 30.0})
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SCANNING + DOCTOR + PARAMETERS + AUDIT + HISTORY + BACKUP + WATCH)
+def test_a_tool(row: ScenarioRow) -> None:
+    play(row)
+
+
+SECRET = {"mqtt.password": "secret-of-the-broker\n"}
+KIT = [
+    line_row(
+        "a kit has a configuration, an access list, passwords and certificates",
+        "broker-kit CONFIG DIR/kit",
+        given=NAMED,
+        files=SECRET,
+        out="kit",
+    ),
+    line_row(
+        "it is for a login with a name",
+        "broker-kit CONFIG DIR/kit",
+        given=SSW07 + ALICE,
+        code=78,
+        out="",
+        err='mqtt.username: is missing: the broker ties topics to it (username = "plant"',
+    ),
+    line_row(
+        "an update needs a kit",
+        "broker-kit CONFIG DIR/kit --update",
+        given=NAMED,
+        files=SECRET,
+        code=2,
+        out="",
+        err="kit/kit.json: no kit that can be read: No such file or directory (write one first)",
+    ),
+    line_row(
+        "a look at Mosquitto's configuration finds what is dangerous",
+        "broker-kit CONFIG --lint DIR/mosquitto.conf",
+        given=NAMED,
+        files={**SECRET, "mosquitto.conf": "listener 1883\nallow_anonymous true\n"},
+        code=1,
+        out="allow_anonymous",
+    ),
+    line_row(
+        "and names the file that it cannot read",
+        "broker-kit CONFIG --lint DIR/none.conf",
+        given=NAMED,
+        files=SECRET,
+        code=2,
+        out="",
+        err="none.conf: cannot be read: No such file or directory (give files",
+    ),
+]
+
+
+@pytest.mark.parametrize("row", KIT)
+def test_the_brokers_kit(row: LineRow, tmp_path: Path) -> None:
+    play_line(row, tmp_path)

@@ -1,0 +1,250 @@
+"""What clients send wrong: topics, payloads, keys, types, sizes, too much; and the audit."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    event,
+    frames,
+    msg,
+    play,
+    publish,
+    result,
+    results,
+    row,
+    seen,
+)
+from tests.rig.rows import Action
+from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB, operator
+from tests.scenarios.commands import do
+
+SITE = SSW07 + ALICE
+
+
+def sent(payload: Any, path: str = "pump/alice/start") -> Action:
+    body = payload if isinstance(payload, str | bytes) else json.dumps({"id": "one", **payload})
+    return publish(f"command/{path}", body)
+
+
+def refuses(name: str, code: str, payload: Any, verb: str = "start") -> Any:
+    return row(
+        name,
+        given=SITE,
+        at={3.0: sent(payload, f"pump/alice/{verb}")},
+        then={
+            4.0: [
+                seen("result/pump/alice", phase="rejected", code=code, times=1),
+                frames("pump"),
+                seen("audit", code=code, client="alice", starter="pump"),
+            ]
+        },
+    )
+
+
+PAYLOADS = [
+    refuses("no JSON", "bad_json", "start, please"),
+    refuses("an empty payload", "bad_json", ""),
+    refuses("bytes that are no text", "bad_json", b"\xff\xfe{}"),
+    refuses("a list", "bad_json", "[1, 2]"),
+    refuses("more than 4 KB", "too_big", {"reason": "x" * 5000}),
+    refuses("nested without end", "bad_json", "[" * 4000),
+    refuses("half a surrogate pair", "bad_json", {"reason": "x\ud800"}),
+    refuses("half a surrogate pair in the arguments", "bad_json", {"args": {"parameter": "\ud800"}}, "read"),
+    refuses("an unknown key", "bad_payload", {"speed": 3}),
+    refuses("an id that is a number", "bad_payload", {"id": 7}),
+    refuses("an id of 65 characters", "bad_payload", {"id": "x" * 65}),
+    refuses("no id", "no_id", '{"token": "t"}'),
+    refuses("a ttl that is no number", "bad_payload", {"ttl_s": "5"}),
+    refuses("a ttl of more than 60 s", "bad_payload", {"ttl_s": 61}),
+    refuses("a ttl of 0", "bad_payload", {"ttl_s": 0}),
+    refuses("a ttl that is not finite", "bad_json", '{"id": "one", "ttl_s": NaN}'),
+    refuses("an issued_at without offset", "bad_payload", {"issued_at": "2026-11-21T00:00:00"}),
+    refuses("a reason of 257 characters", "bad_payload", {"reason": "x" * 257}),
+    refuses("an expectation that is no object", "bad_payload", {"expect": "ready"}),
+    refuses("arguments that are no object", "bad_payload", {"args": 3}),
+]
+
+ARGUMENTS = [
+    row(
+        f"{verb} with {args}",
+        given=SITE,
+        at={3.0: command(f"pump/alice/{verb}", args=args)},
+        then={4.0: [result(f"{verb} rejected {code}"), frames("pump")]},
+    )
+    for verb, args, code in (
+        ("start", {"value": True}, "bad_arguments"),
+        ("jog", {}, "bad_arguments"),
+        ("jog", {"value": "perhaps"}, "bad_arguments"),
+        ("direction", {"value": "sideways"}, "bad_arguments"),
+        ("set", {"parameter": "P314"}, "bad_arguments"),
+        ("set", {"parameter": "P314", "value": 3, "quickly": True}, "bad_arguments"),
+        ("read", {}, "bad_arguments"),
+        ("output", {"output": "RL9", "value": True}, "bad_arguments"),
+    )
+]
+
+TOPICS = [
+    row(
+        f"a message on command/{path}: {said}",
+        given=SITE,
+        at={3.0: publish(f"command/{path}", "{}")},
+        then={
+            5.0: [
+                results(*([f"{said}"] if said else [])),
+                frames("pump"),
+                event("malformed_topic", data={"count": 1}),
+                seen("audit", decision="rejected"),
+            ]
+        },
+    )
+    for path, said in (
+        ("pump/alice/STOP", "STOP rejected malformed_topic"),
+        ("pump/alice/stop/", "stop/ rejected malformed_topic"),
+        ("PUMP/alice/stop", "stop rejected malformed_topic"),
+        ("pump/alice/fly", "fly rejected unknown_verb"),
+        ("pump/alice/configure", "configure rejected unknown_verb"),
+        ("pump/stop", ""),
+        ("pump//stop", ""),
+        ("/alice/stop", ""),
+    )
+]
+
+STOPS = [
+    row(
+        f"a stop with {name} stops",
+        given=SITE,
+        at={3.0: sent(payload, "pump/alice/stop")},
+        then={
+            5.0: [seen("result/pump/alice", verb="stop", phase="confirmed"), frames("pump", "05 00 64 00 00")]
+        },
+    )
+    for name, payload in (
+        ("nothing", ""),
+        ("plain text", "now!"),
+        ("an id alone", {}),
+        ("half a JSON", '{"id": "one"'),
+    )
+]
+
+OTHERS = [
+    row(
+        "a starter that there is not",
+        given=SITE,
+        at={3.0: command("fan/alice/start")},
+        then={4.0: result("start rejected unknown_starter")},
+    ),
+    row(
+        "a live stop with the retain flag stops, the copy that the broker keeps does not",
+        given=SITE,
+        at={3.0: publish("command/pump/alice/stop", '{"id": "1"}', retain=True), 6.0: "broker drops"},
+        then={12.0: [result("stop confirmed ok"), frames("pump", "05 00 64 00 00")]},
+    ),
+    row(
+        "of more than 100 commands at once from one client some are refused, a stop is carried out",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: [
+                *(command("pump/alice/read", args={"parameter": "P314"}) for _ in range(130)),
+                do("pump stop"),
+            ]
+        },
+        then={
+            6.0: [
+                seen("result/pump/alice", code="too_many"),
+                seen("result/pump/alice", verb="stop", phase="confirmed"),
+                frames("pump", "05 00 64 00 00"),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", PAYLOADS + ARGUMENTS)
+def test_a_wrong_payload_is_refused_with_a_reason_and_noted(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", TOPICS)
+def test_a_mistyped_topic_is_answered_and_does_nothing(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", STOPS + OTHERS)
+def test_a_stop_needs_nothing_but_the_topic(row: ScenarioRow) -> None:
+    play(row)
+
+
+AUDIT = [
+    row(
+        "the audit has each decision, with who claims to have decided, and what was read before and after",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start", operator="Alice A.", reason="shift 2", id="one")},
+        then={
+            6.0: [
+                seen("audit", decision="accepted", times=1),
+                msg(
+                    "audit",
+                    starter="pump",
+                    client="alice",
+                    verb="start",
+                    id="one",
+                    decision="confirmed",
+                    code="ok",
+                    operator="Alice A.",
+                    reason="shift 2",
+                    before={"running": False},
+                    after={"running": True},
+                ),
+            ]
+        },
+    ),
+    row(
+        "what a Sparkplug host commands comes under the same rights, and the audit names the way",
+        given=SITE + SPARKPLUG + 'commands = true\noperator = "alice"\n',
+        at={
+            5.0: lambda plant: plant.publish(
+                "spBv1.0/plant/DCMD/plant/pump", plant.sparkplug({"Command/Stop": True})
+            )
+        },
+        then={8.0: msg("audit", verb="stop", client="alice", decision="confirmed", source="sparkplug")},
+    ),
+    row(
+        "a refusal is in the audit",
+        given=SITE + operator("bob", may=("stop",)),
+        at={3.0: command("pump/bob/start")},
+        then={4.0: msg("audit", client="bob", verb="start", decision="rejected", code="not_allowed")},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", AUDIT)
+def test_the_audit(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_a_command_of_the_page_is_in_the_audit_with_its_way_and_who_logged_in() -> None:
+    with RigPlant(SITE + WEB + LOGIN, sim={"pump": QUICK}) as plant:
+        plant.run(until=5.0)
+        plant.browser.log_in("anna", PASSWORD)
+        plant.post("/api/v1/command/pump/stop", {})
+        plant.run(until=7.0)
+
+        stored = plant.cli("audit", "verify", "CONFIG")
+        noted = plant.last("audit")
+
+    assert (noted["source"], noted["client"], noted["operator"], noted["verb"]) == (
+        "web",
+        "alice",
+        "anna",
+        "stop",
+    )
+    assert stored.code == 0

@@ -1,0 +1,128 @@
+"""What readings and manuals forbid is refused by its code of docs/results.md, and nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    ScenarioRow,
+    fault,
+    frames,
+    play,
+    result,
+    row,
+)
+from tests.rig.rows import Action
+from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, starter
+from tests.scenarios.commands import do
+
+SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
+
+
+def by_the_readings(
+    name: str,
+    words: str,
+    code: str,
+    *first: Action | Sequence[Action],
+    args: dict[str, Any] | None = None,
+    site: str = "",
+    at_s: float = 6.0,
+    first_s: float = 2.0,
+    **options: Any,
+) -> Any:
+    """`first` happens before; the command is then refused with this code, and nothing is written."""
+    starter_name, verb = words.split()
+    return row(
+        name,
+        given=(site or SITES[starter_name]) + ALICE,
+        sim={starter_name: {**QUICK, **options}},
+        at={first_s: first, at_s: do(words, **(args or {}))},
+        then={at_s + 3.0: [result(f"{verb} rejected {code}"), frames(starter_name, since=at_s)]},
+    )
+
+
+READINGS = [
+    by_the_readings("no start of an SSW-07 in fault", "pump start", "fault_active", "pump trip E05"),
+    by_the_readings("no start of an SSW-06 in fault", "fan start", "fault_active", "fan trip E05"),
+    by_the_readings("no start of an SSW900 in fault", "mill start", "fault_active", "mill trip"),
+    by_the_readings("no start of an SST in fault", "belt start", "fault_active", "belt trip"),
+    by_the_readings("no jog in fault", "pump jog", "fault_active", "pump trip E05", args={"value": True}),
+    by_the_readings("no reset without a fault", "pump reset", "no_fault_to_reset"),
+    by_the_readings("no reset of an SST without a fault", "belt reset", "no_fault_to_reset"),
+    by_the_readings("no start in local mode", "pump start", "in_local", "pump control local"),
+    by_the_readings("no start of an SSW900 in local mode", "mill start", "in_local", "mill control local"),
+    by_the_readings("no start while the parallel input controls an SST", "belt start", "controlled_elsewhere",
+                    "belt control local"),
+    by_the_readings("no start without general enable", "pump start", "not_enabled",
+                    do("pump general_enable", value=False)),
+    by_the_readings("no start of an SST that is not configured", "belt start", "not_configured",
+                    do("belt reset", whole=True), at_s=8.0),
+    by_the_readings("no start of a running motor", "pump start", "motor_running", do("pump start")),
+    by_the_readings("no start of a motor that jogs", "fan start", "motor_running", do("fan jog", value=True)),
+    by_the_readings("no general enable of a running motor", "pump general_enable", "motor_running",
+                    do("pump start"), args={"value": True}),
+    by_the_readings("no change of a running motor's direction", "mill direction", "motor_running",
+                    do("mill start"), args={"value": "reverse"}),
+    by_the_readings("no configuration of a running SST, whose motor would stop", "belt configure",
+                    "motor_running", do("belt start")),
+    by_the_readings("no setting of a running SST, whose motor would stop", "belt set",
+                    "motor_running", do("belt start"), args={"parameter": "R41", "value": 20}),
+    by_the_readings("no change of a running starter's command source", "pump set", "motor_running",
+                    do("pump start"), args={"parameter": "P229", "value": 0}),
+    by_the_readings("no start of an SSW-07 without power", "pump start", "no_power", "pump mains off"),
+    by_the_readings("no start of an SSW-06 without power", "fan start", "no_power", "fan mains off"),
+    by_the_readings("no start of an SST that is not ready, as without mains", "belt start", "not_ready",
+                    "belt mains off"),
+    by_the_readings("no start of an SST130i with a charged capacitor", "belt start", "capacitor_charged",
+                    "belt R20 = 100", model="SST130i"),
+    by_the_readings("no start in an adjusting mode", "fan start", "not_ready", "fan VB06 = 2"),
+    by_the_readings("a mode that an SSW-06 is not in is not left", "fan configure", "not_in_that_mode",
+                    args={"leave": "P202"}),
+    by_the_readings("no switch to remote where a digital input chooses", "pump local_remote",
+                    "not_set_to_serial", args={"value": "local"}, settings={220: 4}),
+    by_the_readings("no output of an SSW900 that follows something else", "mill output", "not_set_to_serial",
+                    args={"output": "DO1", "value": True}),
+    by_the_readings("no jog of an SSW-07 before V1.40", "pump jog", "not_in_firmware",
+                    args={"value": True}, firmware="1.30"),
+    by_the_readings("no start of a silent starter", "pump start", "offline", fault("silent", "pump"),
+                    at_s=30.0),
+    by_the_readings("no start of a starter of which it is not yet known who it is", "pump start",
+                    "identity_unknown", fault("refuse", "pump", 2, (43,)), site=SSW07, at_s=0.2, first_s=0.0),
+    by_the_readings("no start while the adapter is pulled out", "pump start", "line_down",
+                    "line pumps unplug",
+                    at_s=2.05),
+    by_the_readings("no start of another family than configured", "pump start", "identity_mismatch",
+                    family="ssw06"),
+    by_the_readings("no start of another model than configured", "pump start", "identity_changed",
+                    site=line() + starter("pump", 1, "ssw07", model="SSW-07 85A"), rated_current_a=30.0),
+    by_the_readings("no acceptance where nothing changed", "pump accept", "nothing_to_accept"),
+    by_the_readings("no start of an SSW900 whose accessory sits in the other slot", "mill start",
+                    "slot_mismatch", site=line() + starter("mill", 3, "ssw900", slot=2)),
+    by_the_readings("a parameter that no manual names", "pump read", "unknown_parameter",
+                    args={"parameter": "P9999"}),
+    by_the_readings("a measured value cannot be set", "pump set", "not_writable",
+                    args={"parameter": "P003", "value": 1}),
+    by_the_readings("a command word cannot be set", "pump set", "not_writable",
+                    args={"parameter": "VB03", "value": 3}),
+    by_the_readings("a value out of the manual's range", "pump set", "out_of_range",
+                    args={"parameter": "P314", "value": 1000}),
+    by_the_readings("a value that is no number", "pump set", "bad_value",
+                    args={"parameter": "P314", "value": "soon"}),
+    by_the_readings("more digits than the parameter has", "pump set", "bad_value",
+                    args={"parameter": "P314", "value": 1.5}),
+    by_the_readings("the starter's own address", "pump set", "would_cut_connection",
+                    args={"parameter": "P308", "value": 2}),
+    by_the_readings("a timeout of 0 s is not made active", "mill set", "timeout_unset",
+                    args={"parameter": "C8.2.5.1", "value": 1}),
+    by_the_readings("a watchdog that the line cannot keep", "belt set", "watchdog_unkept",
+                    args={"parameter": "R41", "value": 1},
+                    site=line(baud=1200) + starter("belt", 4, "sst")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("row", READINGS)
+def test_what_is_wrong_is_named_and_nothing_is_written(row: ScenarioRow) -> None:
+    play(row)

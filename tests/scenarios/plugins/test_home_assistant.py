@@ -1,0 +1,390 @@
+"""Home Assistant: what docs/home-assistant.md promises, as its MQTT integration sees it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    publish,
+    reload,
+    result,
+    results,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK, SSW07, operator
+from tests.scenarios.plugins.doors import device, entity, press, shown
+
+RIGHTS = operator("ha", ("stop", "start", "reset"))
+BUTTONS = HOME_ASSISTANT + 'operator = "ha"\ncommands = true\n'
+HOME = SSW07 + RIGHTS + BUTTONS
+ON, OFF = "05 00 64 ff 00", "05 00 64 00 00"
+
+
+def entities(name: str, *there: str, missing: tuple[str, ...] = ()) -> Expectation:
+    """The device has these entities, and lacks those."""
+
+    def check(plant: RigPlant) -> str:
+        found = plant.broker.retained[device(name)].json["components"]
+        return (
+            "" if set(there) <= found.keys() and not set(missing) & found.keys() else f"{name}: {list(found)}"
+        )
+
+    return check
+
+
+def one(key: str, name: str = "pump", **fields: Any) -> Expectation:
+    """An entity is announced with these fields."""
+
+    def check(plant: RigPlant) -> str:
+        found = entity(plant, key, name)
+        return "" if fields.items() <= found.items() else str(found)
+
+    return check
+
+
+DISCOVERY = [
+    row(
+        "each starter is a device that belongs to the gateway's, named and made as it says",
+        given=FOUR + RIGHTS + BUTTONS,
+        then={
+            5.0: [
+                retained(
+                    device(""),
+                    device={"identifiers": ["sg_plant"]},
+                    origin={"name": "starter-gateway"},
+                    qos=1,
+                ),
+                retained(
+                    device("pump"),
+                    device={
+                        "name": "pump",
+                        "manufacturer": "WEG",
+                        "via_device": "sg_plant",
+                        "sw_version": "1.40",
+                    },
+                ),
+                retained(device("belt"), device={"manufacturer": "Intecma"}),
+                entities("", "status", "boot", "line_pumps"),
+            ]
+        },
+    ),
+    row(
+        "each device has what its family can fill",
+        given=FOUR + RIGHTS + BUTTONS,
+        then={
+            5.0: [
+                *(
+                    entities(
+                        name, "state", "running", "fault", "remote", "online", "current", "trouble", "result"
+                    )
+                    for name in ("pump", "fan", "mill", "belt")
+                ),
+                entities(
+                    "pump", "fault_code", "thermal_load", "starts_total", missing=("alarm", "torque_pct")
+                ),
+                entities(
+                    "fan", "alarm", "active_power", "energy_kwh", missing=("line_voltage", "thermal_load")
+                ),
+                entities("mill", "alarm", "torque_pct", "power_factor", "output_voltage", "energy_kwh"),
+                entities(
+                    "belt", "line_voltage", "heatsink_temperature", missing=("current_pct", "energy_kwh")
+                ),
+            ]
+        },
+    ),
+    row(
+        "units and classes are those that Home Assistant knows",
+        given=FOUR + RIGHTS + BUTTONS,
+        then={
+            5.0: [
+                one("current", unit_of_measurement="A", device_class="current", state_class="measurement"),
+                one("energy_kwh", "mill", unit_of_measurement="kWh", state_class="total_increasing"),
+                one("fault", platform="binary_sensor", device_class="problem"),
+                one(
+                    "online",
+                    platform="binary_sensor",
+                    device_class="connectivity",
+                    entity_category="diagnostic",
+                ),
+                one("start", platform="button", qos=0, retain=False, enabled_by_default=False),
+                one("stop", platform="button", qos=1, retain=False),
+                one("state", unique_id="sg_plant_pump_Estate", default_entity_id="sensor.plant_pump_state"),
+                one("remote", enabled_by_default=False),
+            ]
+        },
+    ),
+    row(
+        "without an operator there is no button",
+        given=SSW07 + RIGHTS + HOME_ASSISTANT,
+        then={5.0: entities("pump", "state", missing=("stop", "start", "reset", "result"))},
+    ),
+    row(
+        "without commands there is only the stop",
+        given=SSW07 + RIGHTS + HOME_ASSISTANT + 'operator = "ha"\n',
+        then={5.0: entities("pump", "stop", "result", missing=("start", "reset"))},
+    ),
+    row(
+        "a button appears only where the operator has the right",
+        given=FOUR + operator("ha", ("stop", "start"), ("pump",)) + BUTTONS,
+        then={
+            5.0: [
+                entities("pump", "stop", "start", missing=("reset",)),
+                entities("fan", missing=("stop", "start")),
+            ]
+        },
+    ),
+    row(
+        "a verb that needs a selection has no button",
+        given=HOME.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
+        then={5.0: entities("pump", "stop", "reset", missing=("start",))},
+    ),
+    row(
+        "an underscore in the gateway's name is spelt, so that no two devices meet",
+        given='[gateway]\nname = "a_b"\nstate_dir = "state"\n' + HOME,
+        then={
+            5.0: retained(
+                "homeassistant/device/sg_a_Ub_pump/config", device={"identifiers": ["sg_a_Ub_pump"]}
+            )
+        },
+    ),
+    row(
+        "prefix and page are those of the configuration",
+        given=SSW07
+        + HOME_ASSISTANT
+        + 'discovery_prefix = "homeassistant/plant"\npage_url = "https://mcc1.plant:8480/"\n',
+        then={
+            5.0: retained(
+                "homeassistant/plant/device/sg_plant_pump/config",
+                device={"configuration_url": re.compile("https://mcc1.plant:8480/")},
+            )
+        },
+    ),
+    row(
+        "a starter that is never there is announced all the same, and unavailable",
+        given=HOME,
+        absent=("pump",),
+        then={30.0: [shown("state", "unavailable"), shown("online", "offline")]},
+    ),
+]
+
+SHOWN = [
+    row(
+        "Home Assistant shows what the starter says",
+        given=HOME,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/ha/start"), 10.0: "pump trip E05"},
+        then={
+            2.9: [
+                shown("state", "ready"),
+                shown("running", "False"),
+                shown("online", "online"),
+                shown("fault_code", "None"),
+            ],
+            9.0: [shown("state", "running"), shown("running", "True"), shown("remote", "True")],
+            20.0: [
+                shown("state", "fault"),
+                shown("fault", "True"),
+                shown("fault_code", "5"),
+                shown("current", "0.0"),
+            ],
+        },
+    ),
+    row(
+        "a silent starter is unavailable but for its stop, its results and whether it is there",
+        given=HOME,
+        at={5.0: fault("silent", "pump")},
+        then={
+            20.0: [
+                shown("state", "unavailable"),
+                shown("current", "unavailable"),
+                shown("online", "offline"),
+                lambda plant: (
+                    ""
+                    if [
+                        each["topic"]
+                        for key in ("stop", "result")
+                        for each in entity(plant, key)["availability"]
+                    ]
+                    == 2 * [plant.topic("gateway/status")]
+                    else "not available"
+                ),
+            ]
+        },
+    ),
+    row(
+        "while the gateway is away everything is unavailable",
+        given=HOME,
+        at={5.0: "kill"},
+        then={5.1: [shown("state", "unavailable"), shown("online", "unavailable")]},
+    ),
+]
+
+PRESSES = [
+    row(
+        "buttons start, stop and reset, and their results come back",
+        given=HOME,
+        sim={"pump": QUICK},
+        at={5.0: press("start", qos=0), 10.0: press("stop"), 14.0: "pump trip E05", 18.0: press("reset")},
+        then={
+            9.0: [
+                result("start confirmed ok"),
+                frames("pump", ON),
+                msg("audit", client="ha", verb="start", operator="home-assistant"),
+            ],
+            13.0: [result("stop confirmed ok"), frames("pump", ON, OFF)],
+            24.0: [result("reset confirmed ok"), msg("starter/pump/state", fault=False)],
+        },
+    ),
+    row(
+        "a start that comes late is refused",
+        given=HOME,
+        at={5.0: press("start", late_s=7.0)},
+        then={8.0: [result("start rejected expired"), frames("pump")]},
+    ),
+    row(
+        "a start by a clock that is ahead is refused",
+        given=HOME,
+        at={5.0: press("start", late_s=-2.5)},
+        then={8.0: [result("start rejected not_fresh"), frames("pump")]},
+    ),
+    row(
+        "the same press twice acts once, two presses are two commands",
+        given=HOME,
+        sim={"pump": QUICK},
+        at={5.0: [press("stop"), press("stop")], 9.0: press("start"), 13.0: press("start")},
+        then={
+            20.0: [
+                seen("result/pump/ha", times=2, verb="start", phase="accepted"),
+                result("start rejected motor_running"),
+            ]
+        },
+    ),
+    row(
+        "a start right after a stop is refused, two seconds later it is not",
+        given=HOME,
+        sim={"pump": QUICK},
+        at={5.0: press("stop"), 6.5: press("start"), 9.0: press("start")},
+        then={
+            8.0: [result("start rejected stopped_first"), frames("pump", OFF)],
+            13.0: [result("start confirmed ok"), frames("pump", OFF, ON)],
+        },
+    ),
+    row(
+        "a retained start is refused",
+        given=HOME,
+        at={5.0: press("start", retain=True)},
+        then={8.0: [result("start rejected retained"), frames("pump")]},
+    ),
+    row(
+        "a stop is tried at a silent starter too",
+        given=HOME,
+        at={5.0: fault("silent", "pump"), 20.0: press("stop")},
+        then={40.0: result("stop unconfirmed no_answer")},
+    ),
+    row(
+        "with a clock that is not synchronised a start is refused and a stop is not",
+        given='[gateway]\nname = "plant"\nstate_dir = "state"\nclock = "auto"\n' + HOME,
+        before=lambda plant: setattr(plant, "is_clock_synchronised", False),
+        at={5.0: press("start"), 8.0: press("stop")},
+        then={10.0: [seen("result/pump/ha", verb="start", code="not_fresh"), frames("pump", OFF)]},
+    ),
+]
+
+REMOVAL = [
+    row(
+        "a starter that leaves the configuration is deleted, the others stay",
+        given=FOUR + BUTTONS + RIGHTS,
+        at={5.0: reload(SSW07 + BUTTONS + RIGHTS)},
+        then={
+            4.9: retained(device("fan"), components=...),
+            8.0: [
+                retained(device("fan")),
+                retained(device("pump"), components=...),
+                retained(device(""), components=...),
+            ],
+        },
+    ),
+    row(
+        "one that left while the gateway was away is deleted at its start",
+        given=FOUR + HOME_ASSISTANT,
+        at={5.0: "end", 6.0: lambda plant: plant.write(SSW07 + HOME_ASSISTANT), 7.0: "start"},
+        then={
+            6.5: retained(device("fan"), components=...),
+            12.0: [retained(device("fan")), retained(device("pump"), components=...)],
+        },
+    ),
+    row(
+        "without the table everything is deleted",
+        given=FOUR + HOME_ASSISTANT,
+        at={5.0: reload(FOUR), 10.0: reload(FOUR + HOME_ASSISTANT)},
+        then={
+            9.0: retained("homeassistant/#"),
+            14.0: [retained(device("mill"), components=...), retained(device(""), components=...)],
+        },
+    ),
+    row(
+        "an end of the gateway deletes nothing",
+        given=SSW07 + HOME_ASSISTANT,
+        at={5.0: "end"},
+        then={6.0: retained(device("pump"), components=...)},
+    ),
+    row(
+        "when Home Assistant begins, or the broker comes back empty, everything is announced again",
+        given=SSW07 + HOME_ASSISTANT,
+        at={
+            10.0: publish("homeassistant/status", b"online", client="ha"),
+            40.0: "broker down",
+            50.0: lambda plant: plant.broker.start(retained=False),
+        },
+        then={
+            20.0: [seen(device("pump"), times=1, since=10.0), seen(device(""), times=1, since=10.0)],
+            90.0: [retained(device("pump"), components=...), retained(device(""), components=...)],
+        },
+    ),
+    row(
+        "a device that was deleted there stays deleted until its next start",
+        given=SSW07 + HOME_ASSISTANT,
+        at={
+            10.0: publish(device("pump"), b"", retain=True, client="ha"),
+            20.0: publish("homeassistant/status", b"offline", client="ha"),
+            25.0: publish("homeassistant/status", b"online", client="ha", retain=False),
+        },
+        then={24.0: retained(device("pump")), 35.0: retained(device("pump"), components=...)},
+    ),
+    row(
+        "nothing is said again while nothing changes",
+        given=SSW07 + HOME_ASSISTANT + ALICE,
+        sim={"pump": QUICK},
+        at={10.0: command("pump/alice/start")},
+        then={
+            40.0: [
+                never(device("pump"), since=5.0),
+                results("start accepted ok", "start written ok", "start confirmed ok"),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", DISCOVERY + SHOWN + REMOVAL)
+def test_what_home_assistant_shows(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", PRESSES)
+def test_a_press_of_a_button(row: ScenarioRow) -> None:
+    play(row)

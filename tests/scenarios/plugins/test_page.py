@@ -1,0 +1,579 @@
+"""The status page through HTTP: what docs/web-api.md promises."""
+
+from __future__ import annotations
+
+import csv
+import re
+from typing import Any
+
+import pytest
+
+from tests.rig import RigPlant, ScenarioRow, command, event, frames, msg, play, reload, results, row
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, FOUR, LOGIN, METRICS, QUICK, SSW07, WEB, operator, table
+from tests.scenarios.plugins.doors import answer, log_in, phases, pressed
+
+PAGE = SSW07 + ALICE + WEB + LOGIN
+LOOKER = SSW07 + operator("alice", ("stop", "read")) + WEB + LOGIN
+GROUP = table("[group]", name="hall", starters=["*"])
+TO = "/api/v1/command/pump/"
+STOP = "05 00 64 00 00"
+
+
+def peer(address: str, scheme: str = "http") -> Any:
+    return lambda plant: plant.browser.__dict__.update(peer=address, scheme=scheme)
+
+
+def wrong_logins(count: int, user: str = "anna") -> Any:
+    return lambda plant: [plant.browser.log_in(user, "wrong") for _ in range(count)]
+
+
+def action(verb: str, **fields: Any) -> Expectation:
+    """The starter's page says this of an action."""
+
+    def check(plant: RigPlant) -> str:
+        found = {each["verb"]: each for each in plant.get("/api/v1/starter/pump").json["actions"]}
+        return "" if found[verb].items() >= fields.items() else str(found.get(verb))
+
+    return check
+
+
+SESSIONS = [
+    row(
+        "without a login the page shows everything and does nothing",
+        given=PAGE,
+        then={
+            5.0: [
+                answer("/api/v1/session", user=None, csrf=None, logins=True),
+                answer(
+                    "/api/v1/state", starters={"pump": {"line": "pumps", "address": 1, "family": "ssw07"}}
+                ),
+                answer(TO + "stop", 401, post={}, error="login"),
+                action("stop", permitted=False, code="login"),
+                answer("/api/v1/diagnostics.json", 401, error="login"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a page without users is read-only for good",
+        given=SSW07 + WEB,
+        then={
+            5.0: [answer("/api/v1/session", logins=False), answer(TO + "stop", 401, post={}, error="login")]
+        },
+    ),
+    row(
+        "a login has its operator's name and rights, a cookie and a token against forgery",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: [
+                answer("/api/v1/session", user="anna", client="alice", csrf=re.compile("."), idle_s=1800),
+                action("stop", permitted=True, code=""),
+                action("start", permitted=True, two_step=False),
+                msg("audit", verb="login", client="alice", operator="anna", source="web"),
+                lambda plant: (
+                    "" if "right" not in str(plant.messages("audit")[-1]) else "the password is in the audit"
+                ),
+            ]
+        },
+    ),
+    row(
+        "a wrong password and an unknown user get the same answer",
+        given=PAGE,
+        then={
+            5.0: [
+                answer("/api/v1/login", 401, post={"user": who, "password": "wrong"}, error="wrong_login")
+                for who in ("anna", "nobody")
+            ]
+        },
+    ),
+    row(
+        "many wrong passwords lock the address for a while, and nobody else",
+        given=PAGE,
+        at={5.0: wrong_logins(10), 6.0: peer("127.0.0.9")},
+        then={
+            5.5: answer(
+                "/api/v1/login", 429, post={"user": "anna", "password": "right"}, error="too_many_logins"
+            ),
+            6.1: answer("/api/v1/login", 200, post={"user": "anna", "password": "right"}),
+        },
+    ),
+    row(
+        "a logout ends the session at once",
+        given=PAGE,
+        at={5.0: log_in(), 6.0: lambda plant: plant.post("/api/v1/logout", {})},
+        then={6.1: [answer("/api/v1/session", user=None), answer(TO + "stop", 401, post={}, error="login")]},
+    ),
+    row(
+        "a session ends by a reload that takes its user away",
+        given=PAGE,
+        at={5.0: log_in(), 6.0: reload(SSW07 + ALICE + WEB)},
+        then={8.0: answer(TO + "stop", 401, post={}, error="login")},
+    ),
+    row(
+        "rights that a reload takes away are gone at the next request",
+        given=PAGE,
+        at={5.0: log_in(), 6.0: reload(LOOKER)},
+        then={
+            8.0: [action("start", permitted=False), phases("start", "rejected not_allowed"), frames("pump")]
+        },
+    ),
+]
+
+FORGERY = [
+    row(
+        f"a POST {what} is refused and does nothing",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: [answer(TO + "stop", status, post={}, headers=headers, **error), frames("pump"), results()]
+        },
+    )
+    for what, headers, status, error in (
+        ("of another site's page", {"origin": "http://evil.example"}, 403, {"error": "cross_site"}),
+        (
+            "from another site as the browser says",
+            {"sec_fetch_site": "cross-site"},
+            403,
+            {"error": "cross_site"},
+        ),
+        ("without an origin", {"origin": ""}, 403, {"error": "cross_site"}),
+        ("without the session's token", {"x_csrf_token": ""}, 403, {"error": "csrf"}),
+        ("with another token", {"x_csrf_token": "guess"}, 403, {"error": "csrf"}),
+        ("that is a form", {"content_type": "application/x-www-form-urlencoded"}, 415, {"error": "no_json"}),
+        ("under another name of the machine", {"host": "evil.example"}, 421, {"error": "host"}),
+        ("with two lengths", {"transfer_encoding": "chunked"}, 400, {"error": "two_lengths"}),
+    )
+]
+
+REQUESTS = [
+    row(
+        "what is not there, not allowed or too big has its own answer",
+        given=PAGE,
+        at={4.0: log_in()},
+        then={
+            5.0: [
+                answer("/nothing", 404, error="not_found"),
+                answer("/api/v1/starter/nobody", 404, error="not_found"),
+                answer("/static/../site.toml", 404, error="not_found"),
+                answer("/api/v1/login", 405),
+                answer(TO + "stop", 413, post=b"{" + b" " * 5000 + b"}", error="too_big"),
+                answer("/api/v1/login", 400, post=b"[1", error="bad_json"),
+                phases("fly", "rejected unknown_verb"),
+            ]
+        },
+    ),
+    row(
+        "everything that is served forbids frames, foreign scripts and guessing of types",
+        given=PAGE,
+        then={
+            5.0: lambda plant: next(
+                (
+                    f"{path} {name}"
+                    for path in ("/", "/api/v1/state", "/health", "/nothing")
+                    for name, value in (
+                        ("x-frame-options", "DENY"),
+                        ("x-content-type-options", "nosniff"),
+                        ("referrer-policy", "no-referrer"),
+                    )
+                    if plant.get(path).headers.get(name) != value
+                ),
+                ""
+                if "default-src 'none'" in plant.get("/").headers["content-security-policy"]
+                else "no policy",
+            )
+        },
+    ),
+    row(
+        "a starter's page has its facts, its actions and its last commands",
+        given=PAGE,
+        at={3.0: command("pump/alice/stop", id="s1"), 5.0: log_in()},
+        then={
+            6.0: [
+                answer("/api/v1/starter/pump", name="pump", facts={"line": "pumps"}, topics=...),
+                lambda plant: (
+                    ""
+                    if plant.get("/api/v1/starter/pump").json["commands"][-1]["id"] == "s1"
+                    else plant.get("/api/v1/starter/pump").text
+                ),
+            ]
+        },
+    ),
+    row(
+        "its history has the plots of the last hour and the records of starts and trips",
+        given=PAGE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start"), 15.0: "pump trip E05"},
+        then={
+            40.0: [
+                answer(
+                    "/api/v1/starter/pump/history", plots={"step_s": ..., "current_unit": "A", "end": ...}
+                ),
+                lambda plant: (
+                    ""
+                    if [
+                        plant.get("/api/v1/starter/pump/history").json[kind][-1]["id"]
+                        for kind in ("starts", "trips")
+                    ]
+                    == [plant.last(f"starter/pump/{kind}")["id"] for kind in ("start", "trip")]
+                    else "other records"
+                ),
+                lambda plant: (
+                    ""
+                    if max(filter(None, plant.get("/api/v1/starter/pump/history").json["plots"]["current"]))
+                    > 50
+                    else "no current"
+                ),
+                lambda plant: (
+                    ""
+                    if max(filter(None, plant.get("/api/v1/sparks?points=60").json["starters"]["pump"])) > 50
+                    else plant.get("/api/v1/sparks?points=60").text
+                ),
+            ]
+        },
+    ),
+    row(
+        "its parameters have limits, labels and why one cannot be set",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: lambda plant: (
+                ""
+                if (
+                    (
+                        rows := {
+                            each["code"]: each
+                            for each in plant.get("/api/v1/starter/pump/parameters").json["rows"]
+                        }
+                    )
+                    and rows["P314"]["writable"] is True
+                    and rows["P314"]["unit"] == "s"
+                    and (rows["P314"]["least"], rows["P314"]["most"]) == (0, 999)
+                    and rows["P313"]["labels"]
+                    and rows["P003"]["writable"] is False
+                    and rows["P003"]["why_not"]
+                )
+                else str([rows.get(code) for code in ("P314", "P003")])
+            )
+        },
+    ),
+    row(
+        "events and audit entries can be had as a table",
+        given=PAGE,
+        at={3.0: command("pump/alice/stop", id="s1")},
+        then={
+            5.0: lambda plant: (
+                ""
+                if {"readiness", "stop"} <= set(re.findall(r"\w+", plant.get("/api/v1/events.csv").text))
+                and len({len(line) for line in csv.reader(plant.get("/api/v1/events.csv").text.splitlines())})
+                == 1
+                else plant.get("/api/v1/events.csv").text
+            )
+        },
+    ),
+    row(
+        "what a bug report needs has no secrets in it",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: lambda plant: (
+                ""
+                if (text := plant.get("/api/v1/diagnostics.json").text)
+                and "scrypt" not in text
+                and '"pump"' in text
+                else text
+            )
+        },
+    ),
+    row(
+        "the gateway's page says what is behind it",
+        given=PAGE,
+        at={8.0: "broker down"},
+        then={
+            5.0: answer("/api/v1/gateway", broker={"host": "127.0.0.1", "connected": True}, streams=0),
+            12.0: answer("/api/v1/gateway", broker={"connected": False}),
+        },
+    ),
+    row(
+        "health is good while the lines move, also without a broker",
+        given=SSW07 + WEB,
+        at={8.0: "broker down", 20.0: "line pumps unplug"},
+        then={
+            5.0: answer("/health", state="online", lines={"pumps": True}, broker=True),
+            15.0: answer("/health", 200, lines={"pumps": True}, broker=False),
+            30.0: answer("/health", lines={"pumps": True}),
+        },
+    ),
+    row(
+        "below a base path it is served there",
+        given=SSW07 + table("web", listen="127.0.0.1:8480", base_path="/motors/"),
+        then={5.0: answer("/motors/api/v1/session", logins=False)},
+    ),
+    row(
+        "the page is switched on and changed by reloads",
+        given=SSW07,
+        at={5.0: reload(SSW07 + WEB), 10.0: reload(FOUR + ALICE + WEB + LOGIN)},
+        then={
+            8.0: [
+                event("web_open"),
+                answer("/api/v1/session", logins=False),
+                answer("/health", state="online"),
+            ],
+            14.0: [
+                answer("/api/v1/session", logins=True),
+                answer("/api/v1/state", starters={"mill": {"address": 3}}),
+            ],
+        },
+    ),
+]
+
+COMMANDS = [
+    row(
+        "a start by the page goes through its phases and stands in the audit under the page's name",
+        given=PAGE,
+        sim={"pump": QUICK},
+        at={5.0: log_in()},
+        then={
+            5.1: phases("start", "accepted ok", "written ok", "confirmed ok", expect={"state": "ready"}),
+            9.0: [
+                frames("pump", "05 00 64 ff 00"),
+                msg(
+                    "audit", client="alice", verb="start", source="web", operator="anna", decision="confirmed"
+                ),
+            ],
+        },
+    ),
+    row(
+        "a stop by the page needs neither id nor token",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: [
+                answer(TO + "stop", post={}, final=True, phases=...),
+                lambda plant: "" if plant.starter("pump").writes[0][1] == STOP else "no stop",
+            ]
+        },
+    ),
+    row(
+        "without a broker the page goes on and stops a motor",
+        given=PAGE,
+        sim={"pump": QUICK},
+        at={5.0: [log_in(), command("pump/alice/start")], 8.0: "broker down"},
+        then={
+            15.0: [
+                answer("/api/v1/state", topics={"starter/pump/state": {"state": "running"}}),
+                phases("stop", "accepted ok", "written ok", "confirmed ok"),
+                frames("pump", "05 00 64 ff 00", STOP),
+            ]
+        },
+    ),
+    row(
+        "a stop of a group is answered for each of its starters",
+        given=FOUR + ALICE + WEB + LOGIN + GROUP,
+        at={5.0: log_in()},
+        then={
+            5.1: answer("/api/v1/command/hall/stop", post={}),
+            12.0: lambda plant: (
+                ""
+                if all(plant.starter(name).writes for name in ("pump", "fan", "mill", "belt"))
+                else "one was left out"
+            ),
+        },
+    ),
+    row(
+        "what the operator may not, his page may not",
+        given=LOOKER,
+        at={5.0: log_in()},
+        then={
+            5.1: [
+                action("start", permitted=False, code="not_allowed"),
+                action("stop", permitted=True),
+                phases("start", "rejected not_allowed"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a start with an old token, with none, or on another state than was seen is refused",
+        given=PAGE,
+        at={5.0: log_in(), 5.2: lambda plant: plant.browser.__dict__.update(old=plant.token())},
+        then={
+            20.0: [
+                lambda plant: phases("start", "rejected expired", token=plant.browser.__dict__["old"])(plant),
+                phases("start", "rejected not_fresh", token=None),
+                phases("start", "accepted ok", "rejected not_as_expected", expect={"state": "running"}),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a start that was decided upon before a stop is refused",
+        given=PAGE,
+        at={
+            5.0: log_in(),
+            6.3: [lambda plant: plant.browser.__dict__.update(old=plant.token()), command("pump/alice/stop")],
+        },
+        then={
+            8.0: [
+                lambda plant: phases("start", "rejected stopped_first", token=plant.browser.__dict__["old"])(
+                    plant
+                ),
+                frames("pump", STOP),
+            ]
+        },
+    ),
+    row(
+        "the same id twice acts once",
+        given=PAGE,
+        sim={"pump": QUICK},
+        at={5.0: log_in()},
+        then={
+            5.1: phases("start", "accepted ok", "written ok", "confirmed ok", id="web-1"),
+            8.0: [
+                lambda plant: (
+                    ""
+                    if pressed(plant, "start", id="web-1").json["phases"][-1]["duplicate"] is True
+                    else "again"
+                ),
+                frames("pump", "05 00 64 ff 00"),
+            ],
+        },
+    ),
+    row(
+        "why a start is not possible is said before and after it is tried",
+        given=PAGE,
+        at={3.0: "pump trip E05", 8.0: log_in()},
+        then={
+            8.1: [
+                action("start", permitted=False, code="fault_active"),
+                action("reset", permitted=True),
+                phases("start", "accepted ok", "rejected fault_active"),
+            ]
+        },
+    ),
+    row(
+        "a parameter is read by its code",
+        given=PAGE,
+        at={5.0: log_in()},
+        then={
+            5.1: lambda plant: (
+                ""
+                if pressed(plant, "read", args={"parameters": ["P003", "P314"]}).json["phases"][-1]["code"]
+                == "ok"
+                else "not read"
+            )
+        },
+    ),
+    row(
+        "with two steps a start needs the selection that the page makes first",
+        given=PAGE.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
+        sim={"pump": QUICK},
+        at={5.0: log_in()},
+        then={
+            5.1: [
+                action("start", two_step=True),
+                phases("start", "rejected select_first"),
+                lambda plant: phases(
+                    "start",
+                    "accepted ok",
+                    "written ok",
+                    "confirmed ok",
+                    select=pressed(plant, "select", args={"verb": "start"}).json["phases"][-1]["select"],
+                )(plant),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SESSIONS + FORGERY + REQUESTS)
+def test_the_page(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", COMMANDS)
+def test_commands_by_the_page(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_a_stream_brings_a_snapshot_then_changes_then_beats() -> None:
+    with RigPlant(FOUR + WEB) as plant:
+        plant.run(until=5.0)
+        of_all, of_one = (plant.browser.stream("/api/v1/events" + scope) for scope in ("", "?starter=pump"))
+        plant.run(until=6.0)
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
+        plant.run(until=20.0)
+
+        assert of_all.events[0][0] == "snapshot"
+        assert {name for name, _ in of_all.events} <= {"snapshot", "change", "beat"}
+        snapshot, changes = of_all.events[0][1], [data for name, data in of_all.events if name == "change"]
+        assert set(snapshot["starters"]) == {"pump", "fan", "mill", "belt"}
+        assert "starter/pump/value/line_frequency" not in snapshot["topics"]
+        assert "starter/pump/value/line_frequency" in of_one.events[0][1]["topics"]
+        assert "starter/pump/value/current" in snapshot["topics"]
+        assert any(data["topics"].get("starter/pump/alarm/e05", {}).get("active") for data in changes)
+        assert any(each["payload"].get("code") == "fault" for data in changes for each in data["messages"])
+        generations = [data["gen"] for _, data in of_all.events]
+        assert generations == sorted(generations)
+
+
+def test_a_stream_is_told_of_a_reload_and_of_what_is_gone() -> None:
+    with RigPlant(FOUR + WEB) as plant:
+        plant.run(until=5.0)
+        stream = plant.browser.stream("/api/v1/events")
+        plant.run(until=6.0)
+        plant.reload(SSW07 + WEB)
+        plant.run(until=9.0)
+
+        assert set([data for name, data in stream.events if name == "snapshot"][-1]["starters"]) == {"pump"}
+
+
+def test_a_stream_ends_with_its_session() -> None:
+    with RigPlant(PAGE) as plant:
+        plant.run(until=5.0)
+        plant.browser.log_in("anna", "right")
+        stream = plant.browser.stream("/api/v1/events")
+        plant.run(until=6.0)
+        plant.post("/api/v1/logout", {})
+        plant.run(until=8.0)
+
+        assert stream.events[-1][0] == "session"
+        assert stream.events[-1][1]["user"] is None
+        assert stream.is_over
+
+
+def test_more_pages_than_an_address_may_have_are_refused_until_one_is_closed() -> None:
+    with RigPlant(SSW07 + WEB) as plant:
+        plant.run(until=5.0)
+        streams = [plant.browser.stream("/api/v1/events") for _ in range(32)]
+        beyond = plant.get("/api/v1/events")
+        streams[0].close()
+        plant.run(until=6.0)
+        again = plant.browser.stream("/api/v1/events")
+        plant.run(until=6.5)
+
+        assert (beyond.status, beyond.json["error"]) == (503, "busy")
+        assert "retry-after" in beyond.headers
+        assert again.status == 200
+
+
+@pytest.mark.parametrize(
+    ("given", "caller", "headers", "status"),
+    [
+        (METRICS, ("127.0.0.1", "http"), {}, 200),
+        (METRICS, ("10.0.0.7", "https"), {}, 200),
+        (METRICS, ("10.0.0.7", "http"), {}, 403),
+        (METRICS + 'token_file = "token"\n', ("127.0.0.1", "http"), {}, 401),
+        (METRICS + 'token_file = "token"\n', ("10.0.0.7", "http"), {"authorization": "Bearer wrong"}, 401),
+        (METRICS + 'token_file = "token"\n', ("10.0.0.7", "https"), {"authorization": "Bearer s3cret"}, 200),
+        (METRICS, ("127.0.0.1", "http"), {"host": "evil.example"}, 421),
+        ("", ("127.0.0.1", "http"), {}, 404),
+    ],
+)
+def test_who_may_scrape(given: str, caller: tuple[str, str], headers: dict[str, str], status: int) -> None:
+    with RigPlant(SSW07 + WEB + given, files={"token": "s3cret"}) as plant:
+        plant.run(until=5.0)
+        plant.browser.peer, plant.browser.scheme = caller
+
+        assert plant.get("/metrics", **headers).status == status

@@ -1,0 +1,352 @@
+"""Events of a starter: starts, stops, faults with their numbers, alarms, local operation."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tests.rig import ScenarioRow, command, fault, msg, never, play, result, retained, row, seen
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.scenarios.values.words import refuse_rows
+
+
+def of(starter: str, code: str, **fields: Any) -> Expectation:
+    """Exactly one such event of a starter."""
+    return seen(f"starter/{starter}/event", times=1, code=code, retain=False, qos=1, **fields)
+
+
+def no(starter: str, code: str) -> Expectation:
+    return never(f"starter/{starter}/event", code=code)
+
+
+READY, RUNNING, TRIPPED = "pump VB01 = 0x4102", "pump VB01 = 0x5123", "pump VB01 = 0x8000"
+
+MOTORS = [
+    row(
+        "a start and a stop are an event each, the stop with the seconds between",
+        given=SSW07,
+        at={0: READY, 3: RUNNING, 13: READY},
+        then={
+            12: [of("pump", "started", severity="info", data={"from": "ready", "to": "running"})],
+            16: [
+                of("pump", "started"),
+                of(
+                    "pump",
+                    "stopped",
+                    data={"from": "running", "to": "ready", "run_s": pytest.approx(10, abs=1.1)},
+                ),
+                no("pump", "fault"),
+            ],
+        },
+    ),
+    row(
+        "a motor that runs at the first reading was not started now, and its stop has no duration",
+        given=SSW07,
+        at={0: RUNNING, 5: READY},
+        then={4: no("pump", "started"), 9: seen("starter/pump/event", times=1, code="stopped")},
+    ),
+    row(
+        "one reading alone is no event: it takes two equal ones",
+        given=SSW07,
+        at={0: READY, 3: RUNNING, 3.02: READY},
+        then={10: [no("pump", "started"), no("pump", "stopped")]},
+    ),
+    row(
+        "the ramps of a start are no further events",
+        given=SSW07,
+        sim={"pump": QUICK},
+        at={2: "pump control local", 4: "pump keypad start", 9: "pump keypad stop"},
+        then={
+            14: [of("pump", "started"), of("pump", "stopped"), of("pump", "local_operation", severity="info")]
+        },
+    ),
+    row(
+        "local and remote operation are told, whoever switched",
+        given=SSW900,
+        at={0: "mill S5.1.1 = 0x0102", 3: "mill S5.1.1 = 0x0002", 6: "mill S5.1.1 = 0x0102"},
+        then={
+            5.9: [of("mill", "local_operation"), no("mill", "remote_operation")],
+            9: [of("mill", "local_operation"), of("mill", "remote_operation")],
+        },
+    ),
+    row(
+        "a start by command is the same event as one at the keypad",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3: lambda plant: plant.command("pump/alice/start")},
+        then={8: of("pump", "started")},
+    ),
+]
+
+TRIPS = [
+    row(
+        "an SSW-07 trips with the number of P014: state, alarm, event and the record of the trip",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"]},
+        then={
+            7.5: [
+                msg("starter/pump/state", state="fault", fault_code=5),
+                msg(
+                    "starter/pump/alarm/e05",
+                    active=True,
+                    severity="fault",
+                    count=1,
+                    cleared=None,
+                    retain=True,
+                ),
+                of(
+                    "pump", "fault", severity="error", data={"alarm": "e05", "from": "running", "to": "fault"}
+                ),
+            ],
+            30: msg("starter/pump/trip", code="e05", state_before="running", text=re.compile("overload")),
+        },
+    ),
+    row(
+        "a number that comes a second after its bit is the trip's; the state does not wait for it",
+        given=SSW07,
+        at={0: [RUNNING, "pump P014 = 0"], 5: TRIPPED, 6.2: "pump P014 = 66"},
+        then={
+            6.1: [msg("starter/pump/state", state="fault"), no("pump", "fault")],
+            8: [
+                msg("starter/pump/alarm/e66", active=True, count=1),
+                of("pump", "fault", data={"alarm": "e66"}),
+                never("starter/pump/alarm/fault"),
+            ],
+        },
+    ),
+    row(
+        "a trip without a number is told all the same, after 2 s at the latest",
+        given=SSW07,
+        at={0: [RUNNING, "pump P014 = 0"], 5: TRIPPED},
+        then={
+            8.1: [
+                msg("starter/pump/state", state="fault"),
+                msg("starter/pump/alarm/fault", active=True, severity="fault"),
+                of("pump", "fault"),
+            ]
+        },
+    ),
+    row(
+        "the number of the fault before is not that of the new one, until it stands still",
+        given=SSW07,
+        at={0: [RUNNING, "pump P014 = 5"], 5: TRIPPED, 6.2: "pump P014 = 66"},
+        then={9: [msg("starter/pump/state", state="fault", fault_code=66), of("pump", "fault")]},
+    ),
+    row(
+        "a number that the manual does not name is published by its number",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 42"]},
+        then={8: msg("starter/pump/alarm/e42", active=True, text=re.compile("E42.*not in the manual"))},
+    ),
+    row(
+        "an SSW-06 gives no number: its alarm is `fault`",
+        given=SSW06,
+        at={0: "fan VB01 = 0x5123", 5: "fan VB01 = 0x8002"},
+        then={
+            8: [
+                msg("starter/fan/alarm/fault", active=True, severity="fault"),
+                of("fan", "fault", data={"alarm": "fault"}),
+            ]
+        },
+    ),
+    row(
+        "an SSW900's fault has the number of D1.1.1",
+        given=SSW900,
+        at={0: "mill S5.1.1 = 0x0163", 5: ["mill S5.1.1 = 0x8102", "mill D1.1.1 = 128"]},
+        then={
+            8: [
+                msg("starter/mill/alarm/f128", active=True, text=re.compile("timeout")),
+                of("mill", "fault", data={"alarm": "f128"}),
+            ]
+        },
+    ),
+    row(
+        "an SST's errors are coils: each is an alarm, together they are one event",
+        given=SST,
+        at={0: "belt R19 = 2", 5: ["belt COIL9 = 1", "belt COIL12 = 1", "belt COIL17 = 1", "belt R19 = 0"]},
+        then={
+            8: [
+                msg("starter/belt/alarm/coil12", active=True, severity="fault", text="Overcurrent"),
+                msg("starter/belt/alarm/coil17", active=True, severity="fault", text="Phase loss"),
+                seen("starter/belt/event", times=1, code="fault"),
+            ]
+        },
+    ),
+    row(
+        "a fault that goes and comes again is counted",
+        given=SSW07,
+        sim={"pump": QUICK},
+        at={3: "pump trip E05", 10: "pump clear", 20: "pump trip E05"},
+        then={
+            9: msg("starter/pump/alarm/e05", active=True, count=1, cleared=None),
+            15: [
+                retained("starter/pump/alarm/e05", active=False, count=1, cleared=...),
+                of("pump", "cleared", data={"alarm": "e05", "count": 1}),
+                msg("starter/pump/state", state="ready"),
+            ],
+            25: [
+                msg("starter/pump/alarm/e05", active=True, count=2, cleared=None),
+                seen("starter/pump/event", times=2, code="fault"),
+            ],
+        },
+    ),
+    row(
+        "a fault that stands at the first reading is an event, but not in the next run again",
+        given=SSW07,
+        at={0: [TRIPPED, "pump P014 = 5"], 8: "restart"},
+        then={
+            7: of("pump", "fault", data={"alarm": "e05"}),
+            16: [of("pump", "fault"), msg("starter/pump/alarm/e05", active=True)],
+        },
+    ),
+    row(
+        "an alarm that an earlier run left retained and that is over is cleared at the broker",
+        given=SSW07,
+        at={0: [TRIPPED, "pump P014 = 5"], 5: "end", 5.1: [READY, "start"]},
+        then={4: retained("starter/pump/alarm/e05", active=True), 30: retained("starter/pump/alarm/e05")},
+    ),
+    row(
+        "a further fault during a fault is an event of its own",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"], 12: "pump P014 = 42"},
+        then={
+            18: [
+                of("pump", "fault", data={"alarm": "e05"}),
+                of("pump", "alarm", severity="error", data={"alarm": "e42"}),
+            ]
+        },
+    ),
+    row(
+        "a fault whose starter is lost before its number is read is an event all the same",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, refuse_rows("pump", {14}, 6)], 5.8: fault("silent", "pump")},
+        then={20: of("pump", "fault", data={"from": "running"})},
+    ),
+    row(
+        "a fault that is over before its number is read is an event all the same",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 0"], 6.6: READY},
+        then={12: [of("pump", "fault"), of("pump", "cleared", data={"alarm": "fault"})]},
+    ),
+    row(
+        "the same fault in the run after next is an event again when another was between",
+        given=SSW07,
+        at={
+            0: [TRIPPED, "pump P014 = 5"],
+            8: ["end", "pump P014 = 7", "start"],
+            16: ["end", "pump P014 = 5", "start"],
+        },
+        then={24: seen("starter/pump/event", times=3, code="fault")},
+    ),
+]
+
+TRIPPED_BY = {
+    "pump": (SSW07, "E05"),
+    "fan": (SSW06, "E05"),
+    "mill": (SSW900, "F005"),
+    "belt": (SST, "COIL12"),
+}
+TRIPS += [
+    row(
+        f"the fault of a motor that was running is reset without starting it ({name})",
+        given=site + ALICE,
+        sim={name: QUICK},
+        at={
+            3: command(f"{name}/alice/configure" if name == "belt" else f"{name}/alice/stop"),
+            9: command(f"{name}/alice/start"),
+            20: f"{name} trip {number}",
+            26: command(f"{name}/alice/reset"),
+        },
+        then={
+            25: [
+                of(name, "fault", data={"from": "running", "before": ...}),
+                seen(f"starter/{name}/alarm/+", active=True, severity="fault"),
+            ],
+            50: [
+                result("reset confirmed ok"),
+                never(f"starter/{name}/state", since=26, running=True),
+                never(f"starter/{name}/state", since=45, state="fault"),
+                seen(f"starter/{name}/alarm/+", active=False),
+            ],
+        },
+    )
+    for name, (site, number) in TRIPPED_BY.items()
+]
+
+ALARMS = [
+    row(
+        "an SSW900's alarms come and go by their numbers, and trip nothing",
+        given=SSW900,
+        at={
+            0: "mill S5.1.1 = 0x0163",
+            4: ["mill S5.1.1 = 0x4163", "mill D2.1.1 = 5", "mill D2.1.2 = 66"],
+            10: "mill D2.1.2 = 0",
+            15: ["mill S5.1.1 = 0x0163", "mill D2.1.1 = 0"],
+        },
+        then={
+            8: [
+                msg("starter/mill/state", state="running", alarm=True),
+                msg("starter/mill/alarm/a005", active=True, severity="alarm", count=1, cleared=None),
+                msg("starter/mill/alarm/a066", active=True, severity="alarm"),
+                seen("starter/mill/event", times=2, code="alarm", severity="warning"),
+            ],
+            14: [
+                msg("starter/mill/alarm/a005", active=True),
+                msg("starter/mill/alarm/a066", active=False, cleared=...),
+                seen("starter/mill/event", times=1, code="cleared"),
+            ],
+            20: [msg("starter/mill/alarm/a005", active=False), no("mill", "fault")],
+        },
+    ),
+    row(
+        "an SSW-06's alarm bit is the alarm `alarm`",
+        given=SSW06,
+        at={4: "fan alarm", 10: "fan clear"},
+        then={
+            8: [msg("starter/fan/alarm/alarm", active=True, severity="alarm"), of("fan", "alarm")],
+            14: msg("starter/fan/alarm/alarm", active=False, count=1),
+        },
+    ),
+    row(
+        "an alarm of an SSW900 that trips later is an alarm and a fault",
+        given=SSW900,
+        at={
+            0: "mill S5.1.1 = 0x0163",
+            4: ["mill S5.1.1 = 0x4163", "mill D2.1.1 = 5"],
+            8: ["mill S5.1.1 = 0x8102", "mill D2.1.1 = 0", "mill D1.1.1 = 5"],
+        },
+        then={
+            12: [
+                msg("starter/mill/alarm/a005", active=False),
+                msg("starter/mill/alarm/f005", active=True),
+                of("mill", "fault", data={"alarm": "f005"}),
+            ]
+        },
+    ),
+    row(
+        "while a starter is away its alarms neither go nor come again",
+        given=SSW07,
+        at={0: [TRIPPED, "pump P014 = 5"], 5: fault("silent", "pump", for_s=30)},
+        then={
+            60: [
+                msg("starter/pump/alarm/e05", active=True, count=1),
+                of("pump", "fault"),
+                no("pump", "cleared"),
+            ]
+        },
+    ),
+    row(
+        "the number of the last fault is no alarm while there is no fault",
+        given=SSW07,
+        at={0: [READY, "pump P014 = 5"]},
+        then={5: [never("starter/pump/alarm/+"), never("starter/pump/event", code="fault")]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", MOTORS + TRIPS + ALARMS)
+def test_events(row: ScenarioRow) -> None:
+    play(row)

@@ -1,0 +1,299 @@
+"""Whether a starter answers, and how old its values then are; rows that it refuses."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+
+from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
+from tests.rig.rows import Expectation
+from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, starter
+from tests.scenarios.values.words import answers, refuse_rows
+
+PUMP = "starter/pump/"
+SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
+
+
+def _every_value_is(quality: str, name: str = "pump") -> Expectation:
+    def check(plant: RigPlant) -> str:
+        topics = {each.topic for each in plant.messages(f"starter/{name}/value/+")}
+        assert len(topics) > 5
+        newest = {topic: plant.messages(topic.removeprefix(plant.base + "/"))[-1].json for topic in topics}
+        read = [
+            topic for topic, body in newest.items() if body["time"] is not None
+        ]  # some are the gateway's own
+        return "\n".join(topic for topic in read if newest[topic]["quality"] != quality)
+
+    return check
+
+
+def _times_are_older_than(at_s: float) -> Expectation:
+    """The stale values have the time of their last reading."""
+
+    def check(plant: RigPlant) -> str:
+        stale = [each for each in plant.messages(PUMP + "value/+") if each.json["quality"] == "stale"]
+        late = [str(each) for each in stale if each.json["time"] > f"2026-11-21T00:00:{at_s:06.3f}Z"]
+        return "\n".join(late) if stale else "nothing is stale"
+
+    return check
+
+
+PRESENCE = [
+    row(
+        "a starter is offline until it answers, then online",
+        given=SSW07,
+        at={0: fault("silent", "pump", for_s=8)},
+        then={
+            7: [msg(PUMP + "availability", state="offline", retain=True), msg(PUMP + "state", quality="bad")],
+            30: msg(PUMP + "availability", state="online", reason=None),
+        },
+    ),
+    row(
+        "three lost replies are no loss of a starter",
+        given=SSW07,
+        at={5: fault("lose", "pump", count=3)},
+        then={
+            20: [
+                seen(PUMP + "availability", times=1, state="online"),
+                msg(PUMP + "state", state="ready", quality="good"),
+            ]
+        },
+    ),
+    row(
+        "after four misses it is offline, with event and reason, and every value stale with its own old time",
+        given=SSW07,
+        at={5: fault("silent", "pump")},
+        then={
+            20: [
+                msg(PUMP + "availability", state="offline", reason=...),
+                event("went_silent", PUMP + "event", severity="warning"),
+                msg(PUMP + "state", state="unknown", quality="stale"),
+                _every_value_is("stale"),
+                _times_are_older_than(5.1),
+                clean_line,
+            ]
+        },
+    ),
+    row(
+        "one that returns is online and good again, and says so once",
+        given=SSW07,
+        at={5: fault("silent", "pump", for_s=60)},
+        then={
+            125: [
+                msg(PUMP + "availability", state="online"),
+                msg(PUMP + "state", state="ready", quality="good"),
+                seen(PUMP + "event", times=1, code="answers_again"),
+                _every_value_is("good"),
+            ]
+        },
+    ),
+    row(
+        "one that is away is asked ever less often, but at least every 16 s",
+        given=SSW07,
+        at={5: fault("lose", "pump")},
+        then={
+            120: lambda plant: (
+                "" if 1.5 < _longest_gap(plant, since=60) <= 16.1 else f"{_longest_gap(plant, since=60)} s"
+            )
+        },
+    ),
+    row(
+        "one starter's loss is nobody else's",
+        given=FOUR,
+        at={5: fault("silent", "fan", for_s=60)},
+        then={
+            30: [
+                msg("starter/fan/availability", state="offline"),
+                *(msg(f"starter/{name}/availability", state="online") for name in ("pump", "mill", "belt")),
+                *(never(f"starter/{name}/state", quality="stale") for name in ("pump", "mill", "belt")),
+            ]
+        },
+    ),
+    row(
+        "corrupted replies make a starter offline, too, and nothing wrong is shown",
+        given=SSW07,
+        at={5: fault("garble", "pump", for_s=30)},
+        then={
+            25: msg(PUMP + "availability", state="offline"),
+            80: [
+                msg(PUMP + "availability", state="online"),
+                never(PUMP + "value/current", value=re.compile(".")),
+            ],
+        },
+    ),
+    row(
+        "a starter that loses its control supply is offline, and comes back",
+        given=SSW900,
+        at={5: "mill power off", 30: "mill power on"},
+        then={
+            25: msg("starter/mill/availability", state="offline"),
+            90: [msg("starter/mill/availability", state="online"), _every_value_is("good", "mill")],
+        },
+    ),
+    row(
+        "a line that is unplugged takes its starters offline, and brings them back",
+        given=SSW07,
+        at={5: "line pumps unplug", 30: "line pumps plug"},
+        then={
+            20: [event("port_away"), msg(PUMP + "availability", state="offline"), _every_value_is("stale")],
+            60: [event("port_open"), msg(PUMP + "availability", state="online"), _every_value_is("good")],
+        },
+    ),
+    row(
+        "a disabled starter is never asked",
+        given=SSW07 + starter("spare", 9, "ssw07", enabled=False),
+        then={
+            10: [
+                msg("starter/spare/availability", state="disabled"),
+                lambda plant: str(plant.starter("spare").asked or ""),
+            ]
+        },
+    ),
+    row(
+        "the end of the gateway makes its starters offline and its values stale",
+        given=SSW07,
+        at={5: "end"},
+        then={
+            5.5: [
+                msg(PUMP + "availability", state="offline", reason=re.compile("the gateway ended")),
+                msg(PUMP + "state", quality="stale"),
+                _every_value_is("stale"),
+                msg("gateway/status", state="offline"),
+            ]
+        },
+    ),
+]
+
+
+def _every(count: int, reply: bytes | None = None) -> Callable[[bytes], bytes | None]:
+    """Answer every so many requests by this, or not at all."""
+    asked = itertools.count(1)
+    return lambda _: reply if next(asked) % count == 0 else b""
+
+
+def _longest_gap(plant: RigPlant, *, since: float, name: str = "pump") -> float:
+    """Return the longest time between two requests that reached the starter."""
+    times = [at_s for at_s, _ in plant.starter(name).asked if at_s >= since]
+    return max(later - sooner for sooner, later in pairwise(times))
+
+
+REFUSALS = [
+    *(
+        row(
+            f"a row that is refused with exception {code} leaves the others of its block good",
+            given=SSW07,
+            at={5: refuse_rows("pump", {3}, code)},
+            then={
+                120: [
+                    msg(PUMP + "value/current", value=None, quality="bad"),
+                    msg(PUMP + "value/current_pct", quality="good"),
+                    msg(PUMP + "value/fault_code", quality="good"),
+                    msg(PUMP + "state", state="ready", quality="good"),
+                ]
+            },
+        )
+        for code in (1, 2, 3)
+    ),
+    row(
+        "a row that was refused is asked again after an hour",
+        given=SSW07.replace("every_s = 1.0", "every_s = 20.0"),
+        at={5: refuse_rows("pump", {3}, for_s=900)},
+        then={
+            3000: msg(PUMP + "value/current", quality="bad"),
+            5500: msg(PUMP + "value/current", quality="good"),
+        },
+    ),
+    *(
+        row(
+            f"exception {code} gives no row up",
+            given=SSW07,
+            at={5: refuse_rows("pump", {3}, code, for_s=60)},
+            then={100: msg(PUMP + "value/current", quality="good")},
+        )
+        for code in (5, 6, 10)
+    ),
+    row(
+        "a single refusal changes nothing",
+        given=SSW07,
+        at={5: fault("refuse", "pump", 2, for_s=0.2)},
+        then={20: [_every_value_is("good"), never(PUMP + "availability", state="degraded")]},
+    ),
+    *(
+        row(
+            f"a starter whose status is refused is degraded, and asked at least every 5 s ({name})",
+            given=SITES[name],
+            at={5: refuse_rows(name, {register}, code, for_s=60)},
+            then={
+                50: [
+                    msg(f"starter/{name}/availability", state="degraded", reason=re.compile("refused")),
+                    event("degraded", f"starter/{name}/event", severity="warning"),
+                    msg(f"starter/{name}/state", state="unknown"),
+                    lambda plant, name=name: (
+                        "" if _longest_gap(plant, since=20, name=name) <= 5.1 else "asked too seldom"
+                    ),
+                ],
+                90: [
+                    msg(f"starter/{name}/availability", state="online"),
+                    event("recovered", f"starter/{name}/event"),
+                    msg(f"starter/{name}/state", quality="good", running=False),
+                ],
+            },
+        )
+        for name, register, code in (("pump", 5001, 2), ("fan", 5001, 1), ("mill", 680, 3), ("belt", 19, 2))
+    ),
+    row(
+        "a starter of whose replies every tenth is lost is degraded, and says why",
+        given=SSW07,
+        at={3: answers("pump", _every(10))},
+        then={
+            300: [
+                msg(PUMP + "availability", state="degraded", reason=re.compile("had no right reply")),
+                never(PUMP + "availability", since=5, state="offline"),
+            ]
+        },
+    ),
+    row(
+        "a refusal now and then costs no poll and no value",
+        given=SSW07,
+        at={3: answers("pump", _every(20, b"\x83\x02"), for_s=200)},
+        then={
+            600: [
+                never(PUMP + "availability", since=5, state="degraded"),
+                msg(PUMP + "state", quality="good"),
+            ],
+            280: _every_value_is("good"),
+        },
+    ),
+    row(
+        "an SSW900 whose fault number is refused is degraded, its status good",
+        given=SSW900,
+        at={5: refuse_rows("mill", {90})},
+        then={
+            60: [
+                msg("starter/mill/availability", state="degraded"),
+                msg("starter/mill/state", state="ready", quality="good", running=False),
+            ]
+        },
+    ),
+    row(
+        "an SST that refuses its slow rows shows the others",
+        given=SST,
+        at={0: refuse_rows("belt", {41, 42})},
+        then={
+            60: [
+                msg("starter/belt/value/r41", quality="bad"),
+                msg("starter/belt/value/r42", quality="bad"),
+                msg("starter/belt/value/current", quality="good"),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", PRESENCE + REFUSALS)
+def test_presence(row: ScenarioRow) -> None:
+    play(row)

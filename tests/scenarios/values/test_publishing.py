@@ -1,0 +1,187 @@
+"""When a value, a state and what a starter is are published: by exception, and again after a while."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from tests.rig import RigPlant, ScenarioRow, act, msg, never, play, row, seen
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, SST, SSW06, SSW07, SSW900, starter, table
+
+CURRENT = "starter/pump/value/current"
+FAST = SSW07.replace("every_s = 1.0", "every_s = 0.1")
+
+
+def _rising(plant: RigPlant) -> None:
+    """A current that rises by 5 A each 0.1 s."""
+    for step in range(50):
+        plant.run(until=5.0 + step / 10)
+        act(plant, f"pump P003 = {400 + 50 * step}")
+
+
+def _apart(topic: str, at_least_s: float, *, since: float, most_s: float = 1e9) -> Expectation:
+    """The messages of a topic are so far apart, and there are several."""
+
+    def check(plant: RigPlant) -> str:
+        times = [each.at_s for each in plant.messages(topic, since)]
+        gaps = [later - sooner for sooner, later in pairwise(times)]
+        is_so = bool(gaps) and min(gaps) >= at_least_s - 0.001 and max(gaps) <= most_s
+        return "" if is_so else f"{topic}: {gaps}"
+
+    return check
+
+
+def _every_number_is_new(plant: RigPlant) -> str:
+    """The same topic never has a `seq` twice."""
+    pairs = [(each.topic, each.json["seq"]) for each in plant.messages("starter/pump/value/+")]
+    return "" if len(pairs) == len(set(pairs)) else "a number was used twice"
+
+
+EXCEPTION = [
+    row(
+        "a change below the deadband is not published",
+        given=SSW07,
+        at={0: "pump P003 = 400", 5: "pump P003 = 404"},
+        then={
+            20: [msg(CURRENT, value=40.0), never(CURRENT, value=40.4), seen(CURRENT, times=1, quality="good")]
+        },
+    ),
+    row(
+        "a larger change is published",
+        given=SSW07,
+        at={0: "pump P003 = 400", 5: "pump P003 = 406"},
+        then={20: [msg(CURRENT, value=40.6), seen(CURRENT, times=2, quality="good")]},
+    ),
+    row(
+        "small changes add up: the deadband counts from what was published",
+        given=SSW07,
+        at={0: "pump P003 = 400", 5: "pump P003 = 403", 10: "pump P003 = 406"},
+        then={20: msg(CURRENT, value=40.6)},
+    ),
+    row(
+        "a value without a deadband is published with each change",
+        given=SSW07,
+        at={0: "pump P014 = 5", 5: "pump P014 = 6"},
+        then={12: [msg("starter/pump/value/fault_code", value=6)]},
+    ),
+    row(
+        "a value that changes all the time is published every 0.25 s at the soonest",
+        given=FAST,
+        at={4: "pump VB01 = 0x410B", 5: _rising},
+        then={10.5: _apart(CURRENT, 0.25, since=5.2, most_s=0.6)},
+    ),
+    row(
+        "what has not changed is published again after 300 s",
+        given=SSW07,
+        then={
+            299: seen(CURRENT, times=1, quality="good"),
+            320: seen(CURRENT, times=2, quality="good", value=0.0),
+        },
+    ),
+    row(
+        "`mqtt.refresh_s` sets how soon",
+        given=table("mqtt", url="mqtt://127.0.0.1", refresh_s=20.0) + SSW07,
+        then={70: _apart(CURRENT, 19.7, since=0.1, most_s=20.3)},
+    ),
+    row(
+        "the state is published every 30 s",
+        given=SSW07,
+        then={125: _apart("starter/pump/state", 29.7, since=0.23, most_s=30.0)},
+    ),
+    row(
+        "a new state is published at once, its booleans with it",
+        given=SSW07,
+        at={5: "pump VB01 = 0x5123", 6.2: "pump VB01 = 0x4102"},
+        then={
+            6.2: msg("starter/pump/state", state="running", bypass_closed=True),
+            7.4: [
+                msg("starter/pump/state", state="ready"),
+                _apart("starter/pump/state", 1.0, since=5, most_s=1.3),
+            ],
+        },
+    ),
+    row(
+        "no number names two messages of a topic",
+        given=SSW07,
+        at={5: "pump VB01 = 0x5123", 8: "pump VB01 = 0x4102"},
+        then={320: _every_number_is_new},
+    ),
+    row(
+        "an SST's points have deadbands of their own",
+        given=SST,
+        at={
+            0: ["belt R18 = 400", "belt R20 = 300"],
+            5: ["belt R18 = 401", "belt R20 = 304"],
+            10: "belt R18 = 403",
+        },
+        then={
+            15: [
+                msg("starter/belt/value/line_voltage", value=403),
+                never("starter/belt/value/line_voltage", value=401),
+                msg("starter/belt/value/r20", value=300),
+            ]
+        },
+    ),
+    row(
+        "each connection has every value again",
+        given=SSW07,
+        at={10: "broker drops"},
+        then={15: [seen(CURRENT, since=10.0, quality="good"), seen("starter/pump/state", since=10.0)]},
+    ),
+]
+
+INFO = [
+    row(
+        "info says what a starter is, and which points and commands it has",
+        given=SSW07 + ALICE,
+        sim={"pump": {"model": "SSW-07 85A"}},
+        then={
+            5: msg(
+                "starter/pump/info",
+                retain=True,
+                family="ssw07",
+                model="SSW-07 85.0A",
+                firmware="1.40",
+                rated_current_a=85.0,
+                line="pumps",
+                address=1,
+                points={
+                    "current": {"code": "P003", "unit": "A", "type": "float", "deadband": 0.5},
+                    "running": {"type": "boolean"},
+                    "p006": {"type": "enum", "enum": {"5": "PASS (bypass)"}},
+                },
+            )
+        },
+    ),
+    row(
+        "an SSW-06's info has its size, an SSW900's the slot of its accessory, an SST's its serial number",
+        given=SSW06 + starter("mill", 3, "ssw900") + starter("belt", 4, "sst"),
+        sim={"fan": {"model": "SSW-06 312A"}, "mill": {"slot": 2}},
+        then={
+            8: [
+                msg("starter/fan/info", family="ssw06", rated_current_a=312.0),
+                msg("starter/mill/info", family="ssw900", slot=2),
+                msg("starter/belt/info", family="sst", serial=...),
+            ]
+        },
+    ),
+    row(
+        "info lists the verbs that a family has",
+        given=SSW900 + ALICE,
+        then={
+            5: lambda plant: (
+                ""
+                if {"start", "stop", "reset", "set", "read", "jog"}
+                <= set(plant.last("starter/mill/info")["commands"])
+                else str(plant.last("starter/mill/info")["commands"])
+            )
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", EXCEPTION + INFO)
+def test_publishing(row: ScenarioRow) -> None:
+    play(row)

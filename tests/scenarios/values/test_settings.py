@@ -1,0 +1,264 @@
+"""A starter's settings: watchdogs read at first contact, changes at the keypad, readiness, the baseline."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.rig import RigPlant, ScenarioRow, command, event, msg, never, play, result, row, seen
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
+from tests.scenarios.values.words import answers, nothing_written, refuse_rows
+
+EVENTS = "starter/pump/event"
+
+
+def _watchdogs(name: str, **expected: float) -> Expectation:
+    """The newest `readiness` tells these watchdogs, by parameter, in seconds."""
+
+    def check(plant: RigPlant) -> str:
+        newest = [
+            each.json for each in plant.messages(f"starter/{name}/event") if each.json["code"] == "readiness"
+        ][-1]
+        found = {each["parameter"]: each["after_s"] for each in newest["data"]["watchdogs"]}
+        return "" if found == expected else str(found)
+
+    return check
+
+
+def _readiness(name: str, *, times: int) -> Expectation:
+    return seen(f"starter/{name}/event", times=times, code="readiness", data={"would_refuse_start": ...})
+
+
+def _asked_seldom(name: str, request: bytes, *, since: float) -> Expectation:
+    def check(plant: RigPlant) -> str:
+        asked = [at_s for at_s, pdu in plant.starter(name).asked if at_s > since and pdu.startswith(request)]
+        return "" if len(asked) < 4 else str(asked)
+
+    return check
+
+
+def _loses_settings(pdu: bytes) -> bytes | None:
+    """P313 and P314 are not answered."""
+    return None if pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") in (312, 313, 314) else b""
+
+
+SITES = (
+    ("ssw07", "pump", SSW07),
+    ("ssw06", "fan", SSW06),
+    ("ssw900", "mill", SSW900),
+    ("sst", "belt", SST),
+)
+ROWS = [
+    row(
+        "an SSW-07's watchdog is read at first contact, and counts for the line",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 5, 313: 2}}},
+        then={
+            3: [_watchdogs("pump", P314=5.0)],
+            35: lambda plant: (
+                "" if plant.last("gateway/line/pumps")["watchdogs"]["longest_share"] > 0 else "not counted"
+            ),
+        },
+    ),
+    row(
+        "an SSW900's watchdog is read at first contact",
+        given=SSW900,
+        sim={"mill": {"settings": {740: 1, 734: 80}}},
+        then={3: _watchdogs("mill", **{"C8.2.5.3": 8.0})},
+    ),
+    row(
+        "an SST's two watchdogs are read at first contact",
+        given=SST,
+        at={0: ["belt R41 = 30", "belt R42 = 60"]},
+        then={5: _watchdogs("belt", R41=30.0, R42=60.0)},
+    ),
+    row(
+        "a starter is asked in time for its watchdog, however long its period is",
+        given=SSW07.replace("every_s = 1.0", "every_s = 60.0"),
+        sim={"pump": {"settings": {314: 2, 313: 2}}},
+        then={300: [msg("starter/pump/state", state="ready"), never("starter/pump/event", code="fault")]},
+    ),
+    row(
+        "a starter that does not take its commands from the line is told with its remedy",
+        given=SSW07,
+        sim={"pump": {"settings": {230: 0}}},
+        then={
+            10: event(
+                "readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}
+            ),
+        },
+    ),
+    row(
+        "one that is ready says so",
+        given=SSW07,
+        then={10: event("readiness", EVENTS, severity="info", data={"would_refuse_start": False})},
+    ),
+    row(
+        "a setting that was changed at the keypad is found by the patrol",
+        given=SSW07,
+        at={55: "pump P314 = 30"},
+        then={
+            54: never(EVENTS, code="parameter_changed"),
+            500: seen(
+                EVENTS,
+                times=1,
+                code="parameter_changed",
+                severity="warning",
+                data={
+                    "parameter": "P314",
+                    "before": {"value": 0.0, "unit": "s", "raw": [0], "label": "off"},
+                    "after": {"value": 30.0, "unit": "s", "raw": [30]},
+                },
+            ),
+        },
+    ),
+    row(
+        "a setting that the gateway itself has changed is no event",
+        given=SSW07 + ALICE,
+        at={10: command("pump/alice/set", args={"parameter": "P314", "value": 30})},
+        then={400: [result("set confirmed ok"), never(EVENTS, code="parameter_changed")]},
+    ),
+    row(
+        "what was changed between two runs is an event of the next",
+        given=SSW07,
+        at={300: "end", 300.5: ["pump P314 = 77", "start"]},
+        then={340: event("parameter_changed", EVENTS, data={"parameter": "P314", "after": {"value": 77}})},
+    ),
+    row(
+        "a patrol hurts no poll: the status comes every second",
+        given=SSW06,
+        then={
+            120: lambda plant: (
+                ""
+                if len(
+                    [
+                        pdu
+                        for at_s, pdu in plant.starter("fan").asked
+                        if pdu[:3] == b"\x03\x13\x89" and at_s > 20
+                    ]
+                )
+                >= 98
+                else "too few"
+            )
+        },
+    ),
+    row(
+        "an operator may choose the last good start as the baseline",
+        given=SSW07 + ALICE,
+        at={5: command("pump/alice/start"), 60: command("pump/alice/baseline")},
+        then={
+            59: msg("starter/pump/start", outcome="full_voltage", is_baseline=True),
+            65: [msg("result/pump/alice", verb="baseline", phase="confirmed", start=...)],
+        },
+    ),
+    row(
+        "without a start there is no baseline",
+        given=SSW07 + ALICE,
+        at={5: command("pump/alice/baseline")},
+        then={8: result("baseline rejected no_start")},
+    ),
+    row(
+        "a start's record says who gave it, how long it took and how far it came",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={5: command("pump/alice/start", id="mine")},
+        then={
+            30: msg(
+                "starter/pump/start",
+                outcome="full_voltage",
+                cause={"source": "command", "client": "alice", "command_id": "mine"},
+                acceleration_s=pytest.approx(0.8, abs=0.5),
+                samples={"t_s": ..., "current": ...},
+            )
+        },
+    ),
+    row(
+        "the record of a trip has what was read before it",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={5: command("pump/alice/start"), 15: "pump trip E66"},
+        then={
+            60: msg(
+                "starter/pump/trip",
+                code="e66",
+                state_before="running",
+                text=re.compile("overcurrent"),
+                readings={"t_s": ..., "points": ...},
+                at_fault=...,
+                fault_history=...,
+            )
+        },
+    ),
+    *(
+        row(
+            f"an {family} says once whether it is ready, and nothing is written for that",
+            given=site,
+            then={
+                60: [
+                    _readiness(name, times=1),
+                    nothing_written(name),
+                ]
+            },
+        )
+        for family, name, site in SITES
+    ),
+    *(
+        row(
+            f"a watchdog that is set at an {family} is an event, and its readiness is looked at again",
+            given=site,
+            at={60: f"{name} {code} = 70"},
+            then={
+                500: [
+                    seen(
+                        f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}
+                    ),
+                    _readiness(name, times=2),
+                ]
+            },
+        )
+        for family, name, site, code in (
+            ("ssw07", "pump", SSW07, "P314"),
+            ("ssw06", "fan", SSW06, "P314"),
+            ("ssw900", "mill", SSW900, "C8.2.5.3"),
+        )
+    ),
+    row(
+        "a starter that comes back as it was says nothing new of its readiness",
+        given=SSW07,
+        at={10: "pump power off", 40: "pump power on"},
+        then={
+            120: [_readiness("pump", times=1), seen("starter/pump/availability", since=40, state="online")]
+        },
+    ),
+    row(
+        "a readiness that could not be read is looked at again",
+        given=SSW07,
+        at={0: answers("pump", _loses_settings, for_s=40)},
+        then={39: _readiness("pump", times=0), 300: _readiness("pump", times=1)},
+    ),
+    row(
+        "the patrol leaves a silent starter alone, and finds what was changed meanwhile",
+        given=SSW07,
+        at={30: "pump power off", 90: ["pump P314 = 7", "pump power on"]},
+        then={500: seen(EVENTS, times=1, code="parameter_changed", data={"parameter": "P314"})},
+    ),
+    row(
+        "the patrol does not ask for ever for a row that is refused",
+        given=SSW07,
+        at={0: refuse_rows("pump", {277, 278})},
+        then={900: _asked_seldom("pump", b"\x03\x01\x15", since=100)},
+    ),
+    row(
+        "nothing is written to a starter without a command, whatever happens to the line",
+        given=FOUR,
+        at={60: "line pumps unplug", 70: "line pumps plug", 120: "restart"},
+        then={150: lambda plant: "".join(nothing_written(name)(plant) for _, name, _ in SITES)},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_settings(row: ScenarioRow) -> None:
+    play(row)

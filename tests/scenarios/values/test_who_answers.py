@@ -1,0 +1,340 @@
+"""Which device answers: another family, another device of the family, one in the place of another."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    ScenarioRow,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    result,
+    row,
+    seen,
+)
+from tests.rig.rows import Action
+from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.scenarios.values.words import is_silent_to_fc43, names_itself, nothing_written
+
+SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
+
+
+def swap(name: str, family: str, **options: Any) -> Action:
+    return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family, **options))
+
+
+def _wrong_from_the_start(configured: str, there: str) -> Any:
+    name, site = SITES[configured]
+    return row(
+        f"an {there} where an {configured} is configured is named, its values are bad, it gets no start",
+        given=site + ALICE,
+        sim={name: {"family": there}},
+        at={45: command(f"{name}/alice/start")},
+        then={
+            44: [
+                event("identity_mismatch", f"starter/{name}/event", severity="error"),
+                msg(f"starter/{name}/state", state="unknown", quality="bad", reason=...),
+                never(f"starter/{name}/value/current", quality="good"),
+                never(f"starter/{name}/value/running", quality="good"),
+            ],
+            50: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
+        },
+    )
+
+
+def _swapped(configured: str, there: str) -> Any:
+    name, site = SITES[configured]
+    return row(
+        f"an {there} after a silence in the place of an {configured} is named; the right one is good again",
+        given=site + ALICE,
+        at={
+            8: fault("silent", name),
+            20: [swap(name, there), fault("heal", name)],
+            155: command(f"{name}/alice/start"),
+            160: fault("silent", name),
+            175: [swap(name, configured), fault("heal", name)],
+        },
+        then={
+            154: [
+                event("identity_mismatch", f"starter/{name}/event", severity="error"),
+                msg(f"starter/{name}/state", state="unknown"),
+                never(f"starter/{name}/value/current", since=20, quality="good"),
+            ],
+            159: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
+            250: [
+                msg(f"starter/{name}/state", quality="good"),
+                msg(f"starter/{name}/value/running", value=False, quality="good"),
+                seen(f"starter/{name}/event", times=1, code="identity_mismatch"),
+            ],
+        },
+    )
+
+
+def _swapped_at_once(configured: str, there: str) -> ScenarioRow:
+    name, site = SITES[configured]
+    start = command(f"{name}/alice/start")
+    return row(
+        f"an {there} in the place of an {configured}, without a silence between, gets no start",
+        given=site + ALICE,
+        at={8: [swap(name, there), start], 30: start},
+        then={
+            45: [
+                never("result/+/alice", phase="written"),
+                seen("result/+/alice", times=2, phase=re.compile("rejected|failed")),
+                nothing_written(name),
+            ]
+        },
+    )
+
+
+def _another_of_its_family(family: str, ours: dict[str, Any], its: dict[str, Any], field: str) -> ScenarioRow:
+    name, site = SITES[family]
+    return row(
+        f"another {family} than in the run before is known by its {field}: commands wait for `accept`",
+        given=site + ALICE,
+        sim={name: ours},
+        at={8: ["end", swap(name, family, **its), "start"], 20: command(f"{name}/alice/start")},
+        then={
+            19: seen(
+                f"starter/{name}/event",
+                times=1,
+                code="identity_changed",
+                severity="error",
+                text=re.compile(f"{field} was"),
+                data={"known": {field: ...}, "seen": {field: ...}},
+            ),
+            25: [result("start rejected identity_changed"), nothing_written(name)],
+        },
+    )
+
+
+def _without_fc43(family: str, habit: Action, said: str) -> ScenarioRow:
+    name, site = SITES[family]
+    return row(
+        f"an {family} that {said} is read all the same",
+        given=site,
+        at={0: habit},
+        then={
+            15: [
+                msg(f"starter/{name}/state", quality="good"),
+                never(f"starter/{name}/event", code="identity_mismatch"),
+            ]
+        },
+    )
+
+
+OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
+    ("ssw06", {"model": "SSW-06 85A"}, {"model": "SSW-06 130A"}, "rated_current"),
+    ("ssw07", {"firmware": "1.60"}, {"firmware": "1.70"}, "firmware"),
+    ("ssw07", {"model": "SSW-07 85A"}, {"model": "SSW-07 130A"}, "model"),
+    ("ssw900", {"serial_number": 1}, {"serial_number": 2}, "serial"),
+    ("ssw900", {"rated_current_a": 105.0}, {"rated_current_a": 950.0}, "rated_current"),
+    ("ssw900", {"firmware": "1.20"}, {"firmware": "1.30"}, "firmware"),
+    ("sst", {"serial_number": 1}, {"serial_number": 2}, "serial"),
+]
+PAIRS = [(one, other) for one in SITES for other in SITES if one != other]
+ROWS = [
+    *(_wrong_from_the_start(*pair) for pair in PAIRS),
+    *(_swapped(*pair) for pair in PAIRS),
+    *(_swapped_at_once(*pair) for pair in PAIRS),
+    *(_another_of_its_family(*each) for each in OTHERS),
+    *(_without_fc43(each, is_silent_to_fc43(SITES[each][0]), "does not answer FC43") for each in SITES),
+    *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
+    *(
+        row(
+            f"an {family} that names itself as no known starter is none, whatever its registers say",
+            given=SITES[family][1],
+            at={0: names_itself(SITES[family][0], "CFW-11")},
+            then={
+                30: [
+                    msg(f"starter/{SITES[family][0]}/state", state="unknown", reason=re.compile("CFW-11")),
+                    never("starter/+/value/+", quality="good", unit="A"),
+                ]
+            },
+        )
+        for family in ("ssw06", "ssw07")
+    ),
+    row(
+        "an SSW900 is known by its slots, whatever it calls itself",
+        given=SSW900,
+        at={0: names_itself("mill", "CFW-11")},
+        then={10: msg("starter/mill/state", state="ready", quality="good")},
+    ),
+    row(
+        "an SSW-06 in an SSW-07's place that says its name only after a while is one event",
+        given=SSW07,
+        sim={"pump": {"family": "ssw06"}},
+        at={0: is_silent_to_fc43("pump", for_s=12.0)},
+        then={
+            80: [
+                seen("starter/pump/event", times=1, code="identity_mismatch"),
+                never("starter/pump/value/+", quality="good", unit="A"),
+            ]
+        },
+    ),
+    row(
+        "a stop goes to a device of another family, too",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw06"}},
+        at={40: command("pump/alice/stop")},
+        then={55: lambda plant: "" if plant.starter("pump").writes else "nothing was written"},
+    ),
+    row(
+        "another device of the same family is named after a silence; commands wait for `accept`",
+        given=SST + ALICE,
+        sim={"belt": {"seed": 4, **QUICK}},
+        at={
+            8: fault("silent", "belt"),
+            20: [swap("belt", "sst", seed=77, **QUICK), fault("heal", "belt")],
+            60: command("belt/alice/start"),
+            63: command("belt/alice/accept"),
+        },
+        then={
+            59: [
+                event("identity_changed", "starter/belt/event", severity="error"),
+                msg("starter/belt/value/current", quality="good"),
+            ],
+            62: [result("start rejected identity_changed"), nothing_written("belt")],
+            70: [event("identity_accepted", "starter/belt/event"), result("accept confirmed ok")],
+        },
+    ),
+    row(
+        "what was accepted is known to the next run",
+        given=SSW07 + ALICE,
+        sim={"pump": {"firmware": "1.60"}},
+        at={
+            8: ["end", swap("pump", "ssw07", firmware="1.70"), "start"],
+            20: command("pump/alice/accept"),
+            25: "restart",
+        },
+        then={
+            24: [
+                seen("audit", verb="accept", before={"firmware": "1.60"}, after={"firmware": "1.70"}),
+                event("identity_accepted", "starter/pump/event"),
+            ],
+            40: seen("starter/pump/event", times=1, code="identity_changed"),
+        },
+    ),
+    row(
+        "the right one that comes back needs no `accept`",
+        given=SSW07 + ALICE,
+        sim={"pump": {"firmware": "1.60", **QUICK}},
+        at={
+            8: ["end", swap("pump", "ssw07", firmware="1.70", **QUICK), "start"],
+            20: ["end", swap("pump", "ssw07", firmware="1.60", **QUICK), "start"],
+            30: command("pump/alice/accept"),
+            32: command("pump/alice/start"),
+        },
+        then={31: result("accept rejected nothing_to_accept"), 40: result("start confirmed ok")},
+    ),
+    row(
+        "`accept` takes no arguments",
+        given=SSW07 + ALICE,
+        sim={"pump": {"firmware": "1.60"}},
+        at={
+            8: ["end", swap("pump", "ssw07", firmware="1.70"), "start"],
+            20: command("pump/alice/accept", args={"parameter": "P220"}),
+        },
+        then={24: result("accept rejected bad_arguments")},
+    ),
+    row(
+        "another device of the family than before can always be stopped, and its values are good",
+        given=SSW07 + ALICE,
+        sim={"pump": {"firmware": "1.60"}},
+        at={
+            8: ["end", swap("pump", "ssw07", firmware="1.70", **QUICK), "start"],
+            20: command("pump/alice/stop"),
+        },
+        then={26: [result("stop confirmed ok"), msg("starter/pump/value/current", quality="good")]},
+    ),
+    row(
+        "a device of another family can be read raw, and says why its values mean nothing",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw06"}},
+        at={20: command("pump/alice/read", args={"parameter": "P003"})},
+        then={
+            25: [
+                msg(
+                    "result/+/alice",
+                    verb="read",
+                    phase="confirmed",
+                    value=None,
+                    raw=[0],
+                    reason=re.compile("not ssw07"),
+                ),
+                msg("starter/pump/availability", state="degraded", reason=re.compile("it is ssw06")),
+            ]
+        },
+    ),
+    row(
+        "a start that a stop follows while it is asked who answers never goes out",
+        given=SSW07 + ALICE,
+        at={8: command("pump/alice/start"), 8.02: command("pump/alice/stop")},
+        then={
+            20: [
+                seen("result/+/alice", verb="start", code="stopped_first"),
+                seen("result/+/alice", verb="stop", phase="confirmed"),
+                never("starter/pump/event", code="started"),
+            ]
+        },
+    ),
+    row(
+        "the same device after a silence is nothing to be told",
+        given=SST,
+        at={8: fault("silent", "belt", for_s=20)},
+        then={
+            80: [
+                never("starter/belt/event", code="identity_changed"),
+                msg("starter/belt/state", quality="good"),
+            ]
+        },
+    ),
+    row(
+        "an SSW-06 of another size than configured holds commands",
+        given=SSW06.replace('family = "ssw06"', 'family = "ssw06"\nmodel = "SSW-06 820A"') + ALICE,
+        sim={"fan": {"model": "SSW-06 312A"}},
+        at={20: command("fan/alice/start")},
+        then={
+            25: [
+                event("identity_changed", "starter/fan/event"),
+                result("start rejected identity_changed"),
+                frames("fan"),
+            ]
+        },
+    ),
+    row(
+        "an accessory in the other slot than configured holds commands",
+        given=SSW900.replace('family = "ssw900"', 'family = "ssw900"\nslot = 1') + ALICE,
+        sim={"mill": {"slot": 2}},
+        at={20: command("mill/alice/start")},
+        then={
+            25: [
+                event("slot_mismatch", "starter/mill/event", severity="error"),
+                result("start rejected slot_mismatch"),
+                frames("mill"),
+            ]
+        },
+    ),
+    row(
+        "no value is good before it is known who answers",
+        given=SSW07,
+        at={0: fault("refuse", "pump", 1, (43,))},
+        then={
+            0.2: never("starter/pump/value/current", quality="good"),
+            10: msg("starter/pump/state", quality="good"),
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_who_answers(row: ScenarioRow) -> None:
+    play(row)

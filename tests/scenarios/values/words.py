@@ -1,0 +1,53 @@
+"""What the tables of this folder share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from tests.rig import RigPlant
+from tests.rig.rows import Action, Expectation
+
+
+def refuse_rows(name: str, addresses: Iterable[int], code: int = 2, *, for_s: float | None = None) -> Action:
+    """Have a starter refuse each read that has one of these registers in it, with an exception code."""
+
+    def refused(pdu: bytes) -> bytes | None:
+        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        is_meant = pdu[0] in (3, 4) and any(first <= each < first + count for each in addresses)
+        return bytes((pdu[0] | 0x80, code)) if is_meant else b""
+
+    return answers(name, refused, for_s=for_s)
+
+
+def answers(name: str, habit: Callable[[bytes], bytes | None], *, for_s: float | None = None) -> Action:
+    """Have a starter answer requests in another way; `habit` returns nothing (b"") for its own answer."""
+
+    def change(plant: RigPlant) -> None:
+        starter = plant.starter(name)
+        own = starter._own
+        end_s = plant.world.now_s() + (for_s if for_s is not None else 1e9)
+
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            said = habit(pdu) if plant.world.now_s() < end_s else b""
+            return own(pdu, now_s) if said == b"" else said
+
+        starter._own = handle
+
+    return change
+
+
+def names_itself(name: str, product: str) -> Action:
+    """Have a device say another product's name when it is asked for its identification (FC43)."""
+    texts = (b"ACME", product.encode(), b"V1.00")
+    objects = b"".join(bytes((number, len(text))) + text for number, text in enumerate(texts))
+    reply = bytes.fromhex("2b 0e 01 81 00 00 03") + objects
+    return answers(name, lambda pdu: reply if pdu[0] == 0x2B else b"")
+
+
+def is_silent_to_fc43(name: str, *, for_s: float | None = None) -> Action:
+    return answers(name, lambda pdu: None if pdu[0] == 0x2B else b"", for_s=for_s)
+
+
+def nothing_written(name: str) -> Expectation:
+    """Nothing was written to the device that is there now."""
+    return lambda plant: str(plant.starter(name).writes or "")

@@ -1,0 +1,116 @@
+"""What all simulated starters have in common: models, broken requests, time in leaps and at any moment."""
+
+from __future__ import annotations
+
+import random
+import time
+
+import pytest
+
+from gateway.families.profile.load import FAMILIES
+from gateway.sim.factory import make_unit
+from tests.sim.script import play, step
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_broken_request_gets_an_exception_and_never_harms(family: str) -> None:
+    unit = make_unit(family, 5)
+
+    for function in range(256):
+        for tail in (b"", b"\0", b"\xff\xff\xff\xff"):
+            reply = unit.handle(bytes((function,)) + tail, 0.0)
+            assert reply is not None
+            assert reply[0] & 0x80
+
+    assert not unit.starts
+    assert unit.handle(b"", 0.0) == bytes((0x80, 1))
+
+
+def test_an_unknown_family_or_model_is_refused() -> None:
+    with pytest.raises(ValueError, match="ssw06, ssw07, ssw900, sst"):
+        make_unit("abb", 1)
+    with pytest.raises(ValueError, match="SST330i"):
+        make_unit("sst", 1, model="SST999")
+
+
+def test_a_unit_can_be_handled_without_a_clock() -> None:
+    unit = make_unit("ssw07", 1)
+    unit.trip(5)
+
+    assert unit.trips[0].at_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("family", "model", "current_a"),
+    [
+        ("ssw07", "SSW-07 45.0A", 45.0),
+        ("ssw07", "SSW-07", 85.0),
+        ("ssw06", "SSW-06 820 A", 820.0),
+        ("ssw06", "1100A", 1100.0),
+        ("ssw900", "SSW900", 105.0),
+        ("ssw900", "412", 412.0),
+    ],
+)
+def test_the_rated_current_is_taken_from_the_model_where_it_says_one(
+    family: str, model: str, current_a: float
+) -> None:
+    assert make_unit(family, 1, model=model).motor.data.rated_current_a == current_a
+
+
+def test_timers_act_at_their_times_in_order_even_in_one_leap_and_may_set_others() -> None:
+    talk = play("ssw07", "1 s")
+    seen: list[tuple[str, float]] = []
+
+    def act(name: str) -> None:
+        seen.append((name, talk.unit.now_s))
+        if name == "soon":
+            talk.unit._at("then", 3.0, lambda: act("then"))
+
+    talk.unit._at("late", 7.0, lambda: act("late"))
+    talk.unit._at("soon", 2.0, lambda: act("soon"))
+    talk.wait(10.0)
+
+    assert seen == [("soon", 2.0), ("then", 3.0), ("late", 7.0)]
+    talk.unit.advance(3.0)
+    assert talk.unit.now_s == 11.0  # it never goes back
+
+
+@pytest.mark.parametrize(("family", "place", "words"), [("ssw07", 3, 1), ("ssw900", 24, 2)])
+def test_the_current_is_that_of_the_motor(family: str, place: int, words: int) -> None:
+    talk = play(family, "run; 10 s")
+    reply = talk.unit.handle(bytes((3, 0, place, 0, words)), talk.now_s) or b""
+
+    assert int.from_bytes(reply[2:4]) == pytest.approx(talk.unit.motor.current_a * 10, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_an_sst130i_that_is_started_again_starts_once_its_capacitor_is_discharged(seed: int) -> None:
+    dice = random.Random(seed)
+    talk = play("sst", f"given model='SST130i-140'; {dice.uniform(0.0, 1e6)} s; start")
+    talk.wait(dice.uniform(0.5, 5.0))
+    step(talk, "stop")
+    talk.wait(dice.uniform(0.0, 3.0))
+    ends_by_s = time.process_time() + 5.0
+
+    step(talk, "start")
+    talk.wait(8.0)
+
+    assert talk.unit.motor.is_turned_on
+    assert time.process_time() < ends_by_s
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_two_hundred_starts_and_stops_at_any_moment_pass_in_no_time(family: str) -> None:
+    dice = random.Random(7)
+    talk = play(family, "given model='SST130i-140'; 0 s" if family == "sst" else "0 s")
+    ends_by_s = time.process_time() + 20.0
+
+    for _ in range(200):
+        if dice.random() < 0.5:
+            step(talk, dice.choice(("start", "stop")))
+        else:
+            talk.unit.set_mains(is_present=dice.random() < 0.8)
+        talk.wait(dice.choice([0.0, 1e-12, dice.random(), dice.uniform(0, 30)]))
+
+    assert talk.unit.now_s == talk.now_s
+    assert time.process_time() < ends_by_s
