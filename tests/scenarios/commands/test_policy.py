@@ -359,7 +359,7 @@ LOCKS = [
         },
     ),
     row(
-        "who removes another's lock: its owner is told",
+        "who removes another's lock: its owner gets an event",
         given=SITE + operator("bob"),
         at={3.0: LOCK, 5.0: command("pump/bob/unlock")},
         then={
