@@ -92,19 +92,19 @@ LOST = [
         },
     ),
     row(
-        "where three in ten are lost no value is wrong and nobody is left for longer than the back-off",
+        "where three in ten are lost no value is wrong and no starter is left for longer than the back-off",
         given=FOUR,
         at={3.1: impaired(NoReply(), chance=0.3)},
         then={120.0: [asked_within(20.0, since=3.1, until=120.0), true_values, clean_line]},
     ),
     row(
-        "a spoilt reply is read once more at once, and changes nothing",
+        "a corrupted reply is read once more at once, and changes nothing",
         given=SSW07,
         at={3.1: fault("cut", "pump", count=1)},
         then={20.0: [*CALM, true_values, clean_line, msg("gateway/line/pumps", garbled=0)]},
     ),
     row(
-        "of spoilt frames in both directions no value, state or command comes out wrong",
+        "of corrupted frames in both directions no value, state or command comes out wrong",
         given=FOUR,
         at={3.1: lambda plant: plant.lines["pumps"].noise(0.001)},
         then={
@@ -237,7 +237,7 @@ NOISE = [
         },
     ),
     row(
-        "whoever sends without end keeps polls waiting, and is named; nothing wrong is read",
+        "a device that sends without end keeps polls waiting, and is named; nothing wrong is read",
         given=TWO,
         at={5.0: chatter(0.002, 30.0)},
         then={
@@ -275,7 +275,7 @@ STRANGERS = [
         },
     ),
     row(
-        "a second master is named, and what it reads of others is nobody's value",
+        "a second master is named, and what it reads of others is no value of a starter",
         given=TWO,
         at={5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
         then={60.0: [event("babbling"), true_values, states_only("ready", "not_ready", "unknown")]},
@@ -313,7 +313,7 @@ PORT = [
         },
     ),
     row(
-        "a port on which nobody answers is closed and opened again, and named once",
+        "a port on which no starter answers is closed and opened again, and named once",
         given=TWO,
         at={5.0: [fault("silent", "pump"), fault("silent", "fan")]},
         then={
@@ -372,7 +372,7 @@ REFUSED = [
 
 TOGETHER = [
     row(
-        f"where everything goes wrong now and then nobody is left for longer than the back-off, {words}",
+        f"where everything goes wrong now and then no starter is left for longer than the back-off, {words}",
         given=site + ALICE,
         at={
             second: impaired(by, *names, chance=0.03)

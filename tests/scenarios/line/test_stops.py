@@ -113,7 +113,7 @@ SCENARIOS = [
         },
     ),
     row(
-        "a stop is not confirmed by one reading of a motor at rest between two of one that turns",
+        "a stop is not confirmed by one reading of a motor at rest between two of a motor that runs",
         given=SSW07 + ALICE,
         at={3.0: f"pump {RUNNING_07}", 5.0: STOP, 7.02: f"pump {READY_07}", 7.06: f"pump {RUNNING_07}"},
         then={9.0: result("stop written ok")},
