@@ -255,7 +255,7 @@ SCENARIOS = [
         "a refused stop is repeated, and fails at its deadline with the exception",
         given=SSW07 + ALICE,
         at={3.0: fault("refuse", "pump", 4, (5,)), 5.0: STOP},
-        then={17.0: [result("stop failed server_device_failure"), repeated("pump", 5.0, count=21)]},
+        then={17.0: [result("stop failed server_device_failure"), repeated("pump", 5.0, count=20)]},
     ),
     row(
         "a stop is confirmed over a line that flips bits",
@@ -316,7 +316,7 @@ SCENARIOS = [
         at={3.0: f"pump-1 {RUNNING_07}", 5.0: publish("command/pump-1/alice/stop", client="alice")},
         then={
             16.0: [
-                repeated("pump-1", 5.0, count=21),
+                repeated("pump-1", 5.0, count=20),
                 never("gateway/event", code="watchdog_unkept"),
             ]
         },
