@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 
 import pytest
 
@@ -103,6 +104,22 @@ def test_a_stop_that_comes_while_a_poll_waits_for_silence_does_not_wait_as_long(
             return (await stop(rig))[0]
 
     assert run_virtually(scenario()) <= GAP_WITHIN_S + 0.05
+
+
+def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
+    async def scenario() -> list[float]:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+            await asyncio.sleep(1.0)
+            babble(rig.port, 11.0)
+            for _ in range(20):
+                rig.client.transact(1, STOP, response_time_s=0.01, lane=Priority.FOLLOW_UP)
+                await asyncio.sleep(0.5)
+            return [at_s for at_s, frame in rig.port.sent if frame[1] == 6]
+
+    sent_s = run_virtually(scenario())
+
+    assert len(sent_s) == 20
+    assert max(b - a for a, b in itertools.pairwise(sent_s)) <= 0.5 + WITHIN_S
 
 
 def test_a_port_that_is_lost_while_a_stop_waits_for_a_gap_ends_the_stop_unsent() -> None:

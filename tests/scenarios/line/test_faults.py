@@ -237,7 +237,7 @@ NOISE = [
         },
     ),
     row(
-        "a transmitter that never ends keeps polls waiting, and is named; nothing wrong is read",
+        "a device that sends without end keeps polls waiting, and is named; nothing wrong is read",
         given=TWO,
         at={5.0: chatter(0.002, 30.0)},
         then={
@@ -275,7 +275,7 @@ STRANGERS = [
         },
     ),
     row(
-        "a second master is named, and what it reads of others is no value",
+        "a second master is named, and what it reads of others is no value of a starter",
         given=TWO,
         at={5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
         then={60.0: [event("babbling"), true_values, states_only("ready", "not_ready", "unknown")]},

@@ -57,6 +57,11 @@ def probed(name: str, since: float, until: float, least_s: float, most_s: float)
     return check
 
 
+def one_in_four(plant: RigPlant) -> None:
+    """Choose replies by chance 1: with one in four a starter whose replies are lost rests for too long."""
+    plant.lines["pumps"].bus._dice.seed(1)
+
+
 def line_says(**within: tuple[float, float]) -> Expectation:
     """The line's statistics lie within bounds."""
 
@@ -200,13 +205,13 @@ WATCHDOGS = [
         then={40.0: asked_within(3.0, since=1.0, until=40.0)},
     ),
     row(
-        "watchdogs are served where a twentieth of the replies is lost",
-        given=WATCHED.replace("every_s = 5.0", "every_s = 1.0"),
-        at={3.1: impaired(NoReply(), chance=0.05)},
+        "watchdogs do not act where a twentieth of the replies is lost",
+        given=WATCHED,
+        at={3.1: [one_in_four, impaired(NoReply(), chance=0.05)]},
         then={120.0: asked_within(3.0, since=1.0, until=120.0)},
     ),
     row(
-        "a watchdog is served while a starter receives everything and none of its replies arrives",
+        "a watchdog does not act while a starter receives everything and none of its replies arrives",
         given=WATCHED,
         at={3.1: [fault("lose", f"pump-{n}") for n in (2, 5)]},
         then={60.0: asked_within(3.0, since=1.0, until=60.0)},
@@ -340,10 +345,10 @@ STATISTICS = [
 def _adds_up(plant: RigPlant) -> str:
     said = plant.last("gateway/line/pumps")
     asked = sum(unit["asked"] for unit in said["units"].values())
-    reported = said["answered"] + said["silent"] + said["garbled"] + said["refused"]
+    counted = said["answered"] + said["silent"] + said["garbled"] + said["refused"]
     share = sum(said["time_share"].values())
-    is_right = asked == reported == said["polls"] + said["jobs"] and abs(share - said["utilisation"]) < 0.05
-    return "" if is_right else f"{asked} asked, {reported} reported, {share} of time: {said}"
+    is_right = asked == counted == said["polls"] + said["jobs"] and abs(share - said["utilisation"]) < 0.05
+    return "" if is_right else f"{asked} asked, {counted} counted, {share} of time: {said}"
 
 
 def _apart(plant: RigPlant, least_s: float, most_s: float) -> str:
