@@ -66,7 +66,7 @@ def acts(name: str, *sent: Action, given: str = SITE, at_s: float = 9.0) -> obje
 
 PROOFS = [
     refuses("a start that nothing dates is refused", "not_fresh", command("pump/alice/start", fresh=False)),
-    refuses("an unknown token proves nothing", "not_fresh", command("pump/alice/start", token="made-up")),
+    refuses("a made-up token proves nothing", "not_fresh", command("pump/alice/start", token="made-up")),
     refuses("a token older than 5 s is expired", "expired", old_token("pump/alice/start", of_s=2.0)),
     acts(
         "an older token counts for as long as the ttl says", old_token("pump/alice/start", of_s=2.0, ttl_s=10)
@@ -326,13 +326,13 @@ NEVER = [
         "a retained start is refused, live or not",
         given=SITE,
         at={
-            3.0: publish("command/pump/alice/start", json.dumps({"id": "stored-1"}), retain=True),
+            3.0: publish("command/pump/alice/start", json.dumps({"id": "retained"}), retain=True),
             5.0: "broker drops",
             9.0: "restart",
         },
         then={
             4.0: result("start rejected retained"),
-            14.0: [never("result/pump/alice", id="stored-1", code="ok"), frames("pump")],
+            14.0: [never("result/pump/alice", id="retained", code="ok"), frames("pump")],
         },
     ),
     row(

@@ -204,7 +204,7 @@ NOT_SEEN = [
         },
     ),
     row(
-        "an SSW-06 that ignores a start is stopped by its masked bit",
+        "a start that an SSW-06 ignores is taken back by its masked bit",
         given=SSW06 + ALICE,
         sim={"fan": {**QUICK, "settings": {230: 0}}},
         at={3.0: do("fan start")},

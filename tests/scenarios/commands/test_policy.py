@@ -359,7 +359,7 @@ LOCKS = [
         },
     ),
     row(
-        "who removes another's lock: its owner gets an event",
+        "the owner of a lock that another client removes gets a result of it",
         given=SITE + operator("bob"),
         at={3.0: LOCK, 5.0: command("pump/bob/unlock")},
         then={
