@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box peers lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
 
 # Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -121,7 +121,7 @@ lock: $(STAMP) ## write requirements.lock anew: every package with its version a
 		--constraint requirements.lock --output-file deploy/deb/requirements.lock pyproject.toml
 
 torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a full and a read-only disk
-	$(BIN)/python -m tests.torture $(SCENARIOS)
+	$(BIN)/python -m tests.lab.torture $(SCENARIOS)
 	$(FAST) -m hypothesis --hypothesis-profile random
 
 docs: $(STAMP) ## write the generated parts of the documents
@@ -156,7 +156,16 @@ $(STAMP)-bench: $(STAMP)
 	@touch $@
 
 bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
-	@$(BIN)/python -m tests.bench --pictures docs
+	@$(BIN)/python -m tests.lab.bench --pictures docs
+
+fleet: $(STAMP) mosquitto ## two gateways with their brokers, a cut and a kill: two minutes; OPTIONS="--gateways 10 --starters 32"
+	$(BIN)/python -m tests.lab.fleet $(OPTIONS)
+
+slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
+	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
+
+peers: $(STAMP)-bench mosquitto ## the same faults for this gateway, modpoll and an ordinary script: ten minutes
+	$(BIN)/python -m tests.lab.peers $(OPTIONS)
 
 late-replies: $(STAMP) ## ten million requests whose replies come late, twice, out of order or never; 20 minutes
 	$(BIN)/python -m tests.line.late_lines 10000000

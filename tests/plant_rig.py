@@ -23,9 +23,9 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from tests.history.memory_file import MemoryFile
+from tests.lab.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.local_host import LocalHost
 from tests.starters.fakes import RecordingSink
-from tests.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.virtual_time import VirtualClock
 
 WATCHDOG_S = 6

@@ -1,6 +1,6 @@
 """Measures the size of the code, and writes docs/size.md: run it with `python -m tests.size_page`.
 
-Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`).
+Sizes are counted in the tree, the ways by counting calls (`calls` and `command_way` of `tests.lab.bench`).
 `python -m tests.size_page build/times.xml` writes the time of the tests by folder, as `make times` measured.
 A code line is a line that is neither blank, docstring, comment nor import.
 """
@@ -18,8 +18,8 @@ from functools import cache
 from pathlib import Path
 
 from tests import words
-from tests.bench.calls import line_calls, publication_calls
-from tests.bench.command_way import start_command
+from tests.lab.bench.calls import line_calls, publication_calls
+from tests.lab.bench.command_way import start_command
 from tests.virtual_time import run_virtually
 
 ROOT = Path(__file__).parents[1]

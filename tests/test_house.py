@@ -12,7 +12,7 @@ from tests.conftest import GROUPS, GroupScheduling
 
 TESTS = Path(__file__).parent
 MODULES = sorted(TESTS.rglob("*.py"))
-IN_REAL_TIME = ("end_to_end", "torture", "bench", "packages")
+IN_REAL_TIME = ("end_to_end", "lab", "packages")
 
 
 def nodes(path: Path) -> Iterator[ast.AST]:

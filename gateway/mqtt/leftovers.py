@@ -155,10 +155,8 @@ class Leftovers:
         found = self._topics.parse_retained(incoming.topic)
         if found is None:
             return
-        is_left = not self._is_current(found) or (
-            found.kind == VALUE and not self._is_published(incoming.topic)
-        )
-        if not is_left and found.kind != ALARM:
+        is_left = not self._is_current(found) or found.kind == VALUE
+        if not (is_left or found.kind == ALARM) or self._is_published(incoming.topic):
             return
         fields = _fields_of(incoming)
         if not fields.keys() >= _FIELDS[found.kind]:

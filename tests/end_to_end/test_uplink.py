@@ -1,4 +1,4 @@
-"""The way up moves to another broker: goodbye there, everything afresh here, nothing stored is lost."""
+"""What comes while a connection is being made: a stop acts at once, a start is judged by the connection."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,19 +18,17 @@ from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import rfc3339
 from gateway.system.clock import SystemClock
-from tests.mosquitto import MosquittoBroker, Watcher
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
 
 CONFIG = (
-    '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1:{port}"\n{more}\n'
+    '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1:{port}"\n'
     '[[line]]\nname = "l"\nport = "/dev/x"\nbaud = 9600\nframing = "8N2"\n'
     '[[line.starter]]\nname = "pump"\naddress = 1\nfamily = "ssw07"\n'
 )
 
 
-def site(folder: Path, port: int, *, more: str = "", password: str | None = None) -> Site:
-    config = parse(CONFIG.format(port=port, more=more), "site.toml")
-    return Site.of(config, folder=folder, password=password)
+def site(folder: Path, port: int) -> Site:
+    return Site.of(parse(CONFIG.format(port=port), "site.toml"), folder=folder, password=None)
 
 
 class Links:
@@ -74,20 +71,6 @@ async def uplink(
     await up.close("over")
     running.cancel()
     await asyncio.wait((running,))
-
-
-def watch(broker: MosquittoBroker) -> Watcher:
-    return broker.watch("starters/g/#")
-
-
-async def info(broker: FakeBroker) -> dict[str, Any]:
-    """Return the next gateway/info that knows its version."""
-    while True:
-        packet = await broker.publication()
-        if packet.topic == "starters/g/gateway/info":
-            fields: dict[str, Any] = json.loads(packet.body[packet.body.index(b"{") :])
-            if fields["mqtt_version"] is not None:
-                return fields
 
 
 def published(level: int, verb: str, payload: bytes) -> bytes:

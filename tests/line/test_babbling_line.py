@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.rtu.transaction import BABBLE_LIMIT_S, STOP_PATIENCE_S
 from gateway.line.scheduler.requests import Priority
 from gateway.line.service import GAP_WITHIN_S
@@ -56,21 +55,6 @@ def test_a_stop_goes_out_over_the_babble_after_a_bounded_wait_and_its_outcome_sa
     assert outcome.is_over_babble
 
 
-def test_every_repeat_of_a_stop_goes_out_over_the_babble() -> None:
-    async def scenario() -> list[float]:
-        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
-            await asyncio.sleep(1.0)
-            babble(rig.port, 7.0)
-            await asyncio.sleep(0.05)
-            waited_s = []
-            for lane in [Priority.STOP, *[Priority.FOLLOW_UP] * 10]:
-                waited_s.append((await stop(rig, lane))[0])
-                await asyncio.sleep(0.1)
-            return waited_s
-
-    assert max(run_virtually(scenario())) <= WITHIN_S
-
-
 def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
     gap_s = 2.5 * TIMING.character_s  # too short for a silence, too long for a pause inside a frame
 
@@ -110,18 +94,6 @@ def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lan
     assert sent == 0
 
 
-def test_a_stop_on_a_quiet_line_keeps_its_silences_and_says_nothing_of_babble() -> None:
-    async def scenario() -> Outcome:
-        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
-            await asyncio.sleep(1.0)
-            return (await stop(rig))[1]
-
-    outcome = run_virtually(scenario())
-
-    assert isinstance(outcome, Answered)
-    assert not outcome.is_over_babble
-
-
 def test_a_stop_that_comes_while_a_poll_waits_for_silence_does_not_wait_as_long() -> None:
     async def scenario() -> float:
         async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
@@ -131,22 +103,6 @@ def test_a_stop_that_comes_while_a_poll_waits_for_silence_does_not_wait_as_long(
             return (await stop(rig))[0]
 
     assert run_virtually(scenario()) <= GAP_WITHIN_S + 0.05
-
-
-def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
-    async def scenario() -> list[float]:
-        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
-            await asyncio.sleep(1.0)
-            babble(rig.port, 11.0)
-            for _ in range(20):
-                rig.client.transact(1, STOP, response_time_s=0.01, lane=Priority.FOLLOW_UP)
-                await asyncio.sleep(0.5)
-            return [at_s for at_s, frame in rig.port.sent if frame[1] == 6]
-
-    sent_s = run_virtually(scenario())
-
-    assert len(sent_s) == 20
-    assert max(b - a for a, b in itertools.pairwise(sent_s)) <= 0.5 + WITHIN_S
 
 
 def test_a_port_that_is_lost_while_a_stop_waits_for_a_gap_ends_the_stop_unsent() -> None:

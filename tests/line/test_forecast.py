@@ -1,4 +1,4 @@
-"""What is forecast of a line; test_forecast_simulation.py compares it with what happens."""
+"""What is forecast of a line."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from dataclasses import replace
 from math import inf
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from gateway.line.capacity.forecast import forecast
-from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
@@ -88,17 +85,6 @@ def test_polls_as_fast_as_the_line_allows_share_what_the_others_leave() -> None:
     assert average_gaps(polls, 60.0)["p1"] == pytest.approx(prospect.polls[0].period_s, rel=0.05)
 
 
-def test_polls_without_a_period_have_a_share_of_an_over_full_line() -> None:
-    polls = [poll(1, 0.0), *(poll(number, 0.05) for number in range(2, 6))]
-
-    prospect = forecast(polls, TIMING)
-
-    cost_s = prospect.polls[0].cost_s
-    factor = cost_s / FREE_PERIOD_S + 4 * cost_s / 0.05
-    assert prospect.polls[0].period_s == pytest.approx(FREE_PERIOD_S * factor)
-    assert average_gaps(polls, 60.0)["p1"] == pytest.approx(prospect.polls[0].period_s, rel=0.05)
-
-
 def test_a_unit_is_asked_as_often_as_its_fastest_poll() -> None:
     polls = [poll(1, 1.0), Poll("slow", 1, ReadHoldingRegisters(9, 1), 30.0, 0.02)]
 
@@ -133,37 +119,3 @@ def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:
 
     assert prospect.watchdog_load > 1.0
     assert prospect.watchdog_gaps_s[1] == inf
-
-
-def test_an_empty_line_has_no_load() -> None:
-    prospect = forecast([], TIMING)
-
-    assert (prospect.load, prospect.sweep_s, prospect.polls) == (0.0, 0.0, ())
-
-
-@settings(deadline=None, max_examples=40)
-@example([(0.0, 1), (0.1, 1), (0.1, 1), (0.5, 1), (0.5, 1), (0.5, 1)])  # without a period: after many others
-@example([(0.1, 2), (0.0, 1), (0.5, 1), (3.0, 5), (1.0, 1), (3.0, 5), (0.1, 1)])
-@given(
-    st.lists(
-        st.tuples(st.sampled_from([0.0, 0.1, 0.5, 1.0, 3.0]), st.integers(1, 60)), min_size=1, max_size=8
-    )
-)
-def test_the_line_meets_what_was_forecast(shapes: list[tuple[float, int]]) -> None:
-    polls = [poll(number, every_s, registers=size) for number, (every_s, size) in enumerate(shapes, 1)]
-    prospect = forecast(polls, TIMING, allowance_s=0.0)
-    line = IdealLine(polls, lambda slot: cost_s(slot.poll, TIMING) if slot.poll else 0.0)
-
-    line.run(3 * prospect.sweep_s)  # at the start every unit is asked once before anything else
-    line.answered_s.clear()
-    line.gaps_s.clear()
-
-    line.run(40.0 + 3 * prospect.sweep_s)
-
-    longest_s = max(each.cost_s for each in prospect.polls)
-    for each in prospect.polls:
-        gaps_s = line.gaps_s[each.poll.key]
-        assert max(gaps_s) <= prospect.gaps_s[each.poll.unit] + 1e-6
-        settled = gaps_s[5:]
-        if len(settled) > 30 and each.poll.every_s > 2 * longest_s:  # it never loses its rhythm
-            assert sum(settled) / len(settled) == pytest.approx(each.period_s, rel=0.06)

@@ -39,17 +39,6 @@ def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
     assert scheduler.record(slot, Answered((), at_s=100.1, response_time_s=0.01), 100.1).is_answering is True
 
 
-def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
-    scheduler = Scheduler([poll("a")])
-    scheduler.polls.begin(0.0)
-    silenced(scheduler)
-
-    scheduler.polls.forget(1)
-    scheduler.polls.forget(99)  # nor is one that is unknown
-
-    assert scheduler.polls.unit(1).state is UnitState.SILENT
-
-
 def test_the_watchdog_of_a_forgotten_unit_asks_for_no_request() -> None:
     scheduler = Scheduler([poll("a")])
     scheduler.polls.begin(0.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import pytest
 
@@ -72,15 +71,6 @@ def test_an_over_full_line_gives_a_flood_of_reads_a_quarter_and_no_more() -> Non
     assert max(max(line.gaps_s[each.key]) for each in polls) < 3 * calm_s
 
 
-def test_all_floods_together_leave_the_polls_of_an_over_full_line_one_half() -> None:
-    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
-
-    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
-
-    assert 0.4 < sum(used_by(line, lane) for lane in Priority) < JOBS_SHARE + 0.03
-    assert max(max(line.gaps_s[each.key]) for each in polls) < 6 * 8 * TOOK_S
-
-
 def test_a_flood_stretches_short_and_long_periods_by_one_factor() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=every_s) for unit, every_s in enumerate((0.05, 0.2, 1.0), 1)]
 
@@ -92,36 +82,10 @@ def test_a_flood_stretches_short_and_long_periods_by_one_factor() -> None:
         assert per_s(line, each.key) == pytest.approx(1 / (factor * each.every_s), rel=0.1)
 
 
-def test_no_lane_of_a_flooded_line_starves_another() -> None:
-    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
-
-    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
-
-    assert (
-        min(used_by(line, lane) for lane in (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS))
-        > 0.04
-    )
-
-
 def test_an_idle_line_serves_as_many_reads_as_it_can() -> None:
     line = flooded([poll("a", every_s=5.0)], [Priority.PARAMETERS])
 
     assert used_by(line, Priority.PARAMETERS) > 0.99
-
-
-@pytest.mark.parametrize(
-    "lanes", [[Priority.PARAMETERS], [Priority.COMMAND], [Priority.COMMAND, Priority.PARAMETERS]]
-)
-@pytest.mark.parametrize("every_s", [0.1, 5.0])
-def test_watchdogs_are_met_in_any_flood(lanes: list[Priority], every_s: float) -> None:
-    polls = [
-        replace(poll(f"{unit}", unit=unit, every_s=every_s), deadline_s=1.0 + 0.1 * unit)
-        for unit in range(1, 17)
-    ]
-
-    line = flooded(polls, lanes)
-
-    assert all(line.unserved_s[each.unit] <= (each.deadline_s or 0.0) for each in polls)
 
 
 def test_a_command_passes_the_reads_that_wait_and_one_that_is_new_passes_a_full_line() -> None:

@@ -17,8 +17,7 @@ from gateway.line.rtu.late_replies import (
     Shape,
     expected_shape,
 )
-from gateway.modbus.codes import EXCEPTION_BIT, ExceptionCode
-from gateway.modbus.pdu import Request, encode_exception
+from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 
@@ -30,8 +29,6 @@ TWO = ReadHoldingRegisters(3, 2)
 ONE_SHAPE, COILS_SHAPE, TWO_SHAPE = expected_shape(STATUS), expected_shape(COILS), expected_shape(TWO)
 FORMS = (ONE_SHAPE, COILS_SHAPE)
 ONE_REPLY = STATUS.encode_reply((5,))
-WRITE = WriteRegister(5003, 0x0100)
-REFUSAL = encode_exception(STATUS.function, ExceptionCode.ILLEGAL_DATA_ADDRESS)
 
 
 def owing(*shapes: Shape, asked_s: float = 0.0) -> LateReplies:
@@ -56,15 +53,6 @@ def stray(late: LateReplies, pdu: bytes, *, at_s: float, awaited: Shape | None =
     late.note_stray(UNIT, pdu, began_s=at_s - 0.004, at_s=at_s, awaited=awaited)
 
 
-def test_without_faults_every_request_goes_out_as_it_is() -> None:
-    late = LateReplies()
-
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0)
-
-    assert late.is_calm(UNIT, 1.0 + COPY_S)
-    assert late.choose(UNIT, STATUS, FORMS, 1.0 + COPY_S) == Choice(0)
-
-
 # What is owed
 
 
@@ -87,14 +75,6 @@ def test_what_is_owed_is_forgotten_after_thirty_seconds() -> None:
     assert not late.owes(UNIT)
 
 
-def test_a_frame_of_another_shape_ends_no_debt() -> None:
-    late = owing(ONE_SHAPE)
-
-    stray(late, TWO.encode_reply((1, 2)), at_s=1.0)
-
-    assert late.owes(UNIT)
-
-
 def test_a_read_without_other_forms_that_decides_nothing_waits() -> None:
     late = owing(ONE_SHAPE)
 
@@ -107,30 +87,6 @@ def test_an_acknowledgement_that_an_earlier_equal_write_is_owed_is_not_believed(
 
     assert late.acknowledges_since_s(UNIT, write, expected_shape(write), 1.0) < 1.0
     assert late.acknowledges_since_s(UNIT, other, expected_shape(other), 1.0) == 1.0
-
-
-def test_after_an_answer_that_may_be_a_copy_its_own_late_reply_ends_nothing_else() -> None:
-    late = LateReplies()
-    other = STATUS.encode_reply((6,))
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0, began_s=0.995)
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.02, began_s=1.015)  # within COPY_S
-    late.note_unanswered(UNIT, ONE_SHAPE, 1.1, 1.2)
-
-    stray(late, other, at_s=2.0)  # the true answer to the second request
-
-    assert late.owes(UNIT)
-    assert not late.is_orderly(2.0)
-
-
-def test_an_equal_answer_later_than_any_copy_is_an_answer() -> None:
-    late = LateReplies()
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0, began_s=0.995)
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0 + COPY_S + 0.006, began_s=1.0 + COPY_S + 0.001)
-    late.note_unanswered(UNIT, ONE_SHAPE, 1.1, 1.2)
-
-    stray(late, STATUS.encode_reply((6,)), at_s=2.0)
-
-    assert not late.owes(UNIT)
 
 
 # Copies
@@ -147,25 +103,6 @@ def test_for_25_ms_after_a_reply_only_another_read_of_its_length_waits(asked: Re
     assert late.choose(UNIT, asked, (expected_shape(asked),), 1.0 + COPY_S) == Choice(0)
 
 
-def test_a_copy_ends_no_debt_of_its_shape() -> None:
-    late = owing(ONE_SHAPE)
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0)
-
-    stray(late, ONE_REPLY, at_s=1.0 + COPY_S)
-
-    assert late.owes(UNIT)
-
-
-def test_a_copy_within_25_ms_of_a_copy_is_one_too() -> None:
-    late = owing(ONE_SHAPE)
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0)
-
-    stray(late, ONE_REPLY, at_s=1.020)
-    stray(late, ONE_REPLY, at_s=1.044)
-
-    assert late.owes(UNIT)
-
-
 # Refusals
 
 
@@ -177,42 +114,6 @@ def test_a_refusal_is_not_believed_while_another_reply_of_that_function_is_owed(
     assert late.is_refusal_sure(UNIT, STATUS.function, LATE_S)
 
 
-@pytest.mark.parametrize("frame", [REFUSAL, WRITE.encode()])
-def test_what_may_be_the_answer_after_all_says_nothing_about_the_line(frame: bytes) -> None:
-    """A line that loses replies stays orderly when a refusal or an acknowledgement is in doubt."""
-    late = orderly()
-    awaited = ONE_SHAPE if frame == REFUSAL else expected_shape(WRITE)
-
-    stray(late, frame, at_s=11.0, awaited=awaited)
-
-    assert late.is_orderly(11.0)
-    assert not late.is_disturbed(11.0)
-    stray(late, frame, at_s=12.0)
-    assert not late.is_orderly(12.0)
-
-
-def test_acknowledgements_in_doubt_count_for_the_oldest_writes_whose_own_are_owed() -> None:
-    """Each is of another write: after as many as are owed, the next is of a later one."""
-    shape = expected_shape(WRITE)
-    late = owing(shape)
-
-    for sent_s, since_s in ((6.0, 0.0), (6.5, 6.0), (7.0, 6.5)):
-        assert late.acknowledges_since_s(UNIT, WRITE, shape, sent_s) == since_s
-        stray(late, WRITE.encode(), at_s=sent_s + 0.02, awaited=shape)
-        late.note_unanswered(UNIT, shape, sent_s, sent_s + 0.1)
-
-
-def test_a_copy_of_an_acknowledgement_in_doubt_counts_for_no_other_write() -> None:
-    shape = expected_shape(WRITE)
-    late = owing(shape, shape)
-
-    stray(late, WRITE.encode(), at_s=6.02, awaited=shape)
-    stray(late, WRITE.encode(), at_s=6.03, awaited=shape)
-    late.note_unanswered(UNIT, shape, 6.0, 6.1)
-
-    assert late.acknowledges_since_s(UNIT, WRITE, shape, 6.5) == 0.0
-
-
 def test_what_was_refused_in_doubt_is_asked_again_when_nothing_is_owed() -> None:
     late = owing(TWO_SHAPE)
     late.note_refusal_doubted(UNIT, STATUS)
@@ -221,41 +122,12 @@ def test_what_was_refused_in_doubt_is_asked_again_when_nothing_is_owed() -> None
     assert late.choose(UNIT, STATUS, FORMS, LATE_S) == Choice(0)
 
 
-def test_after_a_refusal_its_copy_could_refuse_every_request_of_that_function() -> None:
-    late = LateReplies()
-    late.note_answer(UNIT, VALUE, VALUE, REFUSAL, 1.0)
-
-    assert REFUSAL[0] == STATUS.function | EXCEPTION_BIT
-    assert late.choose(UNIT, STATUS, FORMS, 1.0 + COPY_S - 0.001) is None
-    assert late.choose(UNIT, STATUS, FORMS, 1.0 + COPY_S) == Choice(0)
-
-
 # Orderly and strict lines
 
 
 @pytest.mark.parametrize(("count", "is_orderly"), [(LOST_ENOUGH - 1, False), (LOST_ENOUGH, True)])
 def test_thirty_replies_lost_in_a_row_make_a_line_orderly(count: int, is_orderly: bool) -> None:
     assert orderly(count=count).is_orderly(LOST_AFTER_S) == is_orderly
-
-
-def test_replies_count_as_lost_only_after_their_starter_answered() -> None:
-    late = owing(*[ONE_SHAPE] * LOST_ENOUGH)
-
-    late.is_anyone_late(LOST_AFTER_S)
-
-    assert not late.is_orderly(LOST_AFTER_S)
-
-
-def test_on_an_orderly_line_an_answer_ends_what_was_owed_before() -> None:
-    late = orderly()
-    now_s = LOST_AFTER_S + 1.0
-    late.note_unanswered(UNIT, ONE_SHAPE, now_s, now_s + 0.05)
-
-    before = late.is_refusal_sure(UNIT, STATUS.function, now_s + 0.1)
-    late.note_answer(UNIT, COILS, STATUS, COILS.encode_reply((True,) * 16), now_s + 0.1)
-
-    assert not before
-    assert late.is_refusal_sure(UNIT, STATUS.function, now_s + 0.2)
 
 
 def test_one_reply_out_of_order_makes_a_line_strict_for_ten_minutes() -> None:
@@ -280,14 +152,6 @@ def test_after_anything_late_two_readings_in_a_row_have_different_shapes_for_a_m
     assert late.choose(UNIT, STATUS, FORMS, DISTURBED_S) == Choice(0)
 
 
-def test_the_same_shape_again_goes_before_one_that_is_owed() -> None:
-    late = owing(ONE_SHAPE)
-    stray(late, TWO.encode_reply((1, 2)), at_s=0.5)
-    late.note_answer(UNIT, COILS, STATUS, COILS.encode_reply((True,) * 16), 1.0)
-
-    assert late.choose(UNIT, STATUS, FORMS, 2.0) == Choice(1)
-
-
 @pytest.mark.parametrize("owed", [1, 2, 3])
 def test_of_a_form_that_is_owed_n_times_n_and_one_equal_answers_count(owed: int) -> None:
     late = owing(*[ONE_SHAPE] * owed, *[COILS_SHAPE] * 4)
@@ -305,23 +169,3 @@ def test_one_other_answer_ends_a_series() -> None:
 
     assert late.agree(UNIT, STATUS, ONE_SHAPE, (6,), 1.1, 2) is Agreed.NO
     assert late.agree(UNIT, STATUS, ONE_SHAPE, (6,), 1.2, 2) is Agreed.NOT_YET
-
-
-def test_a_series_on_a_disturbed_line_goes_on_in_its_own_form() -> None:
-    late = owing(ONE_SHAPE, COILS_SHAPE)
-    stray(late, TWO.encode_reply((1, 2)), at_s=0.5)
-
-    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0, is_sure=False)
-    late.agree(UNIT, STATUS, ONE_SHAPE, (5,), 1.0, 2)
-
-    assert late.choose(UNIT, STATUS, FORMS, 1.0 + COPY_S) == Choice(0, 2)
-
-
-def test_after_a_series_a_poll_rests_and_a_command_does_not() -> None:
-    late = owing(*[ONE_SHAPE] * 2, *[COILS_SHAPE] * 2)
-    for at in range(3):
-        late.agree(UNIT, STATUS, ONE_SHAPE, (5,), 1.0 + 0.1 * at, 3)
-
-    assert late.choose(UNIT, STATUS, FORMS, 1.6, is_patient=True) is None
-    assert late.choose(UNIT, STATUS, FORMS, 1.6) == Choice(0, 3)
-    assert late.choose(UNIT, STATUS, FORMS, 1.7, is_patient=True) == Choice(0, 3)

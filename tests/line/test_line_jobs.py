@@ -6,15 +6,14 @@ import asyncio
 import gc
 import random
 import weakref
-from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
+from gateway.line.rtu.outcome import TOO_LATE, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import RESPONSE_TIME_S, TIMING, LineRig, Said, Units, no_reply, poll
-from tests.line.served import NO_PORT, READ, WRITE, run_for
+from tests.line.served import NO_PORT, READ, WRITE
 from tests.virtual_time import run_virtually
 
 
@@ -28,7 +27,7 @@ def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_othe
         waits_s = []
         loop = asyncio.get_running_loop()
         async with rig:
-            for _ in range(300):
+            for _ in range(100):
                 await asyncio.sleep(chance.uniform(0.0, 0.3))
                 others = [asyncio.create_task(rig.transact(2, WRITE)) for _ in range(3)]
                 await asyncio.sleep(0)
@@ -52,55 +51,6 @@ def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_othe
     assert latency_s["worst"] <= latency_s["computed"]
 
 
-def test_a_stop_does_not_wait_for_a_late_reply_of_another_unit_either() -> None:
-    chance = random.Random(4)
-
-    def answer(frame: bytes) -> Iterable[Said]:
-        return Units({1, 2})(frame) if chance.random() < 0.7 else no_reply(frame)
-
-    rig = LineRig(answer, [poll("a", 1, 0.0), poll("b", 1, 0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            for _ in range(300):
-                await asyncio.sleep(chance.uniform(0.0, 0.3))
-                read = asyncio.create_task(rig.transact(1, READ))
-                await asyncio.sleep(chance.uniform(0.0, 0.1))
-                await rig.transact(2, WRITE, Priority.STOP)
-                await read
-
-    run_virtually(scenario())
-
-    latency_s = rig.line.statistics()["stop_latency_s"]
-    assert latency_s["worst"] <= latency_s["computed"]
-
-
-def test_other_units_are_asked_while_one_may_still_answer_late() -> None:
-    units = Units({2})
-    rig = run_for(0.2, units, [poll("a", 1, 0.0), poll("b", 1, 0.0), poll("c", 2, 0.0)])
-
-    asked_units = [frame[0] for _, frame in rig.port.sent]
-    assert asked_units[:4] == [1, 2, 1, 2]
-    assert asked_units.count(1) == 2
-
-
-def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.gather(*(rig.transact(1, WRITE) for _ in range(40)))
-
-    run_virtually(scenario())
-
-    functions = [frame[1] for _, frame in rig.port.sent]
-    saved_up = functions.index(3)
-    assert saved_up == 31  # half a second: what the jobs' share of line time had saved up
-    rest = functions[saved_up:]
-    assert rest.count(3) == 7
-    assert all(3 in rest[at : at + 3] for at in range(len(rest) - 2))
-
-
 def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
     rig = LineRig(no_reply, [])
 
@@ -122,7 +72,7 @@ def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
 
 def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
     chance = random.Random(5)
-    for _ in range(200):
+    for _ in range(40):
         rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
         async def scenario(rig: LineRig = rig) -> tuple[float, float]:
@@ -197,23 +147,6 @@ def test_a_job_that_has_ended_leaves_nothing_to_the_garbage_collection(is_cancel
         assert run_virtually(scenario()) is None
     finally:
         gc.enable()
-
-
-def test_a_line_that_is_never_quiet_reports_what_was_not_sent() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
-
-    async def scenario() -> Outcome:
-        async with rig:
-            await asyncio.sleep(0.5)
-            rig.port.say(Said(b"\x55" * 4000, 0.0, in_chunks_of=1))
-            await asyncio.sleep(0.001)
-            return await rig.transact(1, WRITE)
-
-    outcome = run_virtually(scenario())
-
-    assert isinstance(outcome, Garbled)
-    assert not outcome.is_sent
-    assert rig.line.statistics()["stray_bytes"] > 1000
 
 
 def test_a_job_that_still_waits_when_its_time_is_over_ends_then_and_is_never_sent() -> None:

@@ -3,83 +3,15 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-from collections import Counter
 from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Refused
+from gateway.line.rtu.outcome import Answered, Garbled
 from gateway.modbus import adu
-from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import ALTERNATES, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
-from tests.line.served import READ, run_for
+from tests.line.served import run_for
 from tests.virtual_time import run_virtually
-
-
-def asked(rig: LineRig) -> Counter[int]:
-    return Counter(frame[0] for _, frame in rig.port.sent)
-
-
-def test_polls_are_asked_in_their_rhythm_and_their_answers_reported() -> None:
-    rig = run_for(9.5, Units({1}), [poll("a", every_s=1.0), poll("b", every_s=5.0, address=50)])
-
-    assert len(rig.listener.outcomes("a")) == 10
-    assert len(rig.listener.outcomes("b")) == 3
-    first = rig.listener.outcomes("b")[0]
-    assert isinstance(first, Answered)
-    assert first.value == tuple(range(50, 60))
-    assert [event[1:] for event in rig.listener.ports] == [(True, "open")]
-    assert [event[1:4] for event in rig.listener.units] == [(1, True, "answers")]
-
-
-def test_a_refused_poll_is_reported_and_its_unit_answers() -> None:
-    rig = run_for(0.5, Units({1}, refused={1: 2}), [poll("a")])
-
-    assert isinstance(rig.listener.outcomes("a")[0], Refused)
-    assert rig.listener.units[0][1:3] == (1, True)
-
-
-def test_polls_without_a_period_use_the_whole_line() -> None:
-    rig = run_for(30.0, Units({1, 2}), [poll("a", 1, 0.0), poll("b", 2, 0.0)])
-
-    a, b = len(rig.listener.outcomes("a")), len(rig.listener.outcomes("b"))
-    one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-    assert abs(a - b) <= 1
-    assert a + b == pytest.approx(30.0 / one_s, rel=0.01)
-
-
-@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
-def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) -> None:
-    timing = LineTiming(baud, Framing.parse("8E1"))
-    polls = [poll(str(unit), unit, 0.0) for unit in range(1, 9)]
-
-    healthy = asked(run_for(60.0, Units(set(range(1, 8))), polls[:7], timing))
-    rig = run_for(60.0, Units(set(range(1, 8))), polls, timing)
-
-    assert asked(rig)[8] == 9
-    for unit in range(1, 8):
-        assert asked(rig)[unit] > 0.9 * healthy[unit]
-    assert rig.port.shortest_silence_s >= timing.silence_s - 1e-9
-
-
-def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer() -> None:
-    units = Units({1})
-    rig = LineRig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(20.0)
-            units.alive.add(2)
-            await asyncio.sleep(30.0)  # its probes are 16 s apart by now
-
-    run_virtually(scenario())
-
-    silent, back = [event for event in rig.listener.units if event[1] == 2]
-    assert 1.0 < silent[0] < 5.0
-    assert silent[2:4] == (False, "no reply")
-    assert silent[4][-1].split()[1:4] == [">>", "02", "03"]
-    assert back[2:4] == (True, "answers")
-    assert len([outcome for outcome in rig.listener.outcomes("current") if isinstance(outcome, Answered)]) > 5
 
 
 def test_a_garbled_poll_is_reported_only_when_its_repetition_is_no_better() -> None:
@@ -178,38 +110,6 @@ def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> Non
     seen = run_virtually(scenario())
 
     assert all(earlier < later for earlier, later in itertools.pairwise(seen))
-
-
-def test_statistics_count_outcomes_by_unit_and_show_how_busy_the_line_is() -> None:
-    rig = LineRig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
-
-    async def scenario() -> None:
-        assert rig.client.statistics()["utilisation"] == 0.0
-        async with rig:
-            await rig.transact(1, READ)
-            await asyncio.sleep(60.0)
-            statistics = rig.client.statistics()
-            assert statistics["is_open"]
-            one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-            assert statistics["utilisation"] == pytest.approx(10 * one_s, rel=0.1)
-            assert statistics["sweep_s"] == pytest.approx(2.7 * one_s, rel=0.3)
-            assert statistics["jobs"] == 1
-            assert statistics["polls"] == pytest.approx(670, abs=5)
-            assert statistics["answered"] == statistics["units"][1]["answered"] == pytest.approx(602, abs=3)
-            assert statistics["refused"] == statistics["units"][2]["refused"] == 61
-            assert statistics["silent"] == statistics["units"][3]["silent"] == statistics["units"][3]["asked"]
-            assert [statistics["units"][unit]["state"] for unit in (1, 2, 3)] == [
-                "answering",
-                "answering",
-                "silent",
-            ]
-            assert statistics["units"][1]["response_time_s"] == pytest.approx({"p50": 0.005, "p99": 0.005})
-            assert statistics["units"][3]["response_time_s"] == {"p50": None, "p99": None}
-            assert statistics["stop_latency_s"]["worst"] is None
-            assert statistics["progress"] > 600
-        assert not rig.client.statistics()["is_open"]
-
-    run_virtually(scenario())
 
 
 def test_the_computed_stop_latency_is_the_longest_poll_unanswered() -> None:

@@ -142,20 +142,6 @@ def test_a_write_without_an_answer_resets_a_connection_at_once_but_a_stop_does_n
     assert [unit[2] for unit in rig.listener.units] == [True] * (1 + resets)
 
 
-def test_an_answered_write_and_a_read_without_an_answer_leave_a_connection_alone() -> None:
-    rig = connection_rig(Units({1}))
-
-    async def scenario() -> list[Outcome]:
-        async with rig:
-            return [await rig.transact(1, WRITE), await rig.transact(2, READ)]
-
-    written, silent = run_virtually(scenario())
-
-    assert isinstance(written, Answered)
-    assert silent == Silent()
-    assert len(rig.opener.ports) == 1
-
-
 def test_what_waits_behind_a_write_that_resets_the_connection_goes_out_on_the_next_one() -> None:
     rig = connection_rig()
 
@@ -168,18 +154,6 @@ def test_what_waits_behind_a_write_that_resets_the_connection_goes_out_on_the_ne
 
     assert written == Silent()
     assert isinstance(read, Answered)
-
-
-def test_a_connection_that_cannot_be_had_again_after_a_reset_ends_what_waits() -> None:
-    rig = connection_rig()
-
-    async def scenario() -> tuple[Outcome, Outcome]:
-        async with rig:
-            rig.opener.failure = "no connection"
-            return tuple(await asyncio.gather(rig.transact(1, WRITE), rig.transact(1, READ)))
-
-    assert run_virtually(scenario()) == (Silent(), NO_PORT)
-    assert [event[1] for event in rig.listener.ports] == [True, False]
 
 
 def test_a_line_that_ends_while_it_reopens_leaves_no_job_waiting() -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
+from gateway.line.port_recovery import ASK_EVERY_S, LONGEST_S, PortRecovery
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from tests.line.fakes import LineRig, Said, Units, poll
+from tests.line.fakes import LineRig, Units
 from tests.virtual_time import run_virtually
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
@@ -59,40 +58,6 @@ def test_it_can_be_switched_off(after_s: float | None) -> None:
     assert cures_s(PortRecovery(after_s), until_s=1e4) == []
 
 
-class DeafAdapter:
-    """A port that receives nothing until it was opened `needed` times."""
-
-    def __init__(self, needed: int) -> None:
-        self.needed = needed
-        self.rig = LineRig(self, [poll("a", every_s=1.0), poll("b", unit=2, every_s=1.0)], deaf_after_s=15.0)
-
-    def __call__(self, frame: bytes) -> Iterable[Said]:
-        is_deaf = len(self.rig.opener.ports) < self.needed
-        return () if is_deaf else Units({1, 2})(frame)
-
-
-def test_a_deaf_port_is_closed_opened_and_reported_once_and_all_are_asked_at_once() -> None:
-    adapter = DeafAdapter(needed=3)
-
-    async def scenario() -> None:
-        async with adapter.rig:
-            await asyncio.sleep(90.0)
-
-    run_virtually(scenario())
-
-    rig = adapter.rig
-    assert [event[1:] for event in rig.listener.ports] == [
-        (True, "open"),
-        (False, f"port fake: {DEAF}"),
-        (True, "open"),
-    ]
-    assert len(rig.opener.ports) == 3
-    assert all(port.is_closed for port in rig.opener.ports)
-    answers_s = [at_s for at_s, _, _, outcome in rig.listener.polls if isinstance(outcome, Answered)]
-    assert answers_s[0] - rig.opener.tried_s[2] < 0.1
-    assert {unit for _, unit, is_answering, *_ in rig.listener.units if is_answering} == {1, 2}
-
-
 def test_a_line_without_requests_is_not_deaf() -> None:
     rig = LineRig(Units(set()), [], deaf_after_s=15.0)
 
@@ -103,25 +68,6 @@ def test_a_line_without_requests_is_not_deaf() -> None:
     run_virtually(scenario())
 
     assert len(rig.opener.ports) == 1
-
-
-def test_after_a_flood_everybody_is_asked_at_once() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=1.0)])
-
-    async def scenario() -> float:
-        async with rig:
-            await asyncio.sleep(2.0)
-            for _ in range(6000):
-                rig.port.say(Said(b"\x55" * 20, 0.0))
-                await asyncio.sleep(0.01)
-            ended_s = asyncio.get_running_loop().time()
-            await asyncio.sleep(5.0)
-        return ended_s
-
-    ended_s = run_virtually(scenario())
-
-    answers_s = [at_s for at_s, *_, outcome in rig.listener.polls if isinstance(outcome, Answered)]
-    assert min(at_s for at_s in answers_s if at_s > ended_s) - ended_s < ASK_EVERY_S + 0.2
 
 
 def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_again() -> None:

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from gateway.line.capacity.forecast import Forecast, forecast
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s
-from gateway.line.scheduler.line_time import JOBS_SHARE
 from gateway.line.scheduler.polls import OFFLINE_BURST_S, OFFLINE_SHARE
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.modbus.timing import Framing, LineTiming
@@ -28,7 +27,6 @@ from tests.line.ideal_line import READ, IdealLine, cost_s
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 STOP = WriteRegister(1, 0)
 OTHER = 99  # a unit without polls
-ENDLESS_S = 1e6  # a watchdog that no request is needed for: the polls alone are promised to come
 FLOODS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 
 
@@ -144,17 +142,6 @@ def test_no_watchdog_is_left_for_longer_than_promised_with_commands_under_way(
     assert excess_s(model) <= 1e-9
 
 
-def test_the_promise_holds_in_the_case_that_was_promised_1_8570_s_and_got_1_8737_s() -> None:
-    site = site_of([1.0] * 6 + [2.0, 3.5], 0.0, floods=[Priority.COMMAND])
-    site = replace(site, polls=site.polls[::2])  # one register each
-    model = Model(site)
-
-    model.run(120.0)
-
-    assert forecast_of(site).watchdog_gaps_s[8] < 3.5
-    assert excess_s(model) <= 1e-9
-
-
 @settings(deadline=None, max_examples=25)
 @given(offline=st.sets(st.integers(1, 40), max_size=12), **SITES)
 def test_a_starter_that_goes_offline_costs_two_silences_and_then_a_twentieth_of_the_line_at_most(
@@ -191,24 +178,6 @@ def test_a_stop_waits_for_the_request_on_the_wire_only(
     model.run(30.0)
 
     assert max(model.waits_s, default=0.0) <= forecast_of(site).stop_latency_s
-
-
-@pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("flood", FLOODS)
-def test_a_flood_gets_half_of_a_full_line_at_most_and_starves_no_poll(flood: Priority, seed: int) -> None:
-    chance = random.Random(seed)
-    periods_s = [chance.choice([0.0, 0.1, 0.5, 1.0]) for _ in range(chance.randint(20, 40))]
-    polls = [
-        replace(poll(f"{unit}", unit, every_s), deadline_s=ENDLESS_S)
-        for unit, every_s in enumerate(periods_s, 1)
-    ]
-    model = Model(Site(polls, floods=[flood]), seed=seed)
-
-    model.run(120.0)
-
-    assert model.used_by_jobs() <= JOBS_SHARE + 0.03
-    assert excess_s(model) <= 1e-9
-    assert {poll.key for poll in polls} == set(model.gaps_s)
 
 
 @pytest.mark.parametrize("seed", range(4))

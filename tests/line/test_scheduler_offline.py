@@ -47,7 +47,7 @@ def state(plant: Plant, unit: int) -> str:
     return plant.scheduler.polls.unit(unit).state.value
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=15)
 @given(
     units=st.integers(1, 60),
     dead_share=st.sampled_from([0.1, 0.5, 0.9, 1.0]),
@@ -65,20 +65,10 @@ def test_all_silent_units_together_never_take_more_than_their_share(
         assert plant.dead_s <= OFFLINE_SHARE * plant.now_s + OFFLINE_BURST_S + SILENCE_S
 
 
-def test_the_share_is_used_when_there_are_many_of_them() -> None:
-    plant = Plant(polls_of(100), set(range(1, 100)))
-    plant.run(60.0)
-    plant.dead_s = 0.0
-
-    plant.run(360.0)
-
-    assert plant.dead_s / 300.0 == pytest.approx(OFFLINE_SHARE, rel=0.1)
-
-
 @pytest.mark.parametrize("every_s", [0.0, 0.2])
 @pytest.mark.parametrize(
     ("dead", "units"),
-    [(1, 1), (2, 2), (1, 8), (2, 8), (6, 8), (1, 247), (2, 247), (6, 247), (60, 247), (123, 247), (246, 247)],
+    [(1, 1), (2, 8), (6, 8), (60, 247)],
 )
 def test_the_dead_take_a_twentieth_of_a_full_line_at_most_however_many_they_are(
     dead: int, units: int, every_s: float
@@ -98,15 +88,6 @@ def test_the_dead_take_a_twentieth_of_a_full_line_at_most_however_many_they_are(
         assert plant.busy_s["Answered"] >= 0.98 * (passed_s - plant.busy_s["Silent"])
 
 
-def test_every_silent_unit_is_probed() -> None:
-    plant = Plant(polls_of(50), set(range(1, 50)))
-
-    plant.run(350.0)
-
-    late = {slot.unit for at_s, slot in plant.slots if at_s > 200.0}
-    assert late == set(range(1, 51))
-
-
 def test_a_silence_is_not_followed_by_another_while_a_living_unit_is_due() -> None:
     plant = Plant(polls_of(12, every_s=0.0), {1, 2, 3})
 
@@ -114,66 +95,6 @@ def test_a_silence_is_not_followed_by_another_while_a_living_unit_is_due() -> No
 
     units = [slot.unit for at_s, slot in plant.slots if at_s > 2.0]
     assert not any(one in plant.dead and other in plant.dead for one, other in itertools.pairwise(units))
-
-
-def test_a_unit_that_missed_once_is_not_asked_again_before_one_that_answers() -> None:
-    scheduler = Scheduler([poll("a", 1), poll("b", 1), poll("c", 2)])
-    scheduler.polls.begin(0.0)
-    first = scheduler.pick(0.0)
-    assert first is not None
-
-    scheduler.record(first, Silent(), 0.1)
-
-    second, third = scheduler.pick(0.1), None
-    assert second is not None
-    scheduler.record(second, Answered((), 0.2, 0.0), 0.2)
-    third = scheduler.pick(0.2)
-    assert third is not None
-    assert (first.unit, second.unit, third.unit) == (1, 2, 1)
-
-
-def test_a_unit_that_answers_is_asked_in_full_at_once() -> None:
-    plant = Plant(polls_of(3), {1})
-    plant.run(60.0)
-    plant.dead.clear()
-    while state(plant, 1) == "silent":
-        plant.step()
-    back_s = plant.now_s
-
-    plant.run(back_s + 1.2)
-
-    keys = [slot.poll.key for at_s, slot in plant.slots if at_s >= back_s and slot.poll]
-    assert {"1/0", "1/1"} <= set(keys)
-
-
-def test_when_one_of_a_group_answers_the_others_are_asked_next() -> None:
-    plant = Plant(polls_of(60, every_s=2.0), set())
-    plant.run(20.0)
-    plant.dead |= set(range(1, 41))
-    plant.run(200.0)
-    plant.dead.clear()
-    while state(plant, 1) == "silent" and all(state(plant, unit) == "silent" for unit in range(1, 41)):
-        plant.step()
-    back_s = plant.now_s
-
-    while any(state(plant, unit) == "silent" for unit in range(1, 41)):
-        plant.step()
-
-    assert plant.now_s - back_s < 2 * 40 * 2 * ANSWER_S
-
-
-def test_a_group_that_stays_away_costs_its_share_although_one_of_it_came_back() -> None:
-    plant = Plant(polls_of(60, every_s=2.0), set())
-    plant.run(20.0)
-    plant.dead |= set(range(1, 41))
-    plant.run(100.0)
-    plant.dead.discard(7)
-    plant.dead_s = 0.0
-
-    plant.run(500.0)
-
-    assert state(plant, 7) == "answering"
-    assert plant.dead_s <= OFFLINE_SHARE * 400.0 + OFFLINE_SHARE * 2 * OFFLINE_BURST_S / OFFLINE_SHARE
 
 
 class NoisyLine(IdealLine):
@@ -193,30 +114,16 @@ class NoisyLine(IdealLine):
         return Answered((), at_s, 0.0) if self.chance.random() < 0.97**25 else Garbled("bad CRC", b"\x01\x03")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])
 def test_noise_does_not_let_the_watchdogs_act_where_requests_arrive_now_and_then(
     seed: int,
 ) -> None:
     polls = [replace(each, deadline_s=10.0) for each in polls_of(4)]
     line = NoisyLine(polls, seed=seed)
 
-    line.run(3600.0)
+    line.run(1200.0)
 
     assert line.unreached_s < 10.0
-
-
-def test_a_halted_machine_is_not_taken_for_a_long_silence() -> None:
-    scheduler = Scheduler([poll("a", 1)])
-    scheduler.polls.begin(0.0)
-    now_s = 0.0
-    for _ in range(3):
-        slot = scheduler.pick(now_s)
-        assert slot is not None
-        now_s += 1000.0
-        scheduler.record(slot, Silent(), now_s)
-        now_s = scheduler.next_due_s()
-
-    assert scheduler.pick(now_s + 200.0) is not None
 
 
 def test_a_unit_is_late_as_long_as_its_latest_reply_was_and_for_30_s_at_most() -> None:

@@ -2,87 +2,15 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import pytest
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.line.scheduler.scheduler import IN_ROW, SHARED_AFTER_S
+from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
-from tests.line.scheduled import ANSWERED, GARBLED, READ, begun, job, job_of, key_of, take
+from tests.line.scheduled import ANSWERED, GARBLED, READ, begun, job, take
 
 SILENT, NOT_SENT = Silent("no reply"), Silent("the line is never quiet", is_sent=False)
-LATE_S = 2 * SHARED_AFTER_S
-
-
-def test_a_stop_that_has_waited_for_long_is_sent_for_later_ones_of_its_unit_only() -> None:
-    scheduler = begun()
-    first, rider, other = job(Priority.STOP), job(Priority.STOP), job(Priority.STOP, unit=2)
-    scheduler.jobs.submit(first, 0.0)
-    scheduler.jobs.submit(rider, LATE_S)
-    scheduler.jobs.submit(other, LATE_S)
-
-    slots = [take(scheduler, LATE_S) for _ in range(3)]
-
-    assert [slot and slot.jobs for slot in slots] == [(first, rider), (other,), None]
-
-
-def test_a_stop_that_has_only_just_come_is_not_shared() -> None:
-    scheduler = begun()
-    jobs = [job(Priority.STOP), job(Priority.STOP)]
-    for each in jobs:
-        scheduler.jobs.submit(each, 0.0)
-
-    slots = [take(scheduler, 0.0) for _ in range(2)]
-
-    assert [slot and slot.jobs for slot in slots] == [(each,) for each in jobs]
-
-
-def test_of_a_shared_stop_each_job_can_be_withdrawn_alone() -> None:
-    scheduler = begun()
-    first, second, third = (job(Priority.STOP) for _ in range(3))
-    scheduler.jobs.submit(first, 0.0)
-    scheduler.jobs.submit(second, LATE_S)
-    scheduler.jobs.submit(third, LATE_S)
-
-    assert scheduler.jobs.withdraw(first)
-    assert scheduler.jobs.withdraw(third)
-    assert scheduler.jobs.clear() == (second,)
-
-
-def test_a_follow_up_whose_unit_may_not_be_asked_yet_lets_others_pass() -> None:
-    scheduler = begun(poll("a", every_s=0.2))
-    take(scheduler, 0.0)
-    held, other = job(Priority.FOLLOW_UP, request=READ), job(Priority.FOLLOW_UP, unit=2, request=READ)
-    scheduler.jobs.submit(held, 0.0)
-    slot = scheduler.pick(0.0)
-    assert slot is not None
-    scheduler.put_back(slot, 0.5)
-    scheduler.jobs.submit(other, 0.0)
-
-    slots = [take(scheduler, 0.2) for _ in range(3)]
-
-    assert [job_of(slot) or key_of(slot) for slot in slots] == [other, "a", None]
-    scheduler.polls.remove("a")
-    assert scheduler.next_due_s() == 0.5
-    again = take(scheduler, 0.5)
-    assert again is not None
-    assert job_of(again) is held
-    assert scheduler.next_due_s() == inf
-
-
-def test_a_held_follow_up_can_be_withdrawn_and_taken_out() -> None:
-    scheduler = begun()
-    first, second = job(Priority.FOLLOW_UP, request=READ), job(Priority.FOLLOW_UP, request=READ)
-    for each in (first, second):
-        scheduler.jobs.submit(each, 0.0)
-        slot = scheduler.pick(0.0)
-        assert slot is not None
-        scheduler.put_back(slot, 0.5)
-
-    assert scheduler.jobs.withdraw(first)
-    assert scheduler.jobs.clear() == (second,)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from gateway.line.scheduler.requests import Job, Priority
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, no_reply, poll
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
 from tests.virtual_time import run_virtually
 
 WRITE = WriteRegister(5003, 1)
@@ -67,39 +67,6 @@ def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chose
     assert written == [b"\x00\x00", b"\x00\x01"]
 
 
-def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await into_a_silence(rig)
-            for _ in range(60):
-                rig.line.submit(Job(1, READ, RESPONSE_TIME_S, Priority.COMMAND, lambda outcome: None))
-                await asyncio.sleep(ONE_S)
-
-    run_virtually(scenario())
-
-    statistics = rig.line.statistics()
-    assert statistics["polls"] >= statistics["jobs"] / 3
-
-
-def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await into_a_silence(rig)
-            command = asyncio.create_task(rig.transact(1, WRITE))
-            await asyncio.sleep(0)
-            command.cancel()
-            await asyncio.wait([command])
-            await asyncio.sleep(0.2)
-
-    run_virtually(scenario())
-
-    assert set(functions(rig)) == {3}
-
-
 def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> None:
     rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
@@ -139,53 +106,6 @@ def test_a_read_that_is_given_up_while_it_is_on_the_wire_is_not_repeated_for_a_c
     assert len(rig.port.sent) == (1 if is_given_up else 2)
 
 
-@pytest.mark.parametrize("is_given_up", [False, True])
-def test_a_read_that_is_given_up_while_it_is_on_the_wire_begins_no_series(*, is_given_up: bool) -> None:
-    rig = LineRig(no_reply, [])
-
-    async def scenario() -> int:
-        async with rig:
-            await rig.transact(1, READ, Priority.READ_BACK)  # its reply is owed
-            await asyncio.sleep(1.0)
-            rig.port.answer = Units({1})
-            asked = asyncio.create_task(rig.transact(1, READ, Priority.READ_BACK))
-            await asyncio.sleep(TIMING.wire_s(8))
-            if is_given_up:
-                asked.cancel()
-            await asyncio.sleep(1.0)
-            return len(rig.port.sent)
-
-    assert run_virtually(scenario()) == (2 if is_given_up else 3)
-
-
-def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> Outcome:
-        async with rig:
-            await into_a_silence(rig)
-            waiting = asyncio.create_task(rig.transact(1, WRITE))
-            await asyncio.sleep(0)
-            rig.port.hang_up()
-            return await waiting
-
-    assert run_virtually(scenario()) == Silent("port closed", is_sent=False)
-
-
-def test_an_answer_is_reported_when_the_next_request_is_on_its_way() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(1.0)
-
-    run_virtually(scenario())
-
-    published_s = [at_s for at_s, *_ in rig.listener.polls]
-    sent_s = [at_s for at_s, _ in rig.port.sent]
-    assert published_s[:20] == pytest.approx(sent_s[1:21])
-
-
 def test_the_answer_to_the_last_request_is_reported_at_once() -> None:
     rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
 
@@ -196,21 +116,6 @@ def test_the_answer_to_the_last_request_is_reported_at_once() -> None:
     run_virtually(scenario())
 
     assert rig.listener.polls[0][0] - rig.port.sent[0][0] == pytest.approx(ONE_S, abs=1e-6)
-
-
-def test_response_times_are_reported_by_function() -> None:
-    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await rig.transact(1, WRITE)
-            await asyncio.sleep(1.0)
-
-    run_virtually(scenario())
-
-    unit = rig.line.statistics()["units"][1]
-    assert unit["functions"][3] == pytest.approx({"p50": DELAY_S, "p99": DELAY_S, "p999": DELAY_S})
-    assert set(unit["functions"]) == {3, 6}
 
 
 def test_every_frame_is_handed_on_while_somebody_captures() -> None:

@@ -15,7 +15,7 @@ from gateway.line import thread as host_module
 from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
-from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, poll, until
+from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, until
 from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
 
 
@@ -126,27 +126,6 @@ async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
 
     assert last == Silent()
     assert len(opener.ports[0].sent) <= 2
-
-
-async def test_polls_are_changed_from_the_app() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    line = add(host, fake_opener(), every_s=3600.0)
-    line.expect_silence(1, 0.0)
-    await host.start()
-    await listener.wait_for("pumps poll a")
-
-    line.add_poll(poll("b", every_s=3600.0))
-    await listener.wait_for("pumps poll b")
-    line.expedite("b")
-    await listener.wait_for("pumps poll b")
-    line.remove_poll("a")
-    line.set_every("b", 0.01)
-    await listener.wait_for("pumps poll b")
-    await host.stop()
-
-    assert line.name == "pumps"
-    assert line.timing is TIMING
 
 
 async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(

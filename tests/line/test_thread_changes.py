@@ -11,7 +11,7 @@ import pytest
 from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import LineHost
-from tests.line.fakes import FakeOpener, FakePort, Units, until
+from tests.line.fakes import FakeOpener, FakePort, Units
 from tests.line.hosted import NO_PORT, WaitingListener, add, ask, fake_opener
 
 
@@ -79,20 +79,6 @@ async def test_a_line_of_the_same_name_begins_when_the_ports_of_those_before_are
     await host.stop()
 
     assert again.most_users == 1
-
-
-async def test_a_line_that_comes_is_captured_when_the_others_are() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    await host.start()
-    lines: list[str] = []
-    host.capture(lambda line, at_s, direction, frame: lines.append(line))
-
-    add(host, fake_opener(), "comes")
-    await until(lambda: "comes" in lines)
-    await host.stop()
-
-    assert set(lines) == {"comes"}
 
 
 async def test_a_line_can_be_removed_before_the_start_and_after_the_end() -> None:

@@ -85,7 +85,9 @@ class Source:
         self.unresolved: list[str] = []
         self._constants = dict(_constants())
         for path in sorted(SOURCE.rglob("*.py")):
-            module = ast.parse(path.read_text("utf-8"))
+            if "everity" not in (text := path.read_text("utf-8")):
+                continue
+            module = ast.parse(text)
             self._read(path.relative_to(SOURCE).as_posix(), module)
 
     def _read(self, name: str, module: ast.Module) -> None:

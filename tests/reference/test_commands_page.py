@@ -11,8 +11,10 @@ def test_every_command_and_every_argument_is_explained() -> None:
 
 
 def test_the_page_has_every_command() -> None:
+    made = page()
+
     assert set(COMMANDS) <= set(parsers())
-    assert all(f"## {name}\n" in page() for name in parsers())
+    assert [name for name in parsers() if f"## {name}\n" not in made] == []
 
 
 def test_the_readme_names_every_command() -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
 import gc
 import os
 import queue
@@ -21,7 +20,6 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -208,13 +206,6 @@ class RigQueue:
         return not self._items
 
 
-@functools.cache
-def _born_s() -> float:
-    """Return when this process began, in seconds of the machine's being up [proc(5), starttime]."""
-    fields = Path("/proc/self/stat").read_text("ascii").rpartition(")")[2].split()
-    return int(fields[19]) / os.sysconf("SC_CLK_TCK")
-
-
 class RigWorld:
     """Time and chance as a scenario sees them."""
 
@@ -247,8 +238,8 @@ class RigWorld:
     def _clock(self, number: int) -> float:
         if number == time.CLOCK_REALTIME:
             return self.utc_s()
-        if number == time.CLOCK_BOOTTIME:  # as if this process had begun with the scenario
-            return _born_s() + self.now_s() + self.slept_s
+        if number == time.CLOCK_BOOTTIME:
+            return self.loop.time() + self.slept_s
         return self.loop.time()
 
     @contextmanager

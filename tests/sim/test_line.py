@@ -1,4 +1,4 @@
-"""The virtual line keeps byte times and silences as a real one does, and spoils replies on order."""
+"""The virtual line keeps byte times and silences as a real one does, and damages replies on order."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ async def asked(port: SimulatedPort) -> bytes:
         (faults.Babbling(every_s=100.0), {}, [ANSWER]),
     ],
 )
-def test_a_reply_is_spoilt_on_order(
+def test_a_reply_is_damaged_on_order(
     fault: faults.Impairment, options: dict[str, Any], received: list[bytes]
 ) -> None:
     got, line = replies(fault, times=len(received), **options)
@@ -252,7 +252,7 @@ def test_a_reply_is_spoilt_on_order(
     assert line.units[0].handled == len(received)  # it acts, whatever comes of its answer
 
 
-def test_a_reply_is_spoilt_by_chance_alike_for_the_same_seed() -> None:
+def test_a_reply_is_damaged_by_chance_alike_for_the_same_seed() -> None:
     (one, _), (again, _), (other, _) = (replies(faults.NoReply(), 20, seed, chance=0.5) for seed in (1, 1, 2))
     reply = faults.Reply(ANSWER, 0.01, 0.02)
 

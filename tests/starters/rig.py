@@ -109,7 +109,7 @@ class Rig:
 
 
 async def is_proved(*, lane: Priority) -> None:
-    """Stand for the questions before a write, which tests/starters/identity/test_swaps.py is about."""
+    """Stand for the questions before a write."""
 
 
 @dataclass

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.lab.torture.of_disk import damage
 from tests.mqtt.spooling import InlineStore, SpoolRun, event, result, value
-from tests.torture.of_disk import damage
 from tests.virtual_time import run_virtually
 
 WAYS = 60

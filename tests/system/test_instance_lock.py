@@ -6,6 +6,7 @@ import fcntl
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -144,3 +145,13 @@ def test_a_folder_says_whether_a_gateway_runs_there(tmp_path: Path) -> None:
         assert is_locked(tmp_path)
         assert is_locked(tmp_path)  # to ask changes nothing
     assert not is_locked(tmp_path)
+
+
+def test_the_lock_ends_with_the_context_and_its_file_is_for_its_user_only(tmp_path: Path) -> None:
+    for _ in range(2):
+        with instance_lock(tmp_path / "state"):
+            pass
+
+    assert (tmp_path / "state" / FILE).stat().st_mode & 0o777 == 0o600
+    assert (tmp_path / "state").stat().st_mode & 0o777 == 0o700
+    assert (tmp_path / "state" / FILE).read_text() == f"{os.getpid()} {socket.gethostname()}\n"

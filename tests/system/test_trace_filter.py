@@ -63,6 +63,15 @@ def test_another_error_has_its_own_trace(other: dict[str, object]) -> None:
     assert log.text().count("Traceback") == 2
 
 
+def test_what_carries_no_trace_always_passes() -> None:
+    log = Log()
+
+    for _ in range(3):
+        log.logger.error("the disk is full")
+
+    assert log.text() == "the disk is full\n" * 3
+
+
 def test_the_number_of_known_errors_is_bounded() -> None:
     log = Log()
 

@@ -12,6 +12,8 @@ from gateway.modbus.codes import EXCEPTION_BIT
 from gateway.modbus.pdu import Request, exception_code
 
 SHORTEST_REPLY = 5  # bytes: an exception
+MOST_STRAY = 2  # bytes before a reply: a driver that is switched on may make them
+_HEAD = 2  # unit and function
 
 
 class ReplyAssembler:
@@ -70,8 +72,13 @@ class ReplyAssembler:
         return 1 if size is None else max(size - len(reply), 1)
 
     def whole_reply(self) -> bytes | None:
-        """Return the frame as soon as it is whole, or can be none; bytes behind its end are left out."""
-        if self.may_be_echo():
+        """Return the frame as soon as it is whole, or can be none; bytes behind its end are left out.
+
+        Up to `MOST_STRAY` bytes before a reply are left out where its CRC is right without them.
+        """
+        if self.may_be_echo() or len(self.reply()) < MOST_STRAY + _HEAD:
+            return None
+        if self._begins_behind_stray():
             return None
         reply = self.reply()
         try:
@@ -79,6 +86,28 @@ class ReplyAssembler:
         except BadFrameError:
             return reply
         return reply[:size] if size is not None and len(reply) >= size else None
+
+    def _begins_behind_stray(self) -> bool:
+        """Leave out stray bytes before a whole reply; return whether one that is not whole may follow."""
+        for stray in range(MOST_STRAY + 1):
+            behind = self.reply()[stray:]
+            if self._is_head(behind):
+                try:
+                    size = adu.reply_adu_size(behind)
+                except BadFrameError:
+                    continue
+                if stray == 0:
+                    return False
+                if size is None or len(behind) < size:
+                    return True
+                if whole_frame(behind[:size]) is not None:
+                    self.skip(stray)
+                    return False
+        return False
+
+    def _is_head(self, received: bytes) -> bool:
+        """Return whether this begins with unit and function of the request, or of its refusal."""
+        return (received[0], received[1] & ~EXCEPTION_BIT) == (self._request_adu[0], self._request_adu[1])
 
 
 def judge(frame: bytes, unit: int, request: Request, *, at_s: float, response_time_s: float) -> Outcome:

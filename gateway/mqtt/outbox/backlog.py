@@ -95,12 +95,7 @@ class Backlog:
     def next(self, late_upto: int) -> QueuedMessage | None:
         """Return the result or event that comes next; what is not `late` does not wait for what is."""
         is_away = self.is_disk_away()
-        result, event = (
-            live
-            if (live := self._new[kind].first(is_disk_away=is_away)) is not None and live.number > late_upto
-            else self._first(kind, is_away)
-            for kind in (Kind.RESULT, Kind.EVENT)
-        )
+        result, event = (self._first(kind, is_away, late_upto) for kind in (Kind.RESULT, Kind.EVENT))
         if result is None or event is None:
             self.has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
             return result or event
@@ -281,12 +276,13 @@ class Backlog:
     def _bytes(self) -> int:
         return sum(segment.bytes for segment in self._segments) + self._out_bytes
 
-    def _first(self, kind: Kind, is_away: bool) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
-        """Return the oldest; what this run has put waits while that of earlier runs is being read."""
-        old = self._old[kind]
-        if (first := old.first(is_disk_away=is_away)) is not None or (old.sunk.rows and not is_away):
-            return first
-        return self._new[kind].first(is_disk_away=is_away)
+    def _first(self, kind: Kind, is_away: bool, late_upto: int = HIGHEST) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
+        """Return the oldest, or what is not late; what is late waits while earlier runs' is being read."""
+        old, new = self._old[kind], self._new[kind].first(is_disk_away=is_away)
+        if new is not None and new.number > late_upto:
+            return new
+        first = old.first(is_disk_away=is_away)
+        return first if first is not None or (old.sunk.rows and not is_away) else new
 
     def _fly(self, entry: QueuedMessage) -> None:
         self._out[entry.number] = entry

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.broker_kit.folder import password_line
-from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
+from tests.end_to_end.deploy.kit_site import KitPlace, commands
 from tests.mosquitto import _find, missing_programs
 
 pytestmark = pytest.mark.long
@@ -201,26 +201,6 @@ def test_that_everybody_may_choose_a_client_id_is_found(holed: subprocess.Comple
     }
 
     assert takers == {"alice", "scada", "viewer", "auditor", "prover", "mcc1-spb", "sparkplug-host"}
-
-
-def test_two_gateways_at_one_broker_are_proved(tmp_path: Path, proof: object) -> None:
-    place = KitPlace(tmp_path)
-    try:
-        for line in commands("3. Configuration", "4. Broker"):
-            if line != PROVE:
-                place.follow(line)
-        second = place.config.with_name("mcc2.toml")
-        second.write_text(place.config.read_text("utf-8").replace("mcc1", "mcc2"), "utf-8")
-        for line in commands("Changes", page=BROKER_PAGE):
-            if "-2" in line:
-                place.follow(line)
-        place.start_broker()
-        again = PROVE.replace("site.toml", "mcc2.toml").replace("broker-kit --prove", "broker-kit-2 --prove")
-        found = [place.run(line).stdout.splitlines()[-1:] for line in (PROVE, again)]
-    finally:
-        place.stop_broker()
-
-    assert len(found) == len([each for each in found if each[0].endswith(" probes, 0 wrong")])
 
 
 def test_mosquitto_passwd_makes_the_same_line_of_the_same_salt(tmp_path: Path) -> None:

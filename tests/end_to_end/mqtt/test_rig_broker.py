@@ -28,7 +28,7 @@ topic readwrite open/#
 topic write closed/#
 """
 USERS = {"plant": "right", "other": "right"}
-NOBODY = 0x10  # a PUBACK's success, where nobody has subscribed: nothing that a publisher should need
+NO_READER = 0x10  # a PUBACK's success, where no client has subscribed: nothing that a publisher should need
 V5, V3 = paho.MQTTv5, paho.MQTTv311
 
 
@@ -53,9 +53,9 @@ class Peer:
         client.on_disconnect = lambda *_: self.said.append(("ended",))
         client.on_subscribe = lambda *call: self.said.append(("subscribed", [each.value for each in call[3]]))
         client.on_publish = lambda *call: self.said.append(
-            ("acknowledged", {NOBODY: 0}.get(call[3].value, call[3].value))
+            ("acknowledged", {NO_READER: 0}.get(call[3].value, call[3].value))
         )
-        client.on_message = lambda *call: self.said.append(self._told(call[2]))
+        client.on_message = lambda *call: self.said.append(self._said(call[2]))
         self._version = version
         client.connect("127.0.0.1", port, keepalive=20, **({"clean_start": True} if version == V5 else {}))
 
@@ -94,7 +94,7 @@ class Peer:
         wire.close()
         await self.rest()
 
-    def _told(self, message: paho.MQTTMessage) -> tuple[Any, ...]:
+    def _said(self, message: paho.MQTTMessage) -> tuple[Any, ...]:
         more = getattr(message, "properties", None)
         response, correlation = (getattr(more, name, None) for name in ("ResponseTopic", "CorrelationData"))
         return ("message", message.topic, message.payload, message.qos, message.retain, response, correlation)
@@ -146,7 +146,7 @@ async def live_flag(join: Join) -> list[Any]:
 async def handling(join: Join) -> list[Any]:
     """Retain handling 0 sends what is retained each time, 1 with a new subscription, 2 never."""
     writer = await join("other")
-    await writer.publish("open/a", b"kept", retain=True)
+    await writer.publish("open/a", b"stored", retain=True)
     readers = [await join(f"plant-{number}") for number in range(3)]
     for _ in range(2):
         for number, reader in enumerate(readers):

@@ -59,11 +59,11 @@ def order(*wanted: tuple[str, dict[str, Any]], since: float = 0.0) -> Expectatio
     def check(plant: RigPlant) -> str:
         places = []
         for topic, fields in wanted:
-            kept = set(map(id, plant.messages(topic, since)))
+            places_of = set(map(id, plant.messages(topic, since)))
             found = [
                 place
                 for place, each in enumerate(plant.broker.log)
-                if id(each) in kept and each.payload and fields.items() <= each.json.items()
+                if id(each) in places_of and each.payload and fields.items() <= each.json.items()
             ]
             if not found:
                 return f"nothing of {topic} with {fields}"

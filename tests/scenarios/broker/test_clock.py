@@ -109,7 +109,7 @@ PROOFS = [
         then={72.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
-        "who has freshness by issued_at is refused with a token alone, and heard with a date",
+        "who has freshness by issued_at is refused with a token alone, and taken with a date",
         given=SSW07 + BRIDGE,
         sim={"pump": QUICK},
         at={68.0: command("pump/dispatch/start"), 70.0: issued("pump/dispatch/start", 1.0)},

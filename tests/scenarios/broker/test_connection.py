@@ -129,12 +129,12 @@ VERSIONS = [
 
 
 def _start(plant: RigPlant) -> tuple[str, dict[str, str]]:
-    return "command/pump/alice/start", {"id": "kept", "token": plant.token()}
+    return "command/pump/alice/start", {"id": "1", "token": plant.token()}
 
 
 OTHERS = [
     row(
-        "another client with the gateway's id is told once until a connection has held",
+        "another client with the gateway's id is an event, once until a connection has held",
         given=SSW07,
         at={5.0 + 2 * n: (lambda plant: plant.broker.drop(code=0x8E)) for n in range(4)},
         then={
@@ -152,7 +152,7 @@ OTHERS = [
         then={40.0: seen("gateway/event", code="client_id_taken", text=re.compile("perhaps"), times=1)},
     ),
     row(
-        "another gateway under one base is told once, and keeps what it retains",
+        "another gateway under one base is an event, once, and keeps what it retains",
         given=SSW07,
         at={
             **{
@@ -178,7 +178,7 @@ OTHERS = [
 
 RIGHTS = [
     row(
-        "messages that the broker refuses are counted, told once, and not tried again",
+        "messages that the broker refuses are counted, reported once, and not tried again",
         given=SSW07,
         before=lambda plant: plant.broker.deny("*", "starters/plant/starter/pump/value/current", "write"),
         at={6.0: "pump P003 = 100"},
@@ -211,7 +211,7 @@ RIGHTS = [
         },
     ),
     row(
-        "a gateway that listens for Home Assistant tells it all again at its birth, which is no command",
+        "a gateway that listens for Home Assistant announces all again at its birth, which is no command",
         given=SSW07 + ALICE + HOME_ASSISTANT,
         at={20.0: publish("homeassistant/status", b"online", client="ha")},
         then={60.0: [seen("homeassistant/device/+/config", since=20.0), never("audit"), frames("pump")]},

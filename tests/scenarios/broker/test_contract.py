@@ -195,7 +195,7 @@ def test_each_command_has_one_final_result_and_its_audit(day: list[MqttMessage])
 
 SHAPES = [
     row(
-        "the gateway's info says what it is, what it has, who may do what, and that it protects nobody",
+        "the gateway's info says what it is, what it has, who may do what, and that it is no protection",
         given=FOUR + ALICE + operator("bob", may=("stop",), starters=("pump",), freshness="issued_at"),
         then={
             4.0: [

@@ -1,4 +1,4 @@
-"""What an earlier run left retained is cleared at a start, before online; nobody else's topics are."""
+"""What an earlier run left retained is cleared at a start, before online; topics of others never."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ STOPS = [
 
 TOPICS = [
     row(
-        f"a command on {topic} does nothing, and is told",
+        f"a command on {topic} does nothing, and is reported",
         given=SSW07 + ALICE,
         at={
             4.0: lambda plant, topic=topic: plant.publish(
@@ -161,7 +161,7 @@ TOPICS = [
 
 REFUSED = [
     row(
-        "a start by a client that is nobody is refused",
+        "a start by an unknown client is refused",
         given=SSW07 + ALICE,
         at={4.0: command("pump/mallory/start")},
         then={5.0: [result("start rejected not_allowed", client="mallory"), frames("pump")]},

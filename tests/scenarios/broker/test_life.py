@@ -326,7 +326,7 @@ MEMORY = [
         },
     ),
     row(
-        "the state survives a kill at the very moment of a stop: it is repeated by nobody, and told",
+        "the state survives a kill at the very moment of a stop: it is not repeated, and reported",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={

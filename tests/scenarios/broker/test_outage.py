@@ -61,9 +61,9 @@ def _same_number_same_bytes(plant: RigPlant) -> str:
 def _two_runs(plant: RigPlant) -> str:
     """The fault of the run before comes before that of this one, which found it at its first reading."""
     found = [each.json for each in plant.messages("starter/pump/event", since=5.0)]
-    told = [(each["data"]["from"], each["boot"]) for each in found if each["code"] == "fault"]
-    is_right = [state for state, _ in told] == ["ready", None] and len({boot for _, boot in told}) == 2
-    return "" if is_right else str(told)
+    faults = [(each["data"]["from"], each["boot"]) for each in found if each["code"] == "fault"]
+    is_right = [state for state, _ in faults] == ["ready", None] and len({boot for _, boot in faults}) == 2
+    return "" if is_right else str(faults)
 
 
 def _one_at_a_time(plant: RigPlant) -> str:
@@ -74,7 +74,7 @@ def _one_at_a_time(plant: RigPlant) -> str:
 
 OUTAGES = [
     row(
-        "faults of an outage are told at the return, once each, in order and with their own time",
+        "faults of an outage are published at the return, once each, in order and with their own time",
         given=SSW07,
         at={5.0: "broker down", 8.0: TRIP, 14.0: HEAL, 20.0: TRIP, 30.0: "broker up"},
         then={
@@ -163,7 +163,7 @@ OUTAGES = [
         },
     ),
     row(
-        "an outage is told at its end, with both its causes, and each connection has a boot of its own",
+        "an outage is reported at its end, with both its causes, and each connection has a boot of its own",
         given=SSW07,
         at={5.0: "broker down", 15.0: "broker up"},
         then={
@@ -204,7 +204,7 @@ OUTAGES = [
         },
     ),
     row(
-        "a lost starter is told after the return although it was lost and found in the outage",
+        "a lost starter is reported after the return although it was lost and found in the outage",
         given=SSW07,
         at={5.0: "broker down", 6.0: fault("silent", "pump", for_s=20.0), 60.0: "broker up"},
         then={

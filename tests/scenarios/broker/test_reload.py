@@ -286,7 +286,7 @@ def test_a_reload(row: ScenarioRow) -> None:
     play(row)
 
 
-def test_another_broker_gets_everything_and_the_former_one_is_told_the_end() -> None:
+def test_another_broker_gets_everything_and_the_former_one_the_end() -> None:
     with RigPlant(SSW07 + ALICE) as plant:
         second = plant.other_broker("10.0.0.2")
         plant.run(until=5.0)

@@ -1,4 +1,4 @@
-"""Communication watchdogs of the starters: set, judged, kept over a restart, changed by others."""
+"""Communication watchdogs of the starters: set, judged, stored over a restart, changed by others."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ ROWS = [
         then={20.0: [event("reload_refused"), msg("starter/pump/availability", state="online")]},
     ),
     row(
-        "a watchdog that was changed while the gateway was away is told with both values",
+        "a watchdog that was changed while the gateway was away is reported with both values",
         given=SSW07,
         sim={"pump": {"settings": {314: 30}}},
         at={15.0: ["end", change(314, 7), "start"]},
@@ -99,7 +99,7 @@ ROWS = [
         },
     ),
     row(
-        "a damaged file of watchdogs is set aside and told, and they are read again",
+        "a damaged file of watchdogs is set aside and reported, and they are read again",
         given=SSW07,
         at={
             10.0: [

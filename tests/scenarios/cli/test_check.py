@@ -173,7 +173,7 @@ MISTAKES = [  # what is wrong, in which configuration, and what is said of it
         "line[0].baud: 115200 is not for ssw07 (pump) (its manual allows 9600, 19200, 38400)",
     ),
     (
-        "a rate that nobody has",
+        "a rate that no starter has",
         line(baud=1234) + starter("pump", 1, "ssw07"),
         "is 1234 (must be 1200, 2400, ",
     ),
@@ -248,12 +248,12 @@ MISTAKES = [  # what is wrong, in which configuration, and what is said of it
         "web.listen: opens the page to other machines without any login (add a [[web.user]]",
     ),
     (
-        "a login with the rights of nobody",
+        "a login with the rights of an unknown operator",
         SSW07 + ALICE + WEB + table("[web.user]", name="x", operator="carol", password="secret"),
         "web.user[0].operator: 'carol' is no [[operator]]'s client (one of alice)",
     ),
     (
-        "Home Assistant as nobody",
+        "Home Assistant as an unknown operator",
         SSW07 + ALICE + table("homeassistant", operator="carol"),
         "homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)",
     ),

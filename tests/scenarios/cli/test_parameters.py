@@ -28,7 +28,7 @@ def restore(name: str, options: str = "", **said: Any) -> Any:
 
 
 def run_on(name: str) -> Any:
-    """Return the action that has a motor turn which nobody has commanded."""
+    """Return the action by which a motor runs without a command."""
     return lambda plant: plant.starter(name).unit.motor.start()
 
 
@@ -225,7 +225,7 @@ SETS = [
         **wanted("ssw07", P314=30),
     ),
     row(
-        "writes that cannot be counted are told",
+        "writes that cannot be counted are reported",
         given=SSW07,
         at={1.0: ["end", lambda plant: (plant.folder / "state/wear.json").write_text("damaged")]},
         then={1.0: restore("pump", out="writes to the memory of pump that are not counted: 1")},

@@ -52,7 +52,7 @@ SENDING = [
     row(
         "a start that the starter does not follow is not confirmed",
         given=SSW07 + ALICE,
-        at={3.0: "pump VB01 = 0x4102"},  # ready, whatever it is told
+        at={3.0: "pump VB01 = 0x4102"},  # ready, whatever is written to it
         then={4.0: cli(START, code=1, out=("written: being read back", "unconfirmed [not_seen]"))},
     ),
     row(

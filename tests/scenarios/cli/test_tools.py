@@ -275,7 +275,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         },
     ),
     row(
-        "a gateway that nobody may ask is a problem",
+        "a gateway that no operator may ask is a problem",
         given=SSW900,
         then={5.0: cli("doctor CONFIG", code=1, out="cannot be asked: no [[operator]] doctor may read it")},
     ),
@@ -355,7 +355,7 @@ PARAMETERS = [
         },
     ),
     row(
-        "nothing is restored to a motor that turns",
+        "nothing is restored while the motor runs",
         given=SSW07,
         at={3.0: ["end", ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"]},
         then={

@@ -283,8 +283,8 @@ CANNOT_SELECT = [
     row(
         "a starter whose state is not known cannot be selected",
         given=TWO_STEP,
-        at={3.0: fault("silent", "pump"), 30.0: SELECT},
-        then={31.0: result("select rejected offline")},
+        at={3.0: fault("refuse", "pump", 2, (3,)), 15.0: SELECT},
+        then={16.0: [msg("starter/pump/state", state="unknown"), result("select rejected state_unknown")]},
     ),
     row(
         "only who selected can cancel",

@@ -64,7 +64,7 @@ MOTORS = [
         },
     ),
     row(
-        "local and remote operation are told, whoever switched",
+        "local and remote operation are events, at the keypad too",
         given=SSW900,
         at={0: "mill S5.1.1 = 0x0102", 3: "mill S5.1.1 = 0x0002", 6: "mill S5.1.1 = 0x0102"},
         then={
@@ -118,7 +118,7 @@ TRIPS = [
         },
     ),
     row(
-        "a trip without a number is told all the same, after 2 s at the latest",
+        "a trip without a number is an event all the same, after 2 s at the latest",
         given=SSW07,
         at={0: [RUNNING, "pump P014 = 0"], 5: TRIPPED},
         then={

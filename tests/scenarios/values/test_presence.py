@@ -102,7 +102,7 @@ PRESENCE = [
         },
     ),
     row(
-        "one starter's loss is nobody else's",
+        "the loss of one starter changes no other",
         given=FOUR,
         at={5: fault("silent", "fan", for_s=60)},
         then={

@@ -15,7 +15,7 @@ EVENTS = "starter/pump/event"
 
 
 def _watchdogs(name: str, **expected: float) -> Expectation:
-    """The newest `readiness` tells these watchdogs, by parameter, in seconds."""
+    """The newest `readiness` has these watchdogs, by parameter, in seconds."""
 
     def check(plant: RigPlant) -> str:
         newest = [
@@ -81,7 +81,7 @@ ROWS = [
         then={300: [msg("starter/pump/state", state="ready"), never("starter/pump/event", code="fault")]},
     ),
     row(
-        "a starter that does not take its commands from the line is told with its remedy",
+        "a starter that does not take its commands from the line is an event with its remedy",
         given=SSW07,
         sim={"pump": {"settings": {230: 0}}},
         then={
@@ -245,7 +245,7 @@ ROWS = [
         then={500: seen(EVENTS, times=1, code="parameter_changed", data={"parameter": "P314"})},
     ),
     row(
-        "the patrol does not ask for ever for a row that is refused",
+        "the patrol stops asking for a row that is refused",
         given=SSW07,
         at={0: refuse_rows("pump", {277, 278})},
         then={900: _asked_seldom("pump", b"\x03\x01\x15", since=100)},

@@ -287,7 +287,7 @@ ROWS = [
         },
     ),
     row(
-        "the same device after a silence is nothing to be told",
+        "the same device after a silence is no event",
         given=SST,
         at={8: fault("silent", "belt", for_s=20)},
         then={

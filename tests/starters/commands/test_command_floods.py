@@ -40,24 +40,6 @@ async def test_excess_is_refused_in_so_many_words_and_no_client_is_forgotten() -
 
 
 @virtually
-async def test_a_stop_in_a_flood_goes_out_at_once() -> None:
-    plant = await Plant().online()
-    plant.machines["pump-1"].set_motor(is_on=True)
-    flooding = asyncio.create_task(
-        flood(plant, per_s=1000, seconds=2.0, verb="read", clients=("alice", "bob"))
-    )
-    await asyncio.sleep(1.0)
-    since_s = plant.clock.now_s()
-
-    plant.submit("stop", "now", client="alice")
-    await flooding
-
-    stop = next(s for s in plant.machines["pump-1"].line.sent if s.request.is_write)
-    assert stop.at_s - since_s <= 0.025  # one transaction that was on its way
-    assert plant.sink.final("now").code == "ok"
-
-
-@virtually
 async def test_a_flood_of_stops_stops_and_answers_only_some() -> None:
     plant = await Plant().online()
     plant.machines["pump-1"].set_motor(is_on=True)

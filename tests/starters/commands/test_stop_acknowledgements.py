@@ -64,7 +64,7 @@ async def stopped(here: OneStarter, *, within_s: float, name: str = "s") -> tupl
     raise AssertionError(here.sink.phases(name))
 
 
-@pytest.mark.parametrize("late_s", [None, 0.1, 0.3, 0.45, 0.6, 0.9])
+@pytest.mark.parametrize("late_s", [None, 0.3, 0.9])
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
 async def test_a_stop_whose_first_acknowledgement_is_lost_or_late_is_confirmed_soon(
@@ -80,7 +80,7 @@ async def test_a_stop_whose_first_acknowledgement_is_lost_or_late_is_confirmed_s
         assert took_s < SOON_S
 
 
-@pytest.mark.parametrize("later_s", [2.0, 8.0, 20.0])
+@pytest.mark.parametrize("later_s", [2.0])
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
 async def test_the_stop_after_one_whose_acknowledgement_was_lost_is_confirmed_soon(
@@ -99,7 +99,7 @@ async def test_the_stop_after_one_whose_acknowledgement_was_lost_is_confirmed_so
             assert took_s < SOON_S
 
 
-@pytest.mark.parametrize("offset_s", [0.05 * number for number in range(12)])
+@pytest.mark.parametrize("offset_s", [0.0, 0.2, 0.4])
 @virtually
 async def test_a_stop_that_is_never_acknowledged_is_confirmed_by_what_was_read_whenever_its_time_ends(
     offset_s: float,
@@ -115,7 +115,7 @@ async def test_a_stop_that_is_never_acknowledged_is_confirmed_by_what_was_read_w
         assert DEADLINE_S <= took_s < DEADLINE_S + 1.0
 
 
-@pytest.mark.parametrize("lost", range(1, 7))
+@pytest.mark.parametrize("lost", [1, 6])
 @virtually
 async def test_a_reading_that_is_lost_as_the_time_ends_does_not_hide_a_motor_that_was_seen_to_stand(
     lost: int,
@@ -178,19 +178,6 @@ async def test_a_stop_is_confirmed_while_values_are_withheld_until_it_is_known_w
         assert (phase, took_s < SOON_S) == (Phase.CONFIRMED, True)
         assert here.telemetry.identity_standing is IdentityStatus.UNKNOWN
         assert not [value for value in here.sink.of(ValueRecord) if value.quality is Quality.GOOD]
-
-
-@virtually
-async def test_a_motor_that_is_started_while_its_stop_is_not_acknowledged_was_not_seen_to_stop() -> None:
-    rig = await running()
-    with rig.line.silence(WriteCoil):
-        rig.unit.holding[VB01] = READY
-        rig.submit("stop", None)
-        await asyncio.sleep(DEADLINE_S - 1.0)
-        rig.unit.holding[VB01] |= 0x0001
-        await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "not_seen")]
 
 
 @virtually

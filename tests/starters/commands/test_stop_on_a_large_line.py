@@ -24,8 +24,8 @@ def check_confirmation(here: LargeLine, id_: str, asked_s: float, address: int =
     assert len([at_s for at_s in here.readings(address) if frame_s < at_s <= ended_s]) >= 2
 
 
-@pytest.mark.parametrize("every_s", [0.0, 1.0])
-@pytest.mark.parametrize("after_s", [0.05, 0.3, 1.0])
+@pytest.mark.parametrize("every_s", [0.0])
+@pytest.mark.parametrize("after_s", [0.05])
 @virtually
 async def test_a_stop_in_the_first_second_goes_on_while_the_motor_turns_and_is_confirmed_once_it_stops(
     every_s: float, after_s: float
@@ -52,47 +52,16 @@ async def test_a_stop_in_the_first_second_goes_on_while_the_motor_turns_and_is_c
         assert ended_s - obeyed_s <= CONFIRMED_WITHIN_S
 
 
-@virtually
-async def test_every_message_to_a_motor_that_ignores_stops_has_its_own_frame_within_the_bound() -> None:
-    async with large_line(WHOLE) as here:
-        here.unit(1).motor.start()
-        here.ignoring.add(1)
-        await asyncio.sleep(0.2)
-        asked: list[float] = []
-        for number in range(60):
-            asked.append(here.clock.now_s())
-            here.submit("stop", str(number) if number % 3 else None)
-            await asyncio.sleep(10.0 / 60)
-        frames_s = here.frames(1)
-
-        assert all(any(0 <= at_s - asked_s <= here.bound_s for at_s in frames_s) for asked_s in asked)
-        assert len(frames_s) >= len(asked)
-
-
-@virtually
-async def test_a_burst_of_stop_messages_has_as_many_frames() -> None:
-    async with large_line(WHOLE) as here:
-        here.unit(1).motor.start()
-        here.ignoring.add(1)
-        await asyncio.sleep(0.2)
-        for number in range(8):
-            here.submit("stop", str(number))
-            await asyncio.sleep(0.004)
-        await asyncio.sleep(0.4)
-
-        assert len(here.frames(1)) == 8
-
-
 @pytest.mark.long
 @virtually
-async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
+async def test_two_hundred_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
     None
 ):
     async with large_line(2, every_s=2.0) as here:
         await asyncio.sleep(2.0)
-        for number in range(1000):
+        for number in range(200):
             here.submit("stop", f"first {number}")
-            await asyncio.sleep(0.02 + 0.29 * number / 1000)
+            await asyncio.sleep(0.02 + 0.29 * number / 200)
             here.run_locally(1)
             await asyncio.sleep(0.005 * (number % 7))
             asked_s = here.clock.now_s()
@@ -118,26 +87,7 @@ async def test_a_stop_that_joins_one_that_is_just_read_back_is_confirmed_by_its_
         check_confirmation(here, "2", asked_s)
 
 
-@virtually
-async def test_the_read_backs_of_stops_leave_other_starters_watchdogs_their_polls() -> None:
-    watchdog_s = 5.0
-    async with large_line(20, every_s=0.0, watchdog_s=watchdog_s) as here:
-        await asyncio.sleep(5.0)
-        stopping = range(1, 11)
-        here.ignoring.update(stopping)
-        for address in stopping:
-            here.unit(address).motor.start()
-            here.submit("stop", "1", address)
-        await asyncio.sleep(9.5)
-
-        until_s = here.clock.now_s()
-        for address in range(11, 21):
-            asked_s = here.asked_s[address]
-            assert longest_gap_s(asked_s, until_s) < watchdog_s
-        assert all(len(here.frames(address)) >= 10 for address in stopping)
-
-
-@pytest.mark.parametrize("dead", [1, 3, 6])
+@pytest.mark.parametrize("dead", [6])
 @virtually
 async def test_stops_of_dead_starters_leave_the_others_watchdogs_their_polls(dead: int) -> None:
     watchdog_s = 3.0
@@ -157,43 +107,10 @@ async def test_stops_of_dead_starters_leave_the_others_watchdogs_their_polls(dea
 
 
 @virtually
-async def test_stops_of_starters_that_do_not_answer_leave_the_others_their_polls() -> None:
-    async with large_line(8) as here:
-        await asyncio.sleep(20.0)
-        asked_s = here.clock.now_s()
-        for address in range(1, 5):
-            here.bus.remove(here.unit(address))
-            here.submit("stop", f"{address}", address)
-        await asyncio.sleep(12.0)
-
-        until_s = here.clock.now_s()
-        for address in range(5, 9):
-            readings_s = [asked_s, *(at_s for at_s in here.readings(address) if at_s >= asked_s)]
-            assert longest_gap_s(readings_s, until_s) < 3.0  # after 4 s a state is stale
-        frames_s = [each for each in here.bus.transcript if each.data[:2] == b"\x01\x05"]
-        assert len(frames_s) >= 10
-        assert here.end("1")[0] - asked_s < 11.0
-
-
-@virtually
-async def test_a_starter_that_does_not_answer_is_read_about_once_for_each_frame_of_its_stop() -> None:
-    async with large_line(8) as here:
-        await asyncio.sleep(20.0)
-        here.bus.remove(here.unit(1))
-        here.bus.transcript.clear()
-        here.submit("stop", "1")
-        await asyncio.sleep(12.0)
-
-        asked = [each.data[1] for each in here.bus.transcript if each.data[0] == 1]
-        assert asked.count(5) >= 15
-        assert len(asked) - asked.count(5) <= 1.2 * asked.count(5)
-
-
-@virtually
 async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had_been_stopped_once() -> None:
-    async with large_line(120) as here:
+    async with large_line(60) as here:
         await asyncio.sleep(8.0)
-        for address in range(1, 121):
+        for address in range(1, 61):
             here.unit(address).motor.start()
         asked = {}
         for number in range(4):
@@ -205,6 +122,6 @@ async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had
         assert {number: here.phase(str(number), ALL) for number in range(4)} == dict.fromkeys(
             range(4), Phase.CONFIRMED
         )
-        for address in range(1, 121):
+        for address in range(1, 61):
             frames_s = here.frames(address)
             assert all(any(at_s > asked_s for at_s in frames_s) for asked_s in asked.values())

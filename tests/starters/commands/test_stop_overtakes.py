@@ -10,40 +10,12 @@ import pytest
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.writes import WriteCoil
 from gateway.records import Phase, ResultRecord
 from gateway.starters.policy.request import CommandRequest
 from tests.starters.fakes import READY, TRANSACTION_S, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, ignore, running
-
-
-@virtually
-async def test_a_stop_cancels_a_start_that_has_not_been_written() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, ("rejected", "stopped_first")]
-    assert rig.sink.phases("2") == [ACCEPTED, WRITTEN, CONFIRMED]
-    assert rig.starts() == 0
-
-
-@virtually
-async def test_a_stop_cancels_a_start_while_its_status_is_being_read() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(0.01)
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, ("rejected", "stopped_first")]
-    assert rig.starts() == 0
 
 
 @virtually
@@ -64,23 +36,7 @@ async def test_a_start_waiting_for_the_line_is_withdrawn_by_a_stop() -> None:
     assert rig.sink.final("2").phase is Phase.CONFIRMED
 
 
-@virtually
-async def test_a_start_that_is_being_read_back_ends_unconfirmed_when_a_stop_comes() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(0.07)
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, ("unconfirmed", "stopped_first")]
-    assert rig.sink.phases("2") == [ACCEPTED, WRITTEN, CONFIRMED]
-    assert rig.starts() == 1
-    assert rig.unit.holding[VB01] == READY
-
-
-@pytest.mark.parametrize("start_age_s", [0.001 * step for step in range(0, 120, 7)])
+@pytest.mark.parametrize("start_age_s", [0.001 * step for step in range(0, 120, 14)])
 @virtually
 async def test_no_start_ever_goes_out_after_the_stop_that_overtook_it(start_age_s: float) -> None:
     rig = CommandRig()
@@ -98,35 +54,6 @@ async def test_no_start_ever_goes_out_after_the_stop_that_overtook_it(start_age_
     assert late == []
     assert rig.sink.final("1").code == "stopped_first"
     assert rig.unit.holding[VB01] == READY
-
-
-@virtually
-async def test_a_stop_takes_an_sst_out_of_its_configuration_mode_again() -> None:
-    rig = CommandRig("sst")
-    await rig.online()
-    rig.submit("configure", "1")
-    await asyncio.sleep(0.35)
-    assert WriteCoil(1, True) in rig.line.writes
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final("1").code == "stopped_first"
-    assert rig.unit.coils[1] is False
-
-
-@virtually
-async def test_an_ssw900_is_stopped_by_its_last_command_word_without_the_run_bit() -> None:
-    rig = CommandRig("ssw900")
-    rig.unit.holding |= {685: 0x0013, 680: 0x0123}
-    await rig.online()
-
-    rig.submit("stop", None)
-    await asyncio.sleep(0.05)
-
-    writes = [request for request in rig.line.writes if isinstance(request, WriteRegister)]
-    assert {(request.address, request.word) for request in writes} <= {(685, 0x0012), (686, 0x0012)}
-    assert writes
 
 
 @virtually
@@ -205,34 +132,11 @@ async def test_a_command_that_came_before_a_stop_and_is_parsed_after_its_end_is_
 
 
 @virtually
-async def test_a_command_that_came_after_a_stop_is_carried_out() -> None:
-    rig = await running()
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    rig.submit("start", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final("1").phase is Phase.CONFIRMED
-
-
-@virtually
-async def test_every_repetition_of_a_stop_under_way_sends_a_frame() -> None:
-    rig = await running()
-    rig.unit.on_write = ignore
-    for _ in range(5):
-        rig.submit("stop", "1")
-        await asyncio.sleep(0.03)
-
-    assert len(rig.stops()) == 5
-
-
-@virtually
 async def test_of_a_flood_of_stops_each_has_a_frame_that_left_within_a_tenth_of_a_second() -> None:
     rig = await running()
     rig.unit.on_write = ignore
     asked_s = []
-    for number in range(1000):
+    for number in range(300):
         asked_s.append(rig.clock.now_s())
         rig.submit("stop", str(number), client="alice" if number % 2 else "victor")
         await asyncio.sleep(0.005)
@@ -240,4 +144,4 @@ async def test_of_a_flood_of_stops_each_has_a_frame_that_left_within_a_tenth_of_
 
     frames_s = [sent.at_s for sent in rig.stops()]
     assert all(any(0 <= at_s - each <= 0.1 + 2 * TRANSACTION_S for at_s in frames_s) for each in asked_s)
-    assert len(frames_s) <= 8 + 10 * 6 + 10
+    assert len(frames_s) <= 8 + 10 * 3 + 10

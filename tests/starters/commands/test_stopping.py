@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import logging
 
 import pytest
 
-from gateway.families.profile.load import FAMILIES
-from gateway.line.rtu.outcome import Garbled, Refused, Silent
+from gateway.line.rtu.outcome import Garbled, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteCoil
-from gateway.records import EventRecord, Phase, ResultRecord, Severity
+from gateway.records import Phase, ResultRecord
 from gateway.starters.commands import starter_io as wire
-from tests.starters.fakes import AT_SPEED, READY, VB01
-from tests.starters.rig import CommandRig, virtually
+from tests.starters.fakes import READY, VB01
+from tests.starters.rig import virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, broken, ignore, running
 
 
@@ -31,28 +29,6 @@ async def test_a_stop_is_written_at_once_without_reading_anything_first() -> Non
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-@virtually
-async def test_every_family_can_be_stopped(family: str) -> None:
-    rig = await running(family)
-
-    rig.submit("stop", None)
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final().phase is Phase.CONFIRMED
-
-
-@virtually
-async def test_a_stop_needs_no_identity_and_no_answering_starter() -> None:
-    rig = CommandRig()
-    rig.telemetry.start()
-
-    rig.submit("stop", None, args={"nonsense": 1})
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
-
-
 @virtually
 async def test_a_stop_is_confirmed_only_by_two_readings() -> None:
     rig = await running()
@@ -61,37 +37,6 @@ async def test_a_stop_is_confirmed_only_by_two_readings() -> None:
     await rig.poll_for(5.0)
 
     assert [sent.request.is_write for sent in rig.line.sent] == [True, False, False]
-
-
-@virtually
-async def test_a_stop_is_repeated_every_half_second_until_it_is_read_back() -> None:
-    rig = await running()
-    rig.unit.on_write = ignore
-    rig.submit("stop", None)
-    await asyncio.sleep(2.2)
-    rig.unit.holding[VB01] = READY
-
-    await asyncio.sleep(5.0)
-
-    times_s = [sent.at_s for sent in rig.stops()]
-    gaps_s = [later - earlier for earlier, later in itertools.pairwise(times_s)]
-    assert len(times_s) == 5
-    assert all(0.5 <= gap_s < 0.7 for gap_s in gaps_s)
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
-
-
-@virtually
-async def test_a_motor_that_does_not_stop_leaves_the_stop_unconfirmed_and_calls_a_person() -> None:
-    rig = await running()
-    rig.unit.on_write = ignore
-
-    rig.submit("stop", None)
-    await asyncio.sleep(30.0)
-
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "not_seen")]
-    (event,) = [record for record in rig.sink.of(EventRecord) if record.code == "stop_unconfirmed"]
-    assert event.severity is Severity.ERROR
-    assert rig.stops()[-1].at_s - rig.stops()[0].at_s < 10.0
 
 
 @virtually
@@ -124,47 +69,6 @@ async def test_readings_from_before_the_acknowledgement_do_not_confirm_a_stop() 
 
 
 @virtually
-async def test_a_refused_stop_is_repeated_and_fails_at_its_deadline() -> None:
-    rig = await running()
-    rig.line.rules.append(lambda r: Refused(1, 0.0) if r.is_write else None)
-
-    rig.submit("stop", None)
-    await asyncio.sleep(30.0)
-
-    assert rig.sink.phases() == [ACCEPTED, ("failed", "illegal_function")]
-    assert "stop_unconfirmed" in rig.sink.events()
-    assert len(rig.stops()) > 15
-
-
-@virtually
-async def test_a_stop_on_a_dead_line_is_tried_until_its_deadline() -> None:
-    rig = await running()
-    rig.line.rules.append(lambda r: Silent("port closed", is_sent=False))
-
-    rig.submit("stop", None)
-    await asyncio.sleep(30.0)
-
-    assert rig.sink.phases() == [ACCEPTED, ("rejected", "line_down")]
-    assert "stop_unconfirmed" in rig.sink.events()
-    assert len(rig.stops()) > 15
-
-
-@virtually
-async def test_the_result_of_a_stop_that_was_written_over_a_babbling_line_says_so() -> None:
-    rig = await running()
-    rig.line.rules.append(
-        lambda r: Garbled("never quiet", b"\x55", is_sent=r.is_write, is_over_babble=r.is_write)
-    )
-
-    rig.submit("stop", "1")
-    await asyncio.sleep(12.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, ("unconfirmed", "not_seen")]
-    assert "sends on the line without end" in rig.sink.final("1").text
-    assert len(rig.stops()) > 15
-
-
-@virtually
 async def test_the_result_of_a_stop_of_which_only_noise_came_back_says_so() -> None:
     rig = await running()
     rig.line.rules.append(lambda _: Garbled("bad CRC", b"\x55"))
@@ -174,34 +78,6 @@ async def test_the_result_of_a_stop_of_which_only_noise_came_back_says_so() -> N
 
     assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, ("unconfirmed", "no_answer")]
     assert "what came instead cannot be read" in rig.sink.final("1").text
-
-
-@virtually
-async def test_a_stop_goes_out_when_the_line_comes_back() -> None:
-    rig = await running()
-    rig.line.rules.append(lambda r: Silent("port closed", is_sent=False))
-    rig.submit("stop", None)
-    await asyncio.sleep(3.0)
-
-    rig.line.rules.clear()
-    await asyncio.sleep(3.0)
-
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
-
-
-@virtually
-async def test_a_second_stop_joins_the_first_and_gets_its_own_result() -> None:
-    rig = await running()
-    rig.unit.on_write = ignore
-    rig.submit("stop", "1")
-    await asyncio.sleep(1.0)
-
-    rig.submit("stop", "2", client="victor")
-    rig.unit.holding[VB01] = READY
-    await asyncio.sleep(5.0)
-
-    for id_ in ("1", "2"):
-        assert rig.sink.phases(id_) == [ACCEPTED, WRITTEN, CONFIRMED]
 
 
 @virtually
@@ -217,22 +93,6 @@ async def test_a_joining_stop_gets_its_full_time() -> None:
     assert rig.sink.phases("2") == [ACCEPTED, WRITTEN]
     await asyncio.sleep(10.0)
     assert rig.sink.final("2").phase is Phase.UNCONFIRMED
-
-
-@virtually
-async def test_a_repeated_stop_is_carried_out_again_and_marked_as_a_duplicate() -> None:
-    rig = await running()
-    rig.submit("stop", "1")
-    await asyncio.sleep(5.0)
-    rig.unit.holding[VB01] = AT_SPEED
-    rig.sink.clear()
-
-    rig.submit("stop", "1")
-    await asyncio.sleep(5.0)
-
-    assert rig.unit.holding[VB01] == READY
-    assert {result.is_duplicate for result in rig.sink.of(ResultRecord)} == {True}
-    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
 
 
 @virtually

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from gateway.families.profile.decode import Decoded
@@ -19,14 +17,6 @@ def read_once(value: float | None = 12.0, *, at_s: float = 5.0) -> Snapshot:
     snapshot = Snapshot(UNITS)
     snapshot.apply({"current": decoded(value)}, at_s=at_s, time_s=1000.0 + at_s)
     return snapshot
-
-
-def test_a_point_that_was_never_read_is_bad_and_has_neither_value_nor_time() -> None:
-    snapshot = Snapshot(UNITS)
-
-    assert snapshot.readings["current"] == Reading(None, "A", Quality.BAD)
-    assert snapshot.age_s("current", now_s=1.0) == math.inf
-    assert snapshot.good_values() == {}
 
 
 def test_a_point_just_read_is_good_and_carries_its_time() -> None:
@@ -68,29 +58,12 @@ def test_a_stale_reading_keeps_its_value_and_its_own_old_time() -> None:
     assert snapshot.good_values() == {}
 
 
-def test_what_was_never_good_does_not_become_stale() -> None:
-    snapshot = read_once()
-
-    snapshot.mark_stale()
-
-    assert snapshot.readings["running"].quality is Quality.BAD
-
-
 def test_only_the_named_points_become_stale() -> None:
     snapshot = read_once()
 
     snapshot.mark_stale(["running"])
 
     assert snapshot.readings["current"].quality is Quality.GOOD
-
-
-def test_raw_rows_are_stored_with_their_time() -> None:
-    snapshot = Snapshot(UNITS)
-    snapshot.keep_rows({"P003": (120,)}, at_s=5.0)
-    snapshot.keep_rows({"VB01": (1,)}, at_s=6.0)
-
-    assert snapshot.rows == {"P003": (120,), "VB01": (1,)}
-    assert snapshot.rows_since(5.5) == {"VB01": (1,)}
 
 
 def test_older_rows_do_not_replace_newer_ones() -> None:
@@ -155,12 +128,3 @@ def test_a_snapshot_stands_as_it_did_while_only_measured_quantities_change() -> 
     before = snapshot.standing
     snapshot.mark_stale(["current"])
     assert snapshot.standing > before
-
-
-def test_a_snapshot_says_whether_anything_is_good() -> None:
-    snapshot = read_once()
-    assert snapshot.has_good()
-
-    snapshot.mark_stale()
-
-    assert not snapshot.has_good()

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import asyncio
-import random
 from dataclasses import replace
 
 import pytest
@@ -192,19 +191,6 @@ async def test_one_exception_to_the_status_word_changes_nothing(code: int) -> No
 
     assert rig.sink.states() == ["fault"]
     assert [event for event in rig.sink.events() if event in ("degraded", "recovered")] == []
-
-
-@virtually
-async def test_exceptions_now_and_then_cost_no_polls() -> None:
-    rig = await Rig().online()
-    dice = random.Random(5)
-    rig.line.rules.append(lambda _: Refused(2, at_s=rig.clock.now_s()) if dice.random() < 0.05 else None)
-    await rig.poll_for(1800.0)
-    rig.line.rules.clear()
-    await rig.poll_for(4000.0)
-
-    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
-    assert rig.sink.states()[-1] == "ready"
 
 
 def read_codes(request: Request) -> range:

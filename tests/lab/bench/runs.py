@@ -1,0 +1,157 @@
+"""One run: the judge, a master, and what both say afterwards; all of them processes of their own."""
+
+from __future__ import annotations
+
+import compileall
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+
+import gateway as package
+from tests.lab.bench.account import Law, SeenRequest, Submitted, between
+from tests.lab.bench.judge import Spec
+from tests.lab.bench.subjects import WITHOUT, Span, Task
+
+END_S = 20.0  # for a process to end once it is asked to
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run gave."""
+
+    law: Law
+    seen: list[SeenRequest]  # in the measured time
+    span: Span
+    first_s: float  # of all requests, on the clock that all processes share; from the start, of the gateway
+
+    @property
+    def cpu_s(self) -> float:
+        """Return the master's processor time per request."""
+        return self.span.cpu_s / max(len(self.seen), 1)
+
+
+class Watched:
+    """A judge while it serves."""
+
+    def __init__(self, spec: Spec) -> None:
+        self.spec = spec
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.lab.bench.judge", json.dumps(asdict(spec))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        self.ports: tuple[str, ...] = tuple(json.loads(self._process.stdout.readline()))
+
+    def __enter__(self) -> Watched:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        if self._process.returncode is None:
+            self._process.kill()
+            self._process.communicate()
+
+    def run(self, span: Span) -> Run:
+        """End the judge and return what it saw in the master's measured time."""
+        output, _ = self._process.communicate(timeout=END_S)
+        seen = [SeenRequest(*each) for each in json.loads(output)]
+        first_s = min((each.start_s for each in seen), default=float("nan"))
+        seen.sort(key=lambda each: each.start_s)
+        law = Law(self.spec.timing, self.spec.delay_s)
+        return Run(law, between(seen, span.from_s, span.to_s), span, first_s)
+
+
+def run_subject(
+    kind: str,
+    spec: Spec,
+    *,
+    warm_s: float = 0.7,
+    seconds: float = 4.0,
+    stops: int = 0,
+    response_s: float | None = None,
+) -> Run:
+    """Run one of the masters of `subjects` on a line."""
+    with Watched(spec) as judge:
+        delay_s = spec.delay_s if response_s is None else response_s
+        task = Task(judge.ports, spec.baud, spec.framing, spec.units, warm_s, seconds, delay_s, stops)
+        done = subprocess.run(
+            [sys.executable, "-m", "tests.lab.bench.subjects", kind, json.dumps(asdict(task))],
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+            timeout=warm_s + seconds + END_S,
+        )
+        return judge.run(_span(json.loads(done.stdout)))
+
+
+@contextmanager
+def gateway(config: Path, *, module: str = "gateway", without: str = "") -> Iterator[Process]:
+    """Run the gateway itself, its modules compiled, as pip leaves them when it installs.
+
+    What `tricks` names may be taken out, if `module` is `tests.lab.bench.without`.
+    """
+    compileall.compile_dir(Path(package.__file__).parent, quiet=1)
+    log_path = config.parent / "gateway.log"
+    with log_path.open("wb") as log:
+        begun_s = time.monotonic()
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, "run", str(config)],
+            stderr=log,
+            env={**os.environ, WITHOUT: without},
+        )
+        try:
+            yield Process(process, begun_s, log_path)
+        finally:
+            process.terminate()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+class Process:
+    """A running program from outside: its processor time and memory."""
+
+    def __init__(self, process: subprocess.Popen[bytes], begun_s: float, log: Path) -> None:
+        self.begun_s = begun_s
+        self._process = process
+        self._log = log
+
+    @property
+    def pid(self) -> int:
+        """Return its process id."""
+        return self._process.pid
+
+    def cpu_s(self) -> float:
+        """Return the processor time of all its threads so far, to the nanosecond."""
+        tasks = Path(f"/proc/{self._process.pid}/task").glob("*/schedstat")
+        return sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal."""
+        self._process.send_signal(number)
+
+    def rss_kib(self) -> int:
+        """Return the most memory that it has had; RuntimeError when it has ended."""
+        if self._process.poll() is not None:
+            raise RuntimeError(f"the gateway has ended:\n{self._log.read_text()}")
+        status = Path(f"/proc/{self._process.pid}/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0])
+
+
+def _span(output: dict[str, object]) -> Span:
+    span = Span(**output)  # type: ignore[arg-type]  # it is what `subjects` printed
+    span.stops = [Submitted(*each) for each in span.stops]
+    return span

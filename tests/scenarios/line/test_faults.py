@@ -1,0 +1,414 @@
+"""What can go wrong on a line, and what answers it: requests, replies, noise, strangers, the port."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.sim.bus.faults import CutShort, Doubled, Late, Noisy, NoReply
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    clean_line,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    publish,
+    result,
+    row,
+    seen,
+)
+from tests.rig.rows import Action, Expectation
+from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
+from tests.scenarios.line.wires import (
+    EIGHT,
+    READY_07,
+    RUNNING_07,
+    START_07,
+    STOP_07,
+    TWO,
+    asked_within,
+    chatter,
+    healed,
+    impaired,
+    states_only,
+    true_values,
+    twin,
+    without,
+)
+
+OUTSIDE = "socket://10.0.0.5:4001"
+SOCKET = TWO.replace("/dev/pumps", OUTSIDE)
+CALM = [never("starter/+/availability", since=3.1), never("starter/+/event", since=3.1)]
+
+
+def opened(count: int) -> Expectation:
+    """The port was opened so often."""
+    return lambda plant: "" if (n := plant.lines["pumps"].bus.opened) == count else f"opened {n} times"
+
+
+def delivers_late(plant: RigPlant) -> None:
+    """Let the way to the line be a connection, whose bytes may arrive late and that can be reset."""
+    port = plant.lines["pumps"].bus._port
+    port.reset = lambda: port.lose("reset")  # type: ignore[attr-defined, union-attr]
+
+
+def late_by(count: int, seconds: float, name: str = "pump") -> Action:
+    """So many replies come later."""
+    return fault("delay", name, seconds, count=count)
+
+
+def fast_port(plant: RigPlant) -> None:
+    plant.lines["pumps"].bus.chunk_bytes = 1
+
+
+LOST = [
+    row(
+        "one lost reply changes nothing: the next poll comes as planned",
+        given=SSW07,
+        at={3.1: fault("lose", "pump", count=1)},
+        then={30.0: [*CALM, asked_within(1.1, "pump", since=3.1, until=30.0), true_values, clean_line]},
+    ),
+    row(
+        "three lost replies in a row are no lost starter",
+        given=SSW07,
+        at={3.1: fault("lose", "pump", count=3)},
+        then={30.0: [*CALM, asked_within(2.5, "pump", since=3.1, until=30.0), true_values]},
+    ),
+    row(
+        "where a twentieth of the replies is lost every starter stays online and no value is wrong",
+        given=FOUR,
+        at={3.1: impaired(NoReply(), chance=0.05)},
+        then={
+            120.0: [
+                never("starter/+/availability", since=3.1, state="offline"),
+                asked_within(4.0, since=3.1, until=120.0),
+                true_values,
+                clean_line,
+            ]
+        },
+    ),
+    row(
+        "where three in ten are lost no value is wrong and nobody is left for longer than the back-off",
+        given=FOUR,
+        at={3.1: impaired(NoReply(), chance=0.3)},
+        then={120.0: [asked_within(20.0, since=3.1, until=120.0), true_values, clean_line]},
+    ),
+    row(
+        "a spoilt reply is read once more at once, and changes nothing",
+        given=SSW07,
+        at={3.1: fault("cut", "pump", count=1)},
+        then={20.0: [*CALM, true_values, clean_line, msg("gateway/line/pumps", garbled=0)]},
+    ),
+    row(
+        "of spoilt frames in both directions no value, state or command comes out wrong",
+        given=FOUR,
+        at={3.1: lambda plant: plant.lines["pumps"].noise(0.001)},
+        then={
+            120.0: [
+                true_values,
+                states_only("ready", "not_ready", "unknown"),
+                *[frames(name) for name in ("pump", "fan", "mill", "belt")],
+                seen("gateway/line/pumps", garbled=...),
+            ]
+        },
+    ),
+    row(
+        "a start whose acknowledgement is lost is written once, and confirmed by what is read",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start"), 3.05: fault("lose", "pump", count=2)},
+        then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
+    ),
+    row(
+        "a start that a starter never gets is written once, and is not confirmed",
+        given=SSW07 + ALICE,
+        at={3.0: command("pump/alice/start"), 3.085: fault("silent", "pump", for_s=2.0)},
+        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", *(), since=3.085 + 30)]},
+    ),
+]
+
+LATE = [
+    row(
+        "a reply that comes late is dropped, not taken for the answer to the next request",
+        given=SSW07,
+        at={3.1: late_by(5, 0.3)},
+        then={20.0: [never("starter/pump/availability", since=3.1), true_values]},
+    ),
+    row(
+        "a state is as old as the delay and two periods, and never wrong, while replies come 0.3 s late",
+        given=SSW07,
+        at={3.0: f"pump {READY_07}", 4.0: [f"pump {RUNNING_07}", impaired(Late(15.0), chance=0.2)]},
+        then={3.9: msg("starter/pump/state", state="ready"), 9.0: msg("starter/pump/state", state="running")},
+    ),
+    row(
+        "replies that are late for minutes make no value and no state wrong, on a line of all families",
+        given=FOUR,
+        at={3.1: impaired(Late(8.0), chance=0.1)},
+        then={120.0: [true_values, states_only("ready", "not_ready", "unknown")]},
+    ),
+    row(
+        "a reply that comes twice is counted once",
+        given=FOUR,
+        at={3.1: impaired(Doubled(), chance=0.1)},
+        then={
+            90.0: [
+                true_values,
+                states_only("ready", "not_ready", "unknown"),
+                never("starter/+/availability", since=3.1),
+            ]
+        },
+    ),
+    row(
+        "an old acknowledgement of a stop does not confirm a later one",
+        given=SSW07 + ALICE,
+        at={
+            3.0: f"pump {RUNNING_07}",
+            5.0: [late_by(1, 3.0), publish("command/pump/alice/stop", client="alice")],
+        },
+        then={14.9: result("stop written ok"), 20.0: result("stop unconfirmed not_seen")},
+    ),
+    row(
+        "a reply that comes after its port was lost and opened again is no answer either",
+        given=FOUR,
+        at={3.1: impaired(Late(40.0)), 3.3: "line pumps unplug", 3.8: [healed, "line pumps plug"]},
+        then={30.0: [true_values, msg("starter/pump/availability", state="online")]},
+    ),
+    row(
+        "a starter that answers later than its manual says for half a minute is not lost",
+        given=SSW07,
+        at={3.1: fault("delay", "pump", 0.25, for_s=15.0)},
+        then={40.0: [never("starter/pump/availability", since=3.1, state="offline"), true_values]},
+    ),
+    row(
+        "a starter that always answers too late is offline in the end, and the event says so",
+        given=SSW07,
+        at={3.1: fault("delay", "pump", 0.25)},
+        then={60.0: [msg("starter/pump/availability", state="offline"), event("babbling"), true_values]},
+    ),
+]
+
+NOISE = [
+    row(
+        "a stray byte before every reply costs nothing",
+        given=SSW07,
+        at={3.1: lambda plant: stray_before_replies(plant, b"\x00")},
+        then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
+    ),
+    row(
+        "two stray bytes before every reply cost nothing either",
+        given=SSW07,
+        at={3.1: lambda plant: stray_before_replies(plant, b"\xff\x00")},
+        then={20.0: [never("starter/+/availability", since=3.1), true_values]},
+    ),
+    row(
+        "stray bytes between the frames are counted and dropped",
+        given=SSW07,
+        at={3.1: chatter(0.9, 20.0, "00")},
+        then={
+            60.0: [
+                never("starter/+/availability", since=3.1),
+                true_values,
+                lambda p: _counted(p, "stray_bytes"),
+            ]
+        },
+    ),
+    row(
+        "an adapter that echoes is found out: starters are online, starts and stops are confirmed",
+        given=FOUR + ALICE,
+        sim={"pump": QUICK},
+        at={
+            0.001: "line pumps echo",
+            4.0: command("pump/alice/start"),
+            7.0: publish("command/pump/alice/stop", client="alice"),
+        },
+        then={
+            12.0: [
+                *[
+                    msg(f"starter/{name}/availability", state="online")
+                    for name in ("pump", "fan", "mill", "belt")
+                ],
+                frames("pump", START_07, STOP_07),
+                result("stop confirmed ok"),
+            ]
+        },
+    ),
+    row(
+        "whoever sends without end keeps polls waiting, and is named; nothing wrong is read",
+        given=TWO,
+        at={5.0: chatter(0.002, 30.0)},
+        then={
+            20.0: [event("babbling"), msg("starter/pump/availability", state="offline"), true_values],
+            60.0: [
+                msg("starter/pump/availability", state="online"),
+                msg("starter/pump/value/current", quality="good"),
+            ],
+        },
+    ),
+    row(
+        "noise on a whole line is named as noise, and no address is accused",
+        given=EIGHT,
+        at={3.1: impaired(Noisy(0.004))},
+        then={120.0: [event("line_noise"), never("gateway/event", code="address_conflict"), true_values]},
+    ),
+    row(
+        "bytes that come one by one are frames like any others",
+        given=FOUR,
+        at={3.1: fast_port},
+        then={20.0: [*CALM, true_values, clean_line]},
+    ),
+]
+
+STRANGERS = [
+    row(
+        "two starters with one address are named, once",
+        given=TWO,
+        at={5.0: twin(1)},
+        then={
+            60.0: [
+                seen("gateway/event", code="address_conflict", times=1),
+                never("starter/fan/availability", since=3.1),
+            ]
+        },
+    ),
+    row(
+        "a second master is named, and what it reads of others is nobody's value",
+        given=TWO,
+        at={5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
+        then={60.0: [event("babbling"), true_values, states_only("ready", "not_ready", "unknown")]},
+    ),
+    row(
+        "a starter that answers in another's name gives that one no value",
+        given=TWO,
+        at={5.0: [f"fan {RUNNING_07}", fault("impersonate", "fan", 1)]},
+        then={
+            60.0: [
+                states_only("ready", "not_ready", "unknown", name="pump"),
+                msg("starter/fan/availability", state="offline"),
+            ]
+        },
+    ),
+]
+
+PORT = [
+    row(
+        "an adapter that is pulled out leaves nothing good; when it is back all is read again",
+        given=TWO,
+        at={5.0: "line pumps unplug", 30.0: "line pumps plug"},
+        then={
+            20.0: [
+                event("port_away"),
+                msg("starter/pump/value/current", quality="stale"),
+                msg("gateway/line/pumps", is_open=False),
+            ],
+            40.0: [
+                msg("starter/pump/availability", state="online"),
+                msg("starter/fan/value/current", quality="good"),
+                msg("gateway/line/pumps", is_open=True),
+                true_values,
+            ],
+        },
+    ),
+    row(
+        "a port on which nobody answers is closed and opened again, and named once",
+        given=TWO,
+        at={5.0: [fault("silent", "pump"), fault("silent", "fan")]},
+        then={
+            19.0: opened(1),
+            24.0: [
+                event("port_deaf"),
+                lambda p: "" if p.lines["pumps"].bus.opened > 1 else "not opened again",
+            ],
+            120.0: seen("gateway/event", code="port_deaf", times=1),
+        },
+    ),
+    row(
+        "a port is not opened again while one starter answers",
+        given=TWO,
+        at={5.0: fault("silent", "pump")},
+        then={
+            60.0: [
+                opened(1),
+                never("gateway/event", code="port_deaf"),
+                never("starter/fan/availability", since=3.1),
+            ]
+        },
+    ),
+    row(
+        "the way to a serial server is reset at once when a start is not answered, so it cannot act later",
+        given=SOCKET + ALICE,
+        at={2.0: delivers_late, 3.0: [without(5), command("pump/alice/start")]},
+        then={
+            10.0: [
+                opened(2),
+                never("result/pump/alice", phase="confirmed"),
+                never("gateway/event", code="port_away"),
+            ]
+        },
+    ),
+    row(
+        "it is not reset for a stop, which may act at any time",
+        given=SOCKET + ALICE,
+        at={
+            2.0: delivers_late,
+            5.0: [fault("lose", "pump", for_s=1.0), publish("command/pump/alice/stop", client="alice")],
+        },
+        then={10.0: [opened(1), result("stop confirmed ok")]},
+    ),
+]
+
+REFUSED = [
+    row(
+        f"exception {code}, now and then, changes nothing",
+        given=SSW07,
+        at={3.1: fault("refuse", "pump", code, for_s=0.3), 20.0: fault("refuse", "pump", code, for_s=0.3)},
+        then={40.0: [never("starter/pump/availability", since=3.1), true_values]},
+    )
+    for code in (1, 2, 3, 4, 5, 6, 8, 10, 11)
+]
+
+TOGETHER = [
+    row(
+        f"where everything goes wrong now and then nobody is left for longer than the back-off, {words}",
+        given=site + ALICE,
+        at={
+            second: impaired(by, *names, chance=0.03)
+            for second, by, names in (
+                (3.1, NoReply(), ()),
+                (30.0, Late(4.0), ("pump-1", "pump-4", "pump-7")),
+                (30.1, CutShort(), ("pump-2", "pump-5", "pump-8")),
+                (30.2, Noisy(0.02), ("pump-3", "pump-6")),
+            )
+        },
+        then={
+            120.0: [
+                asked_within(most_s, since=3.1, until=120.0),
+                true_values,
+                never("gateway/event", code="watchdog_unkept"),
+            ]
+        },
+    )
+    for words, site, most_s in (
+        ("without watchdogs", EIGHT, 16.0),
+        ("with watchdogs of 3 s", EIGHT.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"), 3.0),
+    )
+]
+
+
+def stray_before_replies(plant: RigPlant, stray: bytes) -> None:
+    """Put bytes before each reply, as a driver does when its transmitter is switched."""
+    bus = plant.lines["pumps"].bus
+    transmit = bus._transmit
+    bus._transmit = lambda address, data: transmit(address, stray + data)  # type: ignore[method-assign]
+
+
+def _counted(plant: RigPlant, what: str) -> str:
+    return "" if plant.last("gateway/line/pumps")[what] else f"{what} is 0"
+
+
+@pytest.mark.parametrize("row", LOST + LATE + NOISE + STRANGERS + PORT + REFUSED + TOGETHER)
+def test_faults_of_a_line(row: ScenarioRow) -> None:
+    play(row)

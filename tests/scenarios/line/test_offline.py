@@ -1,0 +1,362 @@
+"""Starters that go silent and come back, and what that costs the others; watchdogs; the line's figures."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from gateway.sim.bus.faults import NoReply
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    clean_line,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    publish,
+    reload,
+    result,
+    row,
+    seen,
+)
+from tests.rig.rows import Expectation
+from tests.rig.sites import ALICE, FOUR, SSW06, SSW07, line, starter
+from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, impaired, true_values
+
+WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
+CLOSE = (
+    line(baud=9600)
+    + starter("pump-1", 1, "ssw07", every_s=5.0)
+    + "".join(  # no room for one second more
+        starter(f"fan-{n}", n, "ssw07", every_s=5.0, watchdog_s=1.0) for n in range(2, 7)
+    )
+)
+FULL = EIGHT.replace("baud = 19200", "baud = 9600").replace("every_s = 1.0", "every_s = 0.2")
+
+
+def probed(name: str, since: float, until: float, least_s: float, most_s: float) -> Expectation:
+    """The requests to a starter on the wires are as far apart, each of them."""
+
+    def check(plant: RigPlant) -> str:
+        address = plant.starter(name).unit.address
+        found = [
+            frame.start_s - 1000.0
+            for frame in plant.lines["pumps"].bus.transcript
+            if frame.sender == 0 and frame.data[0] == address
+        ]
+        found = [at_s for at_s in found if since <= at_s <= until]
+        apart = [after - before for before, after in itertools.pairwise(found)]
+        is_right = len(apart) > 1 and least_s <= min(apart) and max(apart) <= most_s
+        return "" if is_right else f"{name} was asked every {[round(each, 2) for each in apart]} s"
+
+    return check
+
+
+def line_says(**within: tuple[float, float]) -> Expectation:
+    """The line's figures lie within bounds."""
+
+    def check(plant: RigPlant) -> str:
+        said = plant.last("gateway/line/pumps")
+        wrong = {name: said[name] for name, (low, high) in within.items() if not low <= said[name] <= high}
+        return str(wrong or "")
+
+    return check
+
+
+OFFLINE = [
+    row(
+        "four misses in a row are offline: said once, every value stale with its own old time",
+        given=TWO,
+        at={5.0: fault("silent", "pump")},
+        then={
+            4.9: msg("starter/pump/value/current", quality="good"),
+            20.0: [
+                msg("starter/pump/availability", state="offline", since=...),
+                msg("starter/pump/state", state="unknown"),
+                msg("starter/pump/value/current", quality="stale", value=0.0),
+                seen("starter/pump/event", code="went_silent", times=1),
+                never("starter/fan/availability", since=3.1),
+            ],
+        },
+    ),
+    row(
+        "a starter that is away for long is asked ever less often, in the end every 16 s, but for a tenth",
+        given=TWO,
+        at={5.0: fault("silent", "pump")},
+        then={
+            30.0: probed("pump", 8.0, 30.0, 0.9, 12.0),
+            200.0: probed("pump", 80.0, 200.0, 13.0, 17.7),
+        },
+    ),
+    row(
+        "when it comes back it is online within its back-off, and all its values are good again",
+        given=TWO,
+        at={5.0: fault("silent", "pump", for_s=100.0)},
+        then={
+            104.0: msg("starter/pump/availability", state="offline"),
+            124.0: [
+                msg("starter/pump/availability", state="online"),
+                msg("starter/pump/value/current", quality="good"),
+                msg("starter/pump/state", state="ready"),
+                event("answers_again", "starter/pump/event"),
+                true_values,
+            ],
+        },
+    ),
+    row(
+        "one dead starter of eight takes nothing from the others: each is asked as before",
+        given=EIGHT,
+        at={10.0: fault("silent", "pump-3")},
+        then={
+            90.0: [
+                asked_within(1.3, *(f"pump-{n}" for n in (1, 2, 4, 5, 6, 7, 8)), since=12.0, until=90.0),
+                clean_line,
+            ]
+        },
+    ),
+    row(
+        "six dead starters of eight leave the two others their rhythm",
+        given=EIGHT,
+        at={10.0: [fault("silent", f"pump-{n}") for n in range(3, 9)]},
+        then={120.0: asked_within(1.5, "pump-1", "pump-2", since=20.0, until=120.0)},
+    ),
+    row(
+        "a starter that was never there is offline, and costs the others nothing",
+        given=TWO,
+        absent=("pump",),
+        then={
+            30.0: [
+                msg("starter/pump/availability", state="offline"),
+                msg("starter/fan/availability", state="online"),
+                asked_within(1.1, "fan", since=5.0, until=30.0),
+            ]
+        },
+    ),
+    row(
+        "of a group that lost its supply all are asked at once when the first answers",
+        given=EIGHT,
+        at={
+            5.0: [fault("silent", f"pump-{n}") for n in range(2, 9)],
+            100.0: healed,
+        },
+        then={
+            99.0: msg("starter/pump-8/availability", state="offline"),
+            120.0: [msg(f"starter/pump-{n}/availability", state="online") for n in range(1, 9)],
+        },
+    ),
+    row(
+        "a starter that is switched off is lost, and known again when it is switched on",
+        given=SSW06,
+        at={5.0: "fan power off", 30.0: "fan power on"},
+        then={
+            20.0: msg("starter/fan/availability", state="offline"),
+            60.0: [msg("starter/fan/availability", state="online"), msg("starter/fan/state", state="ready")],
+        },
+    ),
+    row(
+        "a starter that is added later is asked at once",
+        given=SSW07,
+        at={5.0: reload(TWO)},
+        then={6.0: msg("starter/fan/availability", state="online")},
+    ),
+    row(
+        "a starter that is removed is not asked again",
+        given=TWO,
+        at={5.0: reload(SSW07)},
+        then={
+            30.0: lambda p: "" if max(at_s for at_s, _ in p.starter("fan").asked) < 6.0 else "it was asked"
+        },
+    ),
+    row(
+        "a read of a starter that is away ends within its own time",
+        given=TWO + ALICE,
+        at={5.0: fault("silent", "pump"), 20.0: command("pump/alice/read", args={"parameter": "P202"})},
+        then={27.0: seen("result/pump/alice", verb="read", phase="rejected")},
+    ),
+]
+
+WATCHDOGS = [
+    row(
+        "eight starters with watchdogs of 3 s are asked in time, though their periods are longer",
+        given=WATCHED,
+        then={
+            60.0: [asked_within(3.0, since=1.0, until=60.0), never("gateway/event", code="watchdog_unkept")]
+        },
+    ),
+    row(
+        "reads and settings of every client do not keep a watchdog waiting",
+        given=WATCHED + ALICE,
+        at={
+            second / 2: [
+                command(f"pump-{n}/alice/read", args={"parameter": "P202"}) for n in (second % 8 + 1, 1)
+            ]
+            for second in range(8, 60)
+        },
+        then={40.0: asked_within(3.0, since=1.0, until=40.0)},
+    ),
+    row(
+        "watchdogs are kept where a twentieth of the replies is lost",
+        given=WATCHED.replace("every_s = 5.0", "every_s = 1.0"),
+        at={3.1: impaired(NoReply(), chance=0.05)},
+        then={120.0: asked_within(3.0, since=1.0, until=120.0)},
+    ),
+    row(
+        "a watchdog is kept while a starter receives everything and none of its replies arrives",
+        given=WATCHED,
+        at={3.1: [fault("lose", f"pump-{n}") for n in (2, 5)]},
+        then={60.0: asked_within(3.0, since=1.0, until=60.0)},
+    ),
+    row(
+        "a watchdog that is found in the starter is kept, though nothing of it is configured",
+        given=SSW07.replace("every_s = 1.0", "every_s = 20.0"),
+        sim={"pump": {"settings": {314: 4}}},
+        then={60.0: [asked_within(4.0, "pump", since=1.0, until=60.0), frames("pump")]},
+    ),
+    row(
+        "a watchdog that is set through the gateway is kept from then on",
+        given=SSW07.replace("every_s = 1.0", "every_s = 20.0") + ALICE,
+        at={5.0: command("pump/alice/set", args={"parameter": "P314", "value": 3})},
+        then={60.0: [result("set confirmed ok"), asked_within(3.0, "pump", since=6.0, until=60.0)]},
+    ),
+    row(
+        "a watchdog that the line cannot keep is refused before it is written",
+        given=CLOSE + ALICE,
+        at={10.0: command("pump-1/alice/set", args={"parameter": "P314", "value": 1})},
+        then={16.0: [result("set rejected watchdog_unkept"), frames("pump-1")]},
+    ),
+    row(
+        "a watchdog that was left for too long is an event",
+        given=SSW07.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 2.0"),
+        at={10.0: lambda plant: plant.stand_still(5.0)},
+        then={30.0: event("watchdog_unkept")},
+    ),
+    row(
+        "the line says how much its watchdogs need, and who was left longest",
+        given=WATCHED,
+        then={
+            40.0: msg(
+                "gateway/line/pumps",
+                watchdogs={"longest_share": pytest.approx(0.5, abs=0.15)},
+            )
+        },
+    ),
+]
+
+FIGURES = [
+    row(
+        "a line that is left alone counts answers, nothing else, and how its time was spent",
+        given=FOUR,
+        then={
+            65.0: [
+                line_says(silent=(0, 0), garbled=(0, 0), stray_bytes=(0, 0), utilisation=(0.1, 1.0)),
+                lambda plant: _adds_up(plant),
+                msg("gateway/line/pumps", is_open=True, stretch=1.0, crashes=0),
+            ]
+        },
+    ),
+    row(
+        "the line's figures come every 30 s",
+        given=SSW07,
+        then={100.0: lambda plant: _apart(plant, 29.0, 31.0)},
+    ),
+    row(
+        "misses are counted for the line and for the starter",
+        given=TWO,
+        at={10.0: fault("lose", "pump", count=3)},
+        then={
+            65.0: [
+                line_says(silent=(3, 3)),
+                msg("gateway/line/pumps", units={"1": {"silent": 3}, "2": {"silent": 0}}),
+            ]
+        },
+    ),
+    row(
+        "refusals are counted for what they are",
+        given=TWO,
+        at={10.0: fault("refuse", "pump", 4, for_s=0.5)},
+        then={65.0: [lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["refused"] else "none"]},
+    ),
+    row(
+        "late replies are counted for their starter",
+        given=SSW07,
+        at={10.0: fault("delay", "pump", 0.2, count=1)},
+        then={65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] == 1 else "not one"},
+    ),
+    row(
+        "response times are those of the starters, by function",
+        given=TWO,
+        then={
+            65.0: msg(
+                "gateway/line/pumps",
+                units={"1": {"response_time_s": {"p50": pytest.approx(0.0125, abs=0.007), "p99": ...}}},
+            )
+        },
+    ),
+    row(
+        "an offline starter is called silent",
+        given=TWO,
+        at={5.0: fault("silent", "pump")},
+        then={65.0: msg("gateway/line/pumps", units={"1": {"state": "silent"}, "2": {"state": "answering"}})},
+    ),
+    row(
+        "all periods of an over-full line are stretched by one factor, and nobody is left out",
+        given=FULL,
+        then={65.0: [line_says(stretch=(1.5, 20.0), utilisation=(0.9, 1.0)), lambda plant: _evenly(plant)]},
+    ),
+    row(
+        "a line that is full says so once, and again when it has time",
+        given=FULL,
+        at={90.0: reload(FULL.replace("every_s = 0.2", "every_s = 5.0"))},
+        then={
+            89.0: seen("gateway/event", code="line_saturated", times=1),
+            200.0: event("line_relieved"),
+        },
+    ),
+    row(
+        "while a motor ramps it is asked faster, and the line's silences are kept",
+        given=TWO,
+        at={5.0: "pump VB01 = 0x0103"},
+        then={15.0: [asked_within(0.6, "pump", since=6.0, until=15.0), clean_line]},
+    ),
+    row(
+        "the silence is kept at every speed and framing, also under commands",
+        given=FOUR.replace("baud = 19200", "baud = 38400") + ALICE,
+        at={3.0: command("pump/alice/start"), 5.0: publish("command/pump/alice/stop", client="alice")},
+        then={15.0: [result("stop confirmed ok"), clean_line]},
+    ),
+    row(
+        "at 9600 bit/s too",
+        given=TWO.replace("baud = 19200", "baud = 9600"),
+        then={30.0: [msg("starter/fan/value/current", quality="good"), clean_line]},
+    ),
+]
+
+
+def _adds_up(plant: RigPlant) -> str:
+    said = plant.last("gateway/line/pumps")
+    asked = sum(unit["asked"] for unit in said["units"].values())
+    told = said["answered"] + said["silent"] + said["garbled"] + said["refused"]
+    share = sum(said["time_share"].values())
+    is_right = asked == told == said["polls"] + said["jobs"] and abs(share - said["utilisation"]) < 0.05
+    return "" if is_right else f"{asked} asked, {told} told, {share} of time: {said}"
+
+
+def _apart(plant: RigPlant, least_s: float, most_s: float) -> str:
+    times = [each.at_s for each in plant.messages("gateway/line/pumps", since=35.0)]
+    apart = [after - before for before, after in itertools.pairwise(times)]
+    return "" if apart and least_s < min(apart) and max(apart) < most_s else str(times)
+
+
+def _evenly(plant: RigPlant) -> str:
+    asked = [sum(at_s > 20.0 for at_s, _ in plant.starter(f"pump-{n}").asked) for n in range(1, 9)]
+    return "" if max(asked) - min(asked) <= 0.05 * max(asked) else f"asked {asked} times"
+
+
+@pytest.mark.parametrize("row", OFFLINE + WATCHDOGS + FIGURES)
+def test_a_line_and_its_starters(row: ScenarioRow) -> None:
+    play(row)
