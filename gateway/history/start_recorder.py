@@ -172,8 +172,8 @@ class StartRecorder:
             return self._rest(readings)
         if self._points.motion.isdisjoint(readings.values):
             if self._phase is _Phase.UNSEEN and readings.state in AT_REST:
-                self._phase = _Phase.REST  # as an earlier reply showed, which was not handed to us
-                self._rest_since_s = readings.at_s
+                # as an earlier reply showed, which was not handed to us
+                self._phase, self._rest_since_s = _Phase.REST, readings.at_s
             return None
         finished: FinishedStart | None = None
         if readings.state == "starting":

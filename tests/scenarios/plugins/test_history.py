@@ -238,7 +238,7 @@ DELIVERY = [
         sim={"pump": QUICK},
         at={
             3.0: command("pump/alice/start"),
-            14.0: ["kill", lambda plant: corrupt(plant), "start"],
+            14.0: ["kill", lambda plant: damage(plant), "start"],
         },
         then={
             20.0: [
@@ -251,7 +251,7 @@ DELIVERY = [
 ]
 
 
-def corrupt(plant: RigPlant) -> None:
+def damage(plant: RigPlant) -> None:
     for path in (plant.folder / "state").glob("history.db*"):
         path.write_bytes(b"no database" * 1000)
 
@@ -374,7 +374,7 @@ TRIPS = [
         then={40.0: msg("starter/mill/trip", state_before=...)},
     ),
     row(
-        "of a fault that was there at first what came before is unknown",
+        "of a fault that was there at first it is not known what came before",
         given=SSW07,
         before=lambda plant: None,
         sim={"pump": QUICK},
@@ -680,7 +680,7 @@ def test_the_command_line_lists_and_exports_the_records() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"), [(("ghost",), "ghost"), (("pump", "--id", "no", "--csv", "x"), "no")]
+    ("arguments", "said"), [(("absent",), "absent"), (("pump", "--id", "no", "--csv", "x"), "no")]
 )
 def test_the_history_of_what_is_not_there_is_refused(arguments: tuple[str, ...], said: str) -> None:
     with RigPlant(SSW07) as plant:

@@ -84,12 +84,12 @@ SESSIONS = [
         then={
             5.0: [
                 answer("/api/v1/login", 401, post={"user": who, "password": "wrong"}, error="wrong_login")
-                for who in ("anna", "ghost")
+                for who in ("anna", "unknown")
             ]
         },
     ),
     row(
-        "many wrong passwords lock the address for a while, and no other address",
+        "many wrong passwords lock the address for a while, and no other",
         given=PAGE,
         at={5.0: wrong_logins(10), 6.0: peer("127.0.0.9")},
         then={
@@ -155,7 +155,7 @@ REQUESTS = [
         then={
             5.0: [
                 answer("/nothing", 404, error="not_found"),
-                answer("/api/v1/starter/ghost", 404, error="not_found"),
+                answer("/api/v1/starter/absent", 404, error="not_found"),
                 answer("/static/../site.toml", 404, error="not_found"),
                 answer("/api/v1/login", 405),
                 answer(TO + "stop", 413, post=b"{" + b" " * 5000 + b"}", error="too_big"),
@@ -535,7 +535,7 @@ def test_a_stream_brings_a_snapshot_then_changes_then_beats() -> None:
         assert generations == sorted(generations)
 
 
-def test_a_stream_says_that_there_was_a_reload_and_of_what_is_gone() -> None:
+def test_a_stream_shows_a_reload_and_what_is_gone() -> None:
     with RigPlant(FOUR + WEB) as plant:
         plant.run(until=5.0)
         stream = plant.browser.stream("/api/v1/events")

@@ -292,7 +292,7 @@ DEATHS = [
 
 NUMBER = "sparkplug/bdseq.json"
 OWN = SSW07 + SPARKPLUG + 'urls = ["mqtt://10.0.0.2", "mqtt://10.0.0.3"]\nallow_plaintext = true\n'
-HOSTED = OWN + 'primary_host = "scada"\n'
+WITH_HOST = OWN + 'primary_host = "scada"\n'
 
 
 def stored(text: str) -> Any:
@@ -357,7 +357,7 @@ SERVERS = [
     ),
     row(
         "of several servers the one with the primary host is found",
-        given=HOSTED,
+        given=WITH_HOST,
         before=lambda plant: (plant.other_broker("10.0.0.2"), says_online(plant, "10.0.0.3")),
         at={
             40.0: [
@@ -611,14 +611,14 @@ WRITES = [
     row(
         "a write to a device that is no starter is an event, once a second",
         given=COMMANDED,
-        at={5.0: [write(STOP, device="ghost")] * 3},
+        at={5.0: [write(STOP, device="absent")] * 3},
         then={
             8.0: [
                 seen(
                     "gateway/event",
                     times=2,
                     code="dcmd_refused",
-                    data={"starter": "ghost", "code": "unknown_starter"},
+                    data={"starter": "absent", "code": "unknown_starter"},
                 ),
                 event("dcmd_refused", data={"count": 2}),
                 results(),
