@@ -108,7 +108,7 @@ FIRST_HOUR: dict[float, Action | tuple[Action, ...]] = {
     510: do("fan start"),
     530: "fan phase R",
     560: ("fan phase on", "fan clear"),
-    # Replies that are lost, corrupted, late or double; a starter that is away
+    # Replies that are lost, garbled, late or double; a starter that is away
     600: (do("pump start"), do("belt start")),
     620: (fault("lose", "pump", for_s=20), fault("garble", "belt", for_s=20)),
     630: do("pump stop"),

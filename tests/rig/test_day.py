@@ -16,9 +16,9 @@ def test_a_difference_is_shown_by_topic_with_its_time() -> None:
     was = ['0 a/state 1R {"state":"ready"}', "5000 b 0 1", "10 a/state 1 2"]
     is_ = ['0 a/state 1R {"state":"fault"}', "5000 b 0 1", "10 c 1 2"]
 
-    text = differences(was, is_)
+    shown = differences(was, is_)
 
-    assert text.splitlines() == [
+    assert shown.splitlines() == [
         "2 of 3 topics differ; the first difference of each:",
         "a/state, message 1 of 2 (now 1)",
         '  was 0:00:00 1R {"state":"ready"}',

@@ -26,7 +26,7 @@ pytestmark = [
 ]
 
 BASE, CENTRAL_BASE, OTHER_SITE = "starters/mcc1", "acme/site1/mcc1", "acme/site2/mcc1"
-CUT_S = 4.0
+CUT_S = 6.0
 AWAY_S = 2.0
 CONNECTED_S = 2.5  # for 2 s after a connection no dated start acts
 STALLED_S = 6.5  # more than the 5 s that a command is good for
