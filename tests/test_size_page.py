@@ -7,7 +7,7 @@ from tests import size_page
 LARGEST = {  # code lines of a room that is still above its budget: lower them with the room
     size_page.TOP: 410,
     "starters": 5720,
-    "history": 1379,
+    "history": 1378,
     "config": 1355,
     "mqtt": 2775,
     "metrics": 532,
