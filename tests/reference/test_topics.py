@@ -25,7 +25,7 @@ LOOSE = {"command", "result"}  # whose fields depend on the verb
 RARE = {  # what this day does not have
     "lineStatistics": {"uart_errors"},  # of a real port
     "starterValue": {"reason"},
-    "starterStart": {"drift", "lowest_v", "outliers", "standstill_s"},
+    "starterStart": {"drift", "lowest_v", "outliers"},
     "starterTrip": {"thinned"},
     "audit": {"source"},  # of another way in than MQTT
 }
