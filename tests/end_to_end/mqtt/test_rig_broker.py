@@ -104,7 +104,7 @@ class Peer:
             wire.watch(end, call)
         elif call is not None:
             getattr(self._loop, f"add_{end}")(wire, call)
-        else:
+        elif wire.fileno() >= 0:  # else it was broken off
             getattr(self._loop, f"remove_{end}")(wire)
 
 
