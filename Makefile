@@ -88,10 +88,10 @@ asyncapi: $(STAMP)
 home-assistant: $(STAMP)
 	@tests/home_assistant/get-home-assistant.sh
 
-test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; four minutes
+test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; three minutes
 	$(FAST)
 
-e2e: $(STAMP) programs web site node-red sparkplug-judges ## every test in real time: processes, ptys, a real broker; ten minutes
+e2e: $(STAMP) programs web site node-red sparkplug-judges ## every test in real time: processes, ptys, a real broker; seven minutes
 	$(call tried,$(TOGETHER))
 	$(call tried,$(PAIRED))
 	$(call tried,$(ALONE))
