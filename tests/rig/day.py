@@ -6,8 +6,8 @@
 The first hour is dense, so that it serves as a short form by itself; then come quiet hours with a few faults.
 A line of the record is a message: milliseconds since the one before, topic, QoS, R if retained, payload.
 Times of the payload are relative to the message where they are near, numbers (`seq`) to the one before, so
-that a message more or less changes few lines. What carries chance or the version is masked, numbers are cut
-to nine digits.
+that a message more or less changes few lines. What carries chance, the version or the machine is masked,
+numbers are cut to nine digits.
 """
 
 from __future__ import annotations
@@ -203,6 +203,7 @@ _STAMP = re.compile(r'"timestamp": (\d+)')
 _SEQ = re.compile(r'"seq": ?(\d+)')
 _CHANCE = re.compile(r'"(token|select|id)": ?"(?!id-\d+"|twice")[^"]+"')
 _RUN = re.compile(r'"(boot|run)": ?"([^"]+)"')
+_MACHINE = re.compile(r'"(Properties/(?:Hardware Make|OS Version))": "[^"]+"')
 _LONG = re.compile(r"\d+\.\d{10,}(?:e-\d+)?")  # a sum: its last digits may be another machine's
 _VERSION = f'"{gateway.__version__}"'
 
@@ -234,6 +235,7 @@ def _masked(messages: Iterable[MqttMessage]) -> Iterator[str]:
         )
         text = _LONG.sub(lambda found: f"{float(found[0]):.9g}", text)
         text = _RUN.sub(lambda found: f'"{found[1]}":"{runs[found[2]]}"', text)
+        text = _MACHINE.sub(r'"\1": "MACHINE"', text)
         text = _CHANCE.sub(r'"\1":"*"', text).replace(_VERSION, '"VERSION"')
         flags = f"{each.qos}{'R' if each.retain else ''}"
         yield f"{at_ms - last_ms} {each.topic} {flags} {text}"
