@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config.values import split_url
+from gateway.contract import Phase, Topics, is_level
 from gateway.errors import NoResultError, UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
-from gateway.mqtt.contract.topics import Topics, is_level
-from gateway.records import Phase
 from gateway.starters.commands.result_codes import explain
 
 WITHIN_S = 30.0

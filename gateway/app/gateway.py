@@ -17,8 +17,8 @@ from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.config.convert import policy_of, rights_of, setups_in
 from gateway.config.diff import ConfigChanges, changes_of, fixed
+from gateway.contract import Severity
 from gateway.errors import ConfigError
-from gateway.records import Severity
 from gateway.system.supervised import keep_running
 
 log = logging.getLogger(__name__)

@@ -12,11 +12,11 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from gateway.contract import LineRecord, PublishEvent, Severity, Sink
 from gateway.line.cable import CableHealth, WiredStarter
 from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
 from gateway.mqtt.publisher import Publisher
-from gateway.records import LineRecord, PublishEvent, Severity, Sink
 from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import HangWatch, LagMeter
 from gateway.system.systemd import Notifier
@@ -254,7 +254,7 @@ class Health:
             statistics = line.statistics()
             computed = {"computed": self._computed[line.name]} if line.name in self._computed else {}
             more = {**computed, **self._cable_of(line.name, statistics), "lag_s": lag_s}
-            self._sink.put(LineRecord(line.name, {**statistics, **more}))
+            self._sink.put(LineRecord(line=line.name, data={**statistics, **more}))
 
     def _cable_of(self, line: str, statistics: Mapping[str, Any]) -> dict[str, Any]:
         """Return what the errors on a line say of its cable; report what has changed in that."""

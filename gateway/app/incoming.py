@@ -6,12 +6,10 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from gateway.mqtt.contract.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.topics import CommandAddress, Topics, shortened
-from gateway.records import PublishEvent, Severity
+from gateway.contract import CommandAddress, CommandRequest, PublishEvent, Severity, Topics, shortened
+from gateway.mqtt.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
 from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.freshness import Moment, Tokens
 from gateway.system.clock import Clock, ClockWatch
 from gateway.system.clock_steps import SETTLED_S
 from gateway.system.rate_limits import Damped

@@ -27,11 +27,11 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
+from gateway.contract import RecordBus, RecordWriter, Severity
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
-from gateway.records import RecordBus, RecordWriter, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -59,7 +59,7 @@ class Parts:
         self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
         self._bus = RecordBus(log_failure)
-        self._records = RecordWriter(self._bus, self.clock)
+        self._records = RecordWriter(self._bus, self.clock, boot=self._boot.run)
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
         self.latest = LatestRecords(self.uplink.publisher.values)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))

@@ -13,6 +13,7 @@ from gateway.app.health import Health
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
+from gateway.contract import PublishEvent, RecordWriter, Severity
 from gateway.families.profile.load import ENGLISH
 from gateway.history.readings import Readings
 from gateway.line.capacity.outage import start_order
@@ -21,7 +22,6 @@ from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, U
 from gateway.line.port.base import PortOpener
 from gateway.line.port_recovery import DEAF
 from gateway.line.thread import LineHost
-from gateway.records import PublishEvent, RecordWriter, Severity
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup

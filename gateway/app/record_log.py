@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
+from gateway.contract import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
 from gateway.system.clock import Clock
 
 log = logging.getLogger("gateway")

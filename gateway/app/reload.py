@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from gateway.app.site import Site
 from gateway.config.convert import setups_of
 from gateway.config.schema import Config
+from gateway.contract import Severity
 from gateway.errors import ConfigError, Problem
-from gateway.records import Severity
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.gc_tuning import spare_what_lives
 from gateway.system.systemd import Notifier

@@ -16,18 +16,26 @@ from gateway import __version__
 from gateway.app.site import Site
 from gateway.config.convert import broker_of, policy_of, rights_of
 from gateway.config.schema import Config
+from gateway.contract import (
+    LINE,
+    FreshRecord,
+    GatewayRecord,
+    PublishEvent,
+    Record,
+    RetainedTopic,
+    Severity,
+    Topics,
+)
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.broker import BrokerConnection, Listener
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
-from gateway.mqtt.contract.topics import LINE, RetainedTopic, Topics
 from gateway.mqtt.leftovers import Leftovers
+from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import PublishEvent, Record, Severity
+from gateway.starters.policy.freshness import Tokens
 from gateway.storage.outbox import OutboxDisk
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
@@ -67,11 +75,8 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self._payloads = Payloads(self.topics, tokens.boot)
-        self.outbox = Outbox(
-            last_topic=self.topics.gateway_status, pack=self._payloads.history, boot=tokens.boot.run
-        )
-        self.publisher = Publisher(self._payloads, self.outbox, clock)
+        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run)
+        self.publisher = Publisher(self.topics, tokens.boot, self.outbox, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,
             OutboxDisk(site.state_dir),
@@ -123,9 +128,10 @@ class Uplink:
     def publish_info(self, config: Config) -> None:
         """Publish what this gateway is."""
         self._config = config
-        self.publisher.set_info(
-            GatewayInfo(
+        self.publisher.put(
+            GatewayRecord(
                 version=__version__,
+                boot=self._tokens.boot.run,
                 starters=tuple(starter.name for starter in config.starters),
                 lines=tuple(line.name for line in config.lines),
                 operators=rights_of(config).operators,
@@ -243,7 +249,8 @@ class Uplink:
 
     def _fresh(self) -> Message:
         """Return the proof of freshness of this moment, for the live connection only."""
-        return self._payloads.fresh(self._tokens.issue(self._clock.now_s()), self._clock.utc_s())
+        fresh = FreshRecord(token=self._tokens.issue(self._clock.now_s()), time_s=self._clock.utc_s())
+        return message_of(fresh, self.topics.base)
 
     def _note_version(self, version: Version) -> None:
         """Publish which version of MQTT is used, and warn of what the older one hides."""

@@ -12,9 +12,9 @@ from pathlib import Path
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
 from gateway.config.secrets import VARIABLE, mqtt_password, password_in
+from gateway.contract import is_level
 from gateway.errors import UsageError
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.topics import is_level
 
 
 def add_login(parser: argparse.ArgumentParser, *, client: str = "") -> None:

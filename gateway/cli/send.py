@@ -14,10 +14,9 @@ from gateway.cli.command import arguments, expectations
 from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
+from gateway.contract import SELECT, Phase, Topics, is_level
 from gateway.errors import UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
-from gateway.mqtt.contract.topics import Topics, is_level
-from gateway.records import SELECT, Phase
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
+from gateway.contract import Operator
 from gateway.families.profile.load import ENGLISH, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.cable import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
-from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 
 UNITS = {  # of a start's samples, whose points are those of the contract
     "current": "A",

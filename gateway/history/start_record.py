@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
 from typing import Any
 
+from gateway.contract import rfc3339
 from gateway.errors import DamagedError
-from gateway.records import rfc3339
 
 # What a sample may hold, by its key in the record; each is the point of that name, the thermal level that of
 # the family's profile.

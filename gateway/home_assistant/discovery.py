@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gateway.contract import encoded
 from gateway.home_assistant.entities import available, gateway_entities, starter_entities
 from gateway.home_assistant.site_facts import SiteFacts
-from gateway.mqtt.contract.payloads import Message, to_payload
+from gateway.mqtt.message import Message
 
 PRODUCT = "starter-gateway"
 
@@ -61,4 +62,4 @@ def _message(
         "components": components,
         **availability,
     }
-    return Message(facts.config_topic(starter), to_payload(fields), qos=1, retain=True)
+    return Message(facts.config_topic(starter), encoded(fields), qos=1, retain=True)

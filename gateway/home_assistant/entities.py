@@ -10,8 +10,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.contract import (
+    AvailabilityRecord,
+    EventRecord,
+    LineRecord,
+    Phase,
+    ResultRecord,
+    StateRecord,
+    ValueRecord,
+)
 from gateway.home_assistant.site_facts import RESET, START, STOP, SiteFacts
-from gateway.records import Phase
 
 Component = dict[str, Any]
 
@@ -122,12 +130,12 @@ def starter_entities(
 ) -> dict[str, Component]:
     """Return a starter's components by key; `points` are those of its `info`."""
     topics = facts.topics
-    state_topic = topics.state(starter)
+    state_topic = topics.of(StateRecord, starter=starter)
     found = {
         "state": _sensor(None, state_topic, GOOD_STATE)
         | {"device_class": "enum", "options": list(STATES)}
         | {"json_attributes_topic": state_topic, "json_attributes_template": STATE_ATTRIBUTES},
-        "online": _binary_sensor("Online", topics.availability(starter), STARTER_IS_ON)
+        "online": _binary_sensor("Online", topics.of(AvailabilityRecord, starter=starter), STARTER_IS_ON)
         | {"payload_on": "online", "payload_off": "offline", "device_class": "connectivity"}
         | {"entity_category": "diagnostic"}
         | available(facts),  # while the starter is not
@@ -141,12 +149,16 @@ def starter_entities(
         ("thermal_load", thermal, THERMAL),
     ):
         if point in points:
-            found[key] = _quantity(quantity, topics.value(starter, point), str(points[point].get("unit", "")))
+            found[key] = _quantity(
+                quantity,
+                topics.of(ValueRecord, starter=starter, point=point),
+                str(points[point].get("unit", "")),
+            )
     if FAULT_CODE in found:
         found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
-    found["trouble"] = _event("Faults and alarms", topics.event(starter), TROUBLE, TROUBLE_CODES) | {
-        "icon": "mdi:alert"
-    }
+    found["trouble"] = _event(
+        "Faults and alarms", topics.of(EventRecord, starter=starter), TROUBLE, TROUBLE_CODES
+    ) | {"icon": "mdi:alert"}
     found |= _commands(facts, starter)
     return {key: _named(facts, starter, key, component) for key, component in found.items()}
 
@@ -162,7 +174,7 @@ def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
     }
     for line in facts.lines:
         found[f"line_{line}"] = (
-            _sensor(f"Line {line}", facts.topics.line(line), BUSY)
+            _sensor(f"Line {line}", facts.topics.of(LineRecord, line=line), BUSY)
             | {"unit_of_measurement": "%", "state_class": "measurement", "suggested_display_precision": 0}
             | {"entity_category": "diagnostic", "icon": "mdi:serial-port"}
             | available(facts)
@@ -174,7 +186,9 @@ def available(facts: SiteFacts, starter: str = "") -> Component:
     """Return when entities are available: the gateway is connected, and so is a starter that is named."""
     rules = [{"topic": facts.topics.gateway_status, "value_template": GATEWAY_IS_ON}]
     if starter:
-        rules.append({"topic": facts.topics.availability(starter), "value_template": STARTER_IS_ON})
+        rules.append(
+            {"topic": facts.topics.of(AvailabilityRecord, starter=starter), "value_template": STARTER_IS_ON}
+        )
     return {"availability": rules, "availability_mode": "all"}
 
 
@@ -224,7 +238,9 @@ def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]
             # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
             yield button.verb, component | (available(facts) if button.verb == STOP else {})
     phases = [str(phase) for phase in Phase]
-    result = _event("Result", facts.topics.result(starter, facts.client), RESULT, phases)
+    result = _event(
+        "Result", facts.topics.of(ResultRecord, starter=starter, client=facts.client), RESULT, phases
+    )
     yield "result", result | {"icon": "mdi:clipboard-check-outline"} | available(facts)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from gateway.mqtt.contract.topics import Topics
+from gateway.contract import Topics
 from gateway.starters.policy.rights import Rights
 
 STOP, START, RESET = "stop", "start", "reset"

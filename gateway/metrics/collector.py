@@ -14,11 +14,11 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 from prometheus_client.samples import Sample
 
+from gateway.contract import Quality
 from gateway.families.profile.state import STATES
 from gateway.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS, MotorPoint
 from gateway.metrics.counts import Counted
 from gateway.metrics.scrape import ScrapedGateway, ScrapedStarter
-from gateway.records import Quality
 from gateway.starters.telemetry.snapshot import Reading
 from gateway.system.stalls import Delays
 

@@ -12,8 +12,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gateway.history.own_points import OWN_POINT_NAMES
-from gateway.records import (
+from gateway.contract import (
     EventRecord,
     Phase,
     Quality,
@@ -23,6 +22,7 @@ from gateway.records import (
     TripRecord,
     ValueRecord,
 )
+from gateway.history.own_points import OWN_POINT_NAMES
 from gateway.system.stalls import DelayCounts, Delays
 
 COMMAND_BOUNDS_S = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)

@@ -15,10 +15,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from gateway.contract import Record
 from gateway.metrics.collector import exposition
 from gateway.metrics.counts import RecordCounts
 from gateway.metrics.scrape import MetricsSettings, MetricsSource
-from gateway.records import Record
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import InThread

@@ -18,11 +18,19 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.mqtt.contract.topics import LINE, RetainedTopic, Topics
-from gateway.records import PublishEvent, Quality, Record, Severity, StateRecord
+from gateway.contract import (
+    LINE,
+    PublishEvent,
+    Quality,
+    Record,
+    RetainedTopic,
+    Severity,
+    StateRecord,
+    Topics,
+    read_object,
+)
+from gateway.mqtt.commands import Incoming
+from gateway.starters.policy.freshness import Tokens
 from gateway.system.rate_limits import HoldOff
 
 log = logging.getLogger(__name__)

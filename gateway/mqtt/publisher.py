@@ -5,34 +5,39 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterator
+from typing import Literal
 
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
+from gateway.contract import LineRecord, OutboxRecord, Record, StatusRecord, Topics, ValueRecord
+from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import Record, ValueRecord
+from gateway.starters.policy.freshness import RunToken
 from gateway.system.clock import Clock
 
 log = logging.getLogger(__name__)
 
 EVERY_S = 30.0  # gateway/outbox
+State = Literal["starting", "online", "degraded", "offline"]
+
 LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 
 
 class Publisher:
-    """Implements `gateway.records.Sink`, and publishes the gateway's own status and info."""
+    """Implements `gateway.contract.Sink`, and publishes the gateway's own status and info."""
 
-    def __init__(self, payloads: Payloads, outbox: Outbox, clock: Clock) -> None:
-        self._payloads = payloads
+    def __init__(self, topics: Topics, boot: RunToken, outbox: Outbox, *, clock: Clock) -> None:
+        self._topics = topics
+        self._boot = boot
         self._outbox = outbox
         self._clock = clock
         self._wake: Callable[[], None] = _no_connection
         self._on_message: Callable[[Message], None] = _no_listener
-        self._state = "starting"
+        self._state: State = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
         self._put_status()
 
     @property
-    def state(self) -> str:
+    def state(self) -> State:
         """Return the gateway's state: starting, online or degraded."""
         return self._state
 
@@ -46,7 +51,7 @@ class Publisher:
         It must return at once and never raise.
         """
         self._on_message = on_message or _no_listener
-        below = f"{self._payloads.topics.base}/"
+        below = f"{self._topics.base}/"
         for message in tuple(self._outbox.latest.values()) if on_message else ():
             if message.topic.startswith(below):
                 self._on_message(message)
@@ -62,7 +67,7 @@ class Publisher:
 
     def values(self) -> Iterator[ValueRecord]:
         """Yield the newest value of each point that was published."""
-        return self._payloads.values_in(self._outbox.latest)
+        return (each.value for each in tuple(self._outbox.latest.values()) if each.value is not None)
 
     def wake(self) -> None:
         """Have what waits sent."""
@@ -70,16 +75,11 @@ class Publisher:
 
     def put(self, record: Record) -> None:
         """Take one record, in order; returns at once and never raises."""
-        try:
-            message = self._payloads.message(record)
-        except ValueError:
-            log.exception("record=%s cannot be published", type(record).__name__)
-            return
-        self._put(message)
+        self._put(message_of(record, self._topics.base))
 
     def forget(self, *starters: str) -> None:
         """Clear every retained topic of starters that are no longer configured."""
-        topics = self._payloads.topics
+        topics = self._topics
         self._outbox.forget([topics.starter(starter) for starter in starters], self._clock.now_s())
         self._wake()
         for starter in starters:
@@ -91,9 +91,9 @@ class Publisher:
 
     def forget_line(self, line: str) -> None:
         """Clear the retained statistics of a line that is no longer configured."""
-        self._put(cleared(self._payloads.topics.line(line)))
+        self._put(cleared(self._topics.of(LineRecord, line=line)))
 
-    def set_status(self, state: str, reason: str | None = None) -> None:
+    def set_status(self, state: State, reason: str | None = None) -> None:
         """Publish the gateway's state (starting, online, degraded) when it has changed."""
         if (state, reason) == (self._state, self._reason):
             return
@@ -107,18 +107,14 @@ class Publisher:
         """Publish the present status again: its boot token has changed."""
         self._put_status()
 
-    def set_info(self, info: GatewayInfo) -> None:
-        """Publish `gateway/info`."""
-        self._put(self._payloads.gateway_info(info))
-
     def will(self) -> Message:
         """Return the will: what the broker publishes when the connection is lost, without a time."""
-        return self._payloads.status("offline", time_s=None, since_s=None, reason="connection lost")
+        return self._status("offline", time_s=None, since_s=None, reason="connection lost")
 
     def farewell(self, reason: str) -> Message:
         """Return the last status of an orderly end."""
         now_s = self._clock.utc_s()
-        return self._payloads.status("offline", time_s=now_s, since_s=now_s, reason=reason)
+        return self._status("offline", time_s=now_s, since_s=now_s, reason=reason)
 
     async def run(self) -> None:
         """Publish the outbox's statistics every 30 s, and within 1 s of a loss or refusal."""
@@ -127,7 +123,7 @@ class Publisher:
         while True:
             losses = self._losses()
             if losses != reported or self._clock.now_s() >= due_s:
-                self._put(self._payloads.outbox(self._outbox.statistics(self._clock.now_s())))
+                self.put(OutboxRecord(data=self._outbox.statistics(self._clock.now_s())))
                 self._log_losses(reported, losses)
                 reported = losses
                 due_s = self._clock.now_s() + EVERY_S
@@ -150,8 +146,16 @@ class Publisher:
 
     def _put_status(self) -> None:
         now_s = self._clock.utc_s()
-        status = self._payloads.status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason)
-        self._put(status)
+        self._put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
+
+    def _status(
+        self, state: State, *, time_s: float | None, since_s: float | None, reason: str | None
+    ) -> Message:
+        boot = self._boot
+        status = StatusRecord(
+            state=state, time_s=time_s, boot=boot.token, since_s=since_s, reason=reason, run=boot.run
+        )
+        return message_of(status, self._topics.base)
 
     def _put(self, message: Message) -> None:
         self._outbox.put(message, self._clock.now_s())

@@ -19,14 +19,11 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.mqtt.contract.commands import Incoming, Rejection
-from gateway.mqtt.contract.freshness import MAX_AHEAD_S
-from gateway.mqtt.contract.payloads import to_payload
-from gateway.mqtt.contract.topics import Topics, shortened
-from gateway.records import STOP, rfc3339
+from gateway.contract import STOP, CommandRequest, Topics, encoded, rfc3339, shortened
+from gateway.mqtt.commands import Incoming, Rejection
 from gateway.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.sparkplug.payload import HostCommand, HostWrite
-from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 
 MOST_WRITES = 20  # of one message
 SPARKPLUG = "sparkplug"  # the source of such commands, in the audit
@@ -102,7 +99,7 @@ class CommandMapper:
         if issued_s is not None and verb != STOP:
             body |= {"issued_at": rfc3339(issued_s), "ttl_s": self.ttl_s}
         topic = self.topics.command(asked.starter, self.operator, verb)
-        return Incoming(topic, to_payload(body), is_retained=asked.is_retained, source=SPARKPLUG)
+        return Incoming(topic, encoded(body), is_retained=asked.is_retained, source=SPARKPLUG)
 
     def _refused(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
         return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), code, text)

@@ -13,9 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.mqtt.contract.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
-from gateway.mqtt.contract.topics import shortened
-from gateway.records import PublishEvent, Severity
+from gateway.contract import PublishEvent, Severity, shortened
+from gateway.mqtt.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
 from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
 from gateway.sparkplug.payload import decoded_command

@@ -11,8 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.families.profile.load import load_profile
-from gateway.records import (
+from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     InfoRecord,
@@ -23,6 +22,7 @@ from gateway.records import (
     StateRecord,
     ValueRecord,
 )
+from gateway.families.profile.load import load_profile
 from gateway.sparkplug.payload import BAD, FALSE, GOOD, STALE, DataType, Metric, Value
 from gateway.starters.policy.rights import Rights
 
@@ -256,9 +256,7 @@ class NodeMetrics:
         return [
             metric
             for name in ("utilisation", "sweep_s")
-            for metric in self.table.set(
-                f"line/{record.line}/{name}", record.statistics.get(name), time_s=time_s
-            )
+            for metric in self.table.set(f"line/{record.line}/{name}", record.data.get(name), time_s=time_s)
         ]
 
     def note(self, facts: Mapping[str, Value], time_s: float) -> list[Metric]:

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from math import inf
 
-from gateway.mqtt.contract.payloads import Message
-from gateway.records import LineRecord, Record
+from gateway.contract import LineRecord, Record
+from gateway.mqtt.message import Message
 from gateway.sparkplug.metrics import NodeMetrics, StarterMetrics
 from gateway.sparkplug.payload import FALSE, DataType, Metric, Value, encoded
 from gateway.sparkplug.topics import BD_SEQ, REBIRTH, EdgeTopics
@@ -152,7 +152,7 @@ class EdgeNode:
         if isinstance(record, LineRecord):
             self._note_node(self._own.take(record, utc_s), now_s)
             return
-        name = record.starter
+        name = getattr(record, "starter", "")
         device = self._devices.get(name)
         if device is not None:
             self._note(name, device, device.metrics.take(record, utc_s), now_s)

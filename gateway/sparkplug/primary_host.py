@@ -5,7 +5,7 @@ Births are published only while it is.
 
 from __future__ import annotations
 
-from gateway.mqtt.contract.strict_json import read_object
+from gateway.contract import read_object
 from gateway.sparkplug.topics import state_topic
 
 

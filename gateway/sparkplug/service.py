@@ -13,13 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 
+from gateway.contract import PublishEvent, Record, Severity, Topics
 from gateway.errors import BrokerError, DamagedError, StoreError
+from gateway.mqtt.commands import Incoming, Rejection
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming, Rejection
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import PublishEvent, Record, Severity
 from gateway.sparkplug.commands import CommandMapper
 from gateway.sparkplug.host_commands import MOST_BYTES, HostCommands
 from gateway.sparkplug.metrics import NodeMetrics

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.contract import Operator
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.starters.policy.rights import Operator
 
 
 @dataclass(frozen=True, slots=True)

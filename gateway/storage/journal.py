@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from gateway.records import ResultRecord
+from gateway.contract import ResultRecord
 
 UNAVAILABLE = "ledger_unavailable"  # the code of a command that is refused because of it
 

@@ -11,8 +11,8 @@ from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 
+from gateway.contract import STOP, Phase, ResultRecord
 from gateway.errors import CommandError, DamagedError, StoreError, UnstorableError
-from gateway.records import STOP, Phase, ResultRecord
 from gateway.storage.database import Connection
 from gateway.storage.journal import UNAVAILABLE, Journal, Remembered
 from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gateway.records import AuditRecord, PublishEvent, Record, ResultRecord, Severity
+from gateway.contract import AuditRecord, PublishEvent, Record, ResultRecord, Severity
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import FOLDER
 from gateway.storage.formats import OWN_NAMES

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from gateway.system.clock import Clock
 from gateway.system.password_hash import MAX_PASSWORD_BYTES, is_password, unmatched_line
 from gateway.web.interface import GatewayAccess, WebSettings

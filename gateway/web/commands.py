@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from gateway.records import Phase
+from gateway.contract import Phase
 
 MAX_BODY_BYTES = 4096  # as over MQTT
 ANSWER_WITHIN_S = 10.0

@@ -18,8 +18,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route, Router
 
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.records import rfc3339
+from gateway.contract import read_object, rfc3339
 from gateway.system.clock import Clock
 from gateway.web.accounts import Accounts
 from gateway.web.commands import MAX_BODY_BYTES, PendingCommands

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from gateway.records import Record
+from gateway.contract import Record
 from gateway.system.clock import Clock
 from gateway.web.accounts import Accounts
 from gateway.web.application import WebApp

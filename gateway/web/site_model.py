@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gateway.records import AuditRecord, Phase, Quality, Record, ResultRecord, ValueRecord, rfc3339
+from gateway.contract import AuditRecord, Phase, Quality, Record, ResultRecord, ValueRecord, rfc3339
 from gateway.web.plots import NAN, StarterPlots
 
 MOST_MESSAGES = 200  # events and audit entries

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from starlette.types import Receive, Scope, Send
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from gateway.system.clock import Clock
 from gateway.system.supervised import until_first
 from gateway.web.interface import GatewayAccess, dumps

@@ -6,11 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from gateway.app.history.part import HistoryPart, Surroundings
-from gateway.history.counters import HOUR_S, STANDING, MotorCounters, Totals
-from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
-from gateway.history.own_points import PublicationPace, Value, own_points
-from gateway.history.readings import Readings
-from gateway.records import (
+from gateway.contract import (
     InfoRecord,
     Quality,
     Record,
@@ -20,6 +16,10 @@ from gateway.records import (
     TripRecord,
     ValueRecord,
 )
+from gateway.history.counters import HOUR_S, STANDING, MotorCounters, Totals
+from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.history.own_points import PublicationPace, Value, own_points
+from gateway.history.readings import Readings
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history_table import HistoryRow
@@ -177,7 +177,18 @@ class CountersPart(HistoryPart):
             quality = Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE
             time_s = None if value is None else self._good_utc_s
             seq = self._records.sequence.take()
-            self._records.put(ValueRecord(self._name, point.name, value, point.unit, quality, time_s, seq))
+            self._records.put(
+                ValueRecord(
+                    starter=self._name,
+                    point=point.name,
+                    value=value,
+                    unit=point.unit,
+                    quality=quality,
+                    time_s=time_s,
+                    seq=seq,
+                    boot=self._records.boot,
+                )
+            )
 
     def _values(self, now_s: float) -> dict[str, Value]:
         totals, has_load = self._totals, self._counters.has_load

@@ -18,8 +18,8 @@ from functools import partial
 
 from gateway.app.history.starts import CURVE, START
 from gateway.app.history.trips import KIND as TRIP
+from gateway.contract import Record, Sink, StartRecord, TripRecord, ValueRecord
 from gateway.errors import StoreError
-from gateway.records import Record, Sink, StartRecord, TripRecord, ValueRecord
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
 from gateway.system.clock import Clock
@@ -120,8 +120,8 @@ class Delivery:
         except StoreError:
             return None  # the mark stays for the next run
         if row is not None and kind == TRIP:
-            return TripRecord(starter, id_, row.data)
+            return TripRecord(starter=starter, id=id_, data=row.data)
         if row is not None and curve is not None:
-            return StartRecord(starter, id_, {**row.data, "samples": curve.data})
+            return StartRecord(starter=starter, id=id_, data={**row.data, "samples": curve.data})
         self._store.drop(starter, UNDELIVERED, mark)
         return None

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.contract import Record, RecordWriter
 from gateway.history.readings import Readings
-from gateway.records import Record, RecordWriter
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore

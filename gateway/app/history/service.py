@@ -24,9 +24,7 @@ from gateway.app.history.part import HistoryPart, Surroundings
 from gateway.app.history.settings import SettingsPart
 from gateway.app.history.starts import StartHistory
 from gateway.app.history.trips import TripPart
-from gateway.errors import CommandError, StoreError
-from gateway.history.readings import Readings
-from gateway.records import (
+from gateway.contract import (
     AvailabilityRecord,
     EventRecord,
     InfoRecord,
@@ -37,6 +35,8 @@ from gateway.records import (
     Severity,
     StateRecord,
 )
+from gateway.errors import CommandError, StoreError
+from gateway.history.readings import Readings
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore

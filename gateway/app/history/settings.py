@@ -7,7 +7,7 @@ read for it. What commands have changed is in the audit.
 from __future__ import annotations
 
 from gateway.app.history.part import HistoryPart
-from gateway.records import EventRecord, Record, rfc3339
+from gateway.contract import EventRecord, Record, rfc3339
 from gateway.starters.services.parameter_monitor import EVENT
 
 KIND = "setting"  # of the rows on disk

@@ -10,6 +10,17 @@ from dataclasses import replace
 from typing import Any
 
 from gateway.app.history.part import HistoryPart, Surroundings
+from gateway.contract import (
+    AlarmRecord,
+    AvailabilityRecord,
+    InfoRecord,
+    Phase,
+    Record,
+    ResultRecord,
+    Severity,
+    StartRecord,
+    StateRecord,
+)
 from gateway.errors import CommandError, DamagedError, StoreError
 from gateway.history.baseline import Month, Trend, TrendVerdict, month_of, values_of
 from gateway.history.readings import Readings
@@ -20,17 +31,6 @@ from gateway.history.start_recorder import (
     StartCommand,
     StartPoints,
     StartRecorder,
-)
-from gateway.records import (
-    AlarmRecord,
-    AvailabilityRecord,
-    InfoRecord,
-    Phase,
-    Record,
-    ResultRecord,
-    Severity,
-    StartRecord,
-    StateRecord,
 )
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history_table import HistoryRow
@@ -166,7 +166,7 @@ class StartHistory(HistoryPart):
         verdict = self._trend.add(finished.summary)
         summary = replace(finished.summary, is_baseline=verdict.is_baseline, drift=verdict.drift)
         self._latest = [*self._latest, summary][-CURVES:]
-        record = StartRecord(self._name, summary.id, start_to_dict(summary, finished.curve))
+        record = StartRecord(starter=self._name, id=summary.id, data=start_to_dict(summary, finished.curve))
         self._records.put(record)  # counted by that: one transaction
         self._put_rows(replace(finished, summary=summary))
         self._report(verdict, summary)
@@ -226,6 +226,7 @@ class StartHistory(HistoryPart):
                 cleared_s=None if is_active else now_s,
                 count=self._alarm_count,
                 seq=self._records.sequence.take(),
+                boot=self._records.boot,
             )
         )
 

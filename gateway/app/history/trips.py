@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.app.history.part import HistoryPart, Surroundings
+from gateway.contract import EventRecord, Record, TripRecord, rfc3339
 from gateway.history.readings import Readings
 from gateway.history.trip_record import STORED, TripSnapshot
 from gateway.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
-from gateway.records import EventRecord, Record, TripRecord, rfc3339
 from gateway.starters.setup import StarterSetup
 
 KIND = "trip"  # of the rows on disk
@@ -83,7 +83,9 @@ class TripPart(HistoryPart):
         for timer in self._timers:
             timer.cancel()
         data = trip.to_dict()
-        self._records.put(TripRecord(self._name, trip.id, data))  # counted by that: one transaction
+        self._records.put(
+            TripRecord(starter=self._name, id=trip.id, data=data)
+        )  # counted by that: one transaction
         self._put(KIND, trip.id, data, limit=STORED, is_urgent=True)
 
 

@@ -21,15 +21,14 @@ from gateway.app.site import Site
 from gateway.app.uplink import Uplink
 from gateway.config.convert import policy_of, rights_of
 from gateway.config.schema import Config
+from gateway.contract import InfoRecord, Record, to_level
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.home_assistant.announcements import Announcements, BirthPause
 from gateway.home_assistant.discovery import gateway_message, starter_message
 from gateway.home_assistant.site_facts import SiteFacts, StarterFacts
-from gateway.mqtt.contract.payloads import cleared
-from gateway.mqtt.contract.topics import to_level
+from gateway.mqtt.message import cleared
 from gateway.mqtt.publisher import Publisher
-from gateway.records import InfoRecord, Record
 from gateway.storage.json_file import JsonFile, JsonStore
 from gateway.system.clock import Clock
 from gateway.system.supervised import InThread
@@ -136,7 +135,7 @@ class HomeAssistantService:
         if not starter:
             message = gateway_message(facts)
         elif starter in facts.starters:
-            info = self._announcer.retained(facts.topics.info(starter))
+            info = self._announcer.retained(facts.topics.of(InfoRecord, starter=starter))
             if info is None or not info.payload:
                 return
             message = starter_message(facts, starter, json.loads(info.payload))

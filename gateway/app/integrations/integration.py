@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gateway.app.site import Site
-from gateway.records import PublishEvent, Record, Severity
+from gateway.contract import PublishEvent, Record, Severity
 from gateway.system.clock import Clock
 from gateway.system.supervised import RESTART_PAUSE_S, InThread, until_first
 

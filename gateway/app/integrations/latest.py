@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 
-from gateway.records import (
+from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     InfoRecord,

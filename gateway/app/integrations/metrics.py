@@ -13,6 +13,7 @@ from gateway.app.integrations.integration import Integration, IntegrationHost, I
 from gateway.app.plant import Plant
 from gateway.app.site import Site
 from gateway.config.schema import Verb
+from gateway.contract import CONTRACT_VERSION, LockRecord, Severity
 from gateway.families.devices.device import unnumbered
 from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.metrics.scrape import (
@@ -22,9 +23,7 @@ from gateway.metrics.scrape import (
     ScrapedLine,
     ScrapedStarter,
 )
-from gateway.mqtt.contract.payloads import CONTRACT_VERSION
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import LockRecord, Severity
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
 

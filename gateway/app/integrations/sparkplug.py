@@ -16,10 +16,9 @@ from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
+from gateway.contract import Record, Topics
+from gateway.mqtt.commands import Incoming, Rejection
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming, Rejection
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Record
 from gateway.sparkplug.settings import SparkplugSettings
 from gateway.storage.json_file import JsonFile
 from gateway.system.supervised import until_first

@@ -15,14 +15,22 @@ from gateway.app.page.parameters import rows_of, sample_args
 from gateway.app.page.tools import Tools
 from gateway.app.site import Site
 from gateway.config.convert import rights_of
+from gateway.contract import (
+    ACCEPT,
+    LOCK,
+    OWN_VERBS,
+    UNLOCK,
+    AuditRecord,
+    CommandRequest,
+    RecordWriter,
+    rfc3339,
+)
 from gateway.errors import CommandError, StoreError
 from gateway.families.command.build import verbs
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import EVERY_S, Tokens
-from gateway.records import ACCEPT, LOCK, OWN_VERBS, UNLOCK, AuditRecord, RecordWriter, rfc3339
+from gateway.mqtt.commands import Incoming
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.freshness import EVERY_S, Tokens
 from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.history_table import HistoryRow
 from gateway.web.interface import MetricsAccess
@@ -132,6 +140,7 @@ class WebAccess:
                 code=code,
                 time_s=self.writer.clock.utc_s(),
                 seq=self.writer.sequence.take(),
+                boot=self.writer.boot,
                 source=WEB,
             )
         )

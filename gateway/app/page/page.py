@@ -17,10 +17,10 @@ from gateway.config.convert import policy_of
 from gateway.config.integration_tables import WebTable
 from gateway.config.schema import Config
 from gateway.config.values import split_listen
+from gateway.contract import CONTRACT_VERSION, PublishEvent, Record, Severity
 from gateway.families.profile.load import load_profile
-from gateway.mqtt.contract.payloads import CONTRACT_VERSION, Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.publisher import Publisher
-from gateway.records import PublishEvent, Record, Severity
 from gateway.system.clock import Clock
 from gateway.system.supervised import until_first
 from gateway.web.interface import WebSettings, WebUser

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from gateway.web.interface import ToolBusyError
 
 TOOL_WITHIN_S = 120.0

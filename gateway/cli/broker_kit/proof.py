@@ -20,14 +20,14 @@ from gateway.cli.broker_kit.expected import TriedTopic, topics_of
 from gateway.cli.broker_kit.logins import PROBE, PROVER, Login, Role
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
+from gateway.contract import Topics
 from gateway.errors import BrokerError, StartError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.command_client import CommandClient, connected
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.contract.topics import Topics
+from gateway.mqtt.message import Message
 
 SETTLED_S = 1.0  # so long after the last of it, nothing more arrives
 STATUS_WITHIN_S = 1.0

@@ -12,10 +12,9 @@ import time
 from typing import NamedTuple
 
 from gateway.cli.demo.processes import demo_client, publish
+from gateway.contract import Phase, Topics
 from gateway.errors import GatewayError
 from gateway.mqtt.connection.command_client import CommandClient, Order
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Phase
 
 log = logging.getLogger(__name__)
 

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import BrokerError, PortError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.command_client import connected
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 
 PORT = 1883
 ACKNOWLEDGED_WITHIN_S = 5.0

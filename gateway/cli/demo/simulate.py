@@ -14,7 +14,7 @@ import signal
 import sys
 import time
 import uuid
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -29,10 +29,10 @@ from gateway.errors import UsageError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Table
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
@@ -193,7 +193,7 @@ async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSet
         raise UsageError(
             f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
-    answers = Outbox(last_topic="", pack=_not_packed, max_rows=MOST_WAITING)
+    answers = Outbox(last_topic="", max_rows=MOST_WAITING)
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)
@@ -239,11 +239,6 @@ def _apply(
     if is_retained:
         raise UsageError("retained: it would be done again at every start")
     return set_knob(unit, knob, setting)
-
-
-def _not_packed(topic: str, _items: Sequence[str], _boot: str) -> Message:
-    """Take what no answer has: replaced values."""
-    raise AssertionError(topic)
 
 
 def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature

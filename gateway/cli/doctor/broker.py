@@ -13,12 +13,11 @@ from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.operator_login import settings_of, user_name
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
+from gateway.contract import AvailabilityRecord, Phase, Topics
 from gateway.errors import BrokerError, ConfigError
 from gateway.families.devices.findings import Weight
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Phase
 
 OWN_NAME = "doctor"
 READ_WITHIN_S = 10.0
@@ -70,7 +69,7 @@ class BrokerAccess:
         BrokerError when the broker, or the right to read it, is missing.
         """
         topics = Topics(self.config.base)
-        asking, topic = CommandClient(self._usable(), topics), topics.availability(starter)
+        asking, topic = CommandClient(self._usable(), topics), topics.of(AvailabilityRecord, starter=starter)
         known = await asking.retained(topic, within_s=KNOWN_WITHIN_S)
         if known is None or known.get("state") == "online":
             return ""

@@ -12,8 +12,8 @@ from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.config.schema import Config
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
-from gateway.mqtt.contract.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.commands.execution import SLOW_DISK_S
+from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.audit.segments import FOLDER as AUDIT
 from gateway.storage.formats import STATE_FILES

@@ -30,13 +30,11 @@ from gateway.cli.report.labels import translator
 from gateway.cli.report.text import to_text
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_object, rfc3339
 from gateway.errors import DamagedError, GatewayError, NewerError
 from gateway.families.profile.load import LANGUAGES, load_profile
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import rfc3339
 from gateway.starters.identity.registry import IDENTITIES_FILE
 from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.history import read_history
@@ -71,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         notes.append("limits and the line's quality are left out: the broker was not asked")
     else:
         published = _ask_broker(config, starter.name, args, notes)
-        if not notes and not published.get(Topics(config.base).line(line.name)):
+        if not notes and not published.get(Topics(config.base).of(LineRecord, line=line.name)):
             notes.append("the line's quality is left out: the gateway has not published it")
     language = args.language or config.gateway.language
     report = make_report(path, args.starter, published, language)
@@ -102,12 +100,16 @@ def make_report(
     settings = [*settings_in(_audit(state_dir, report), name, profile), *settings_seen(rows, profile)]
     report.settings = sorted(settings, key=lambda each: each.time, reverse=True)
     topics = Topics(config.base)
-    statistics = published.get(topics.line(line.name))
+    statistics = published.get(topics.of(LineRecord, line=line.name))
     if statistics:
         report.line = line_quality(line.name, name, starter.address, statistics)
-    prefix = topics.value(name, "x")[:-1]
+    prefix = topics.of(ValueRecord, starter=name, point="x")[:-1]
     add_values(report, {at.removeprefix(prefix): each for at, each in published.items() if prefix in at})
-    said = {key: value for key, value in published.get(topics.info(name), {}).items() if value is not None}
+    said = {
+        key: value
+        for key, value in published.get(topics.of(InfoRecord, starter=name), {}).items()
+        if value is not None
+    }
     known = {**_known_identity(state_dir, name), **said}
     report.identity = _identity(report, line, starter, known, language)
     return report
@@ -180,7 +182,7 @@ async def _published(
     async with asyncio.timeout(CONNECTED_WITHIN_S):
         session, _ = await connected(settings, on_incoming=take)
         values = f"{topics.starter(starter)}/value/+"
-        for topic in (f"{config.base}/gateway/line/+", topics.info(starter), values):
+        for topic in (f"{config.base}/gateway/line/+", topics.of(InfoRecord, starter=starter), values):
             await session.subscribe(topic, with_retained=True)
     await asyncio.wait([session.lost], timeout=ASKED_WITHIN_S)
     await session.disconnect()

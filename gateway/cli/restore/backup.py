@@ -17,8 +17,8 @@ from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
+from gateway.contract import rfc3339
 from gateway.errors import StoreError, UsageError
-from gateway.records import rfc3339
 from gateway.storage.upkeep.archive import Member, write_archive
 from gateway.storage.upkeep.state_copy import copy_state
 

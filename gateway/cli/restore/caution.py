@@ -20,9 +20,9 @@ from typing import Any
 
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
+from gateway.contract import LockRecord, rfc3339
 from gateway.errors import DamagedError
-from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S
-from gateway.records import LockRecord, rfc3339
+from gateway.starters.policy.freshness import MAX_AHEAD_S, MAX_TTL_S
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.starters.policy.policy import GATEWAY
 from gateway.storage.audit.segments import FOLDER
@@ -73,7 +73,7 @@ def locked_document(
     locked = [name for name in names if rights.is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
         text = f"{what}: locks and starts since then are not known; look, then unlock"
-        history.set_lock(name, LockRecord(GATEWAY, reading.utc_s, text))
+        history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=text))
     is_empty = document is None and not locked
     return {} if is_empty else history.to_document(now_s=here.up_s, reading=here), locked
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.mqtt.contract.topics import shortened
+from gateway.contract import read_object, shortened
 
 LIVE_WITHIN_S = 12.0  # without a new token for longer, a gateway is not live
 

@@ -18,11 +18,11 @@ from gateway.cli.watch.overview import Overview
 from gateway.client import broker_at
 from gateway.config.load import load
 from gateway.config.values import is_loopback
+from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.command_client import connected
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.topics import is_level
 from gateway.system.rate_limits import Backoff
 
 if TYPE_CHECKING:

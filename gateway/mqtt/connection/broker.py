@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from gateway.errors import BrokerError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import EVERY_S
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
+from gateway.starters.policy.freshness import EVERY_S
 from gateway.system.rate_limits import Backoff
 
 log = logging.getLogger(__name__)

@@ -9,15 +9,13 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gateway.contract import STOP, Phase, ResultRecord, Topics, encoded, read_object, rfc3339
 from gateway.errors import BrokerError, GatewayError, NoResultError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message, to_payload
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import STOP, Phase, rfc3339
+from gateway.mqtt.message import Message
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
@@ -59,7 +57,9 @@ class CommandClient:
         """
         order = replace(order, id=order.id or uuid.uuid4().hex)
         async with self._connected() as session:
-            is_answered = await session.subscribe(self._topics.result(order.starter, order.client))
+            is_answered = await session.subscribe(
+                self._topics.of(ResultRecord, starter=order.starter, client=order.client)
+            )
             proof, trouble = await self._proof(session, order)
             if not is_answered:
                 trouble = self._forbidden(f"read the results of {order.client}")
@@ -142,7 +142,7 @@ class CommandClient:
     async def _final(
         self, order: Order, message: Message, on_phase: Callable[[Mapping[str, Any]], None]
     ) -> Mapping[str, Any]:
-        topic = self._topics.result(order.starter, order.client)
+        topic = self._topics.of(ResultRecord, starter=order.starter, client=order.client)
         wanted = read_object(message.payload)["id"]
         while True:
             result = await self._next(topic, order)
@@ -186,7 +186,7 @@ class CommandClient:
             **{name: value for name, value in optional.items() if value},
         }
         topic = self._topics.command(order.starter, order.client, order.verb)
-        return Message(topic, to_payload(body), qos=1, retain=False)
+        return Message(topic, encoded(body), qos=1, retain=False)
 
     def _lost(self, order: Order | None) -> GatewayError:
         text = f"the connection to {self._settings.address} was lost"

@@ -17,9 +17,8 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics
-from gateway.records import STOP
+from gateway.contract import STOP, CommandAddress, Malformed, Topics
+from gateway.mqtt.commands import Incoming
 from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)

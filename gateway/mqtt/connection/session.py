@@ -23,6 +23,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from gateway.errors import BrokerError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.packet_limit import (
     MAX_INCOMING_BYTES,
     LimitedClient,
@@ -39,8 +40,7 @@ from gateway.mqtt.connection.reconnect import (
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.segment import (
     LOWEST,
     MessageState,

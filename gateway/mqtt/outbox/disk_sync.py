@@ -17,10 +17,10 @@ import logging
 from collections.abc import Callable
 from typing import assert_never
 
+from gateway.contract import PublishEvent, Severity
 from gateway.errors import StoreError
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import PublishEvent, Severity
 from gateway.storage.outbox import OutboxDisk
 from gateway.storage.spool import Changes, Kind, Recalled
 from gateway.storage.worker import News

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from gateway.storage.spool import Changes, Loss, merged
 
 DECLARE_EVERY_S = 60.0  # losses that go on are summed up

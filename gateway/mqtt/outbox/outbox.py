@@ -15,10 +15,11 @@ What goes out next (`Outbox.take`), within the broker's window of unacknowledged
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, LateValue, Message, cleared, late_value
+from gateway.contract import HistoryRecord, ValueRecord, history_item
+from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
 from gateway.mqtt.outbox.backlog import Backlog
 from gateway.mqtt.outbox.segment import ROW_BYTES, QueuedMessage
 from gateway.storage.spool import Kind, Refusal
@@ -46,24 +47,19 @@ class RefusedPublish(NamedTuple):
 class Outbox:
     """The messages of one gateway; lives in memory, does no I/O.
 
-    `last_topic` is sent after all other retained topics of a connection: the gateway's status. `late` makes
-    of a value's message an item of the history, `pack` a message of a history topic, the JSON items for it,
-    and the run that they belong to: `boot` is this one.
+    `last_topic` is sent after all other retained topics of a connection: the gateway's status. `boot` names
+    this run, to which the values belong that are published late.
     """
 
     def __init__(
         self,
         *,
         last_topic: str,
-        pack: Callable[[str, Sequence[str], str], Message],
-        late: Callable[[Message], LateValue] = late_value,
         boot: str = "",
         max_rows: int = 20_000,
         max_bytes: int = 16 * 2**20,
     ) -> None:
         self._last_topic = last_topic
-        self._pack = pack
-        self._late = late
         self.backlog = Backlog(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
         self._latest: dict[str, Message] = {}
         self._waiting: dict[str, float] = {}  # retained topics with news, and since when
@@ -205,8 +201,9 @@ class Outbox:
 
     def _hold(self, message: Message, since_s: float) -> None:
         """Queue a newest value as well that cannot be sent now, so that a crash does not lose it."""
-        if message.is_value and message.topic not in self._held:
-            entry = self.backlog.put(Kind.VALUE, self._item(message), since_s, is_held=True)
+        if message.value is not None and message.topic not in self._held:
+            item = _late(message.topic, message.value)
+            entry = self.backlog.put(Kind.VALUE, item, since_s, is_held=True)
             self._held[message.topic] = (message, entry)
 
     def _sent_live(self, message: Message) -> None:
@@ -221,12 +218,8 @@ class Outbox:
         if held is not None and held[0] is message:
             del self._held[message.topic]
             self.backlog.release(held[1])
-        elif message.is_value:
-            self.backlog.put(Kind.VALUE, self._item(message), since_s)
-
-    def _item(self, message: Message) -> Message:
-        topic, payload = self._late(message)
-        return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
+        elif message.value is not None:
+            self.backlog.put(Kind.VALUE, _late(message.topic, message.value), since_s)
 
     def _take_latest(self, topics: deque[str] | dict[str, float]) -> Outgoing:
         """Return the newest message of the first of these topics; it has no news any more."""
@@ -257,8 +250,9 @@ class Outbox:
         if not entries:
             return None
         self._history_credit -= len(entries)
-        items = [entry.message.payload.decode() for entry in entries]
-        message = self._pack(entries[0].message.topic, items, entries[0].boot)
+        topic, boot = entries[0].message.topic, entries[0].boot
+        batch = HistoryRecord(starter="", boot=boot, items=[entry.message.payload for entry in entries])
+        message = Message(topic, batch.payload(), qos=1, retain=False, is_queued=True, is_droppable=True)
         return self._outgoing(message, entries[0].since_s, *entries)
 
     def _outgoing(self, message: Message, since_s: float | None, *entries: QueuedMessage) -> Outgoing:
@@ -272,6 +266,13 @@ class Outbox:
         for entry in sent.entries[:1]:
             self.backlog.refuse(Refusal(entry.since_s, reason_code, message.topic, message.payload))
         self.backlog.on_work()
+
+
+def _late(topic: str, record: ValueRecord) -> Message:
+    """Return a value as an item for its starter's history topic."""
+    branch = topic.removesuffix(record.topic)
+    history = branch + HistoryRecord.topic_of(starter=record.starter)
+    return Message(history, history_item(record), qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def _size(message: Message) -> int:

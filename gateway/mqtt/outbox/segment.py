@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.message import Message
 from gateway.storage.spool import Kind, Row, Share
 
 ROW_BYTES = 200  # what a row costs besides its topic and payload, roughly

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
+from gateway.contract import CANCEL, OWN_VERBS, READ, SELECT, STOP, CommandRequest, Phase
 from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
 from gateway.families.reading import reads_for
-from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, STOP, Phase
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal

@@ -9,8 +9,18 @@ from contextlib import suppress
 from math import inf
 from typing import Any, TypeVar
 
+from gateway.contract import (
+    LOCK,
+    OWN_VERBS,
+    READ,
+    SELECT,
+    STOP,
+    CommandRequest,
+    Phase,
+    RecordWriter,
+    ResultRecord,
+)
 from gateway.errors import CommandError
-from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, RecordWriter, ResultRecord
 from gateway.starters.commands.admission import (
     CAN_WAIT,
     LEDGER_FULL,
@@ -30,7 +40,6 @@ from gateway.starters.commands.starter_io import HALTED
 from gateway.starters.commands.stop import Stopping
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import is_forbidden
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView

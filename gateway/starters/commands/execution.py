@@ -9,6 +9,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, TypeVar, assert_never
 
+from gateway.contract import Phase
 from gateway.errors import CommandError
 from gateway.families.command.build import TAKEN_BACK, build, release
 from gateway.families.command.interlock import demand
@@ -19,7 +20,6 @@ from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refus
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import Phase
 from gateway.starters.commands.admission import CAN_WAIT
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import (

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from gateway.records import Phase
+from gateway.contract import CommandRequest, Phase
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
-from gateway.starters.policy.request import CommandRequest
 
 
 class GroupStop:

@@ -18,8 +18,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from gateway.records import Phase, ResultRecord
-from gateway.starters.policy.request import CommandRequest
+from gateway.contract import CommandRequest, Phase, ResultRecord
 
 MOST_ENTRIES = 10_000
 LONGEST_S = 7 * 24 * 3600.0

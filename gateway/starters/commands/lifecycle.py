@@ -8,10 +8,9 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from gateway.contract import STOP, AuditRecord, CommandRequest, Phase, RecordWriter, ResultRecord
 from gateway.errors import CommandError
-from gateway.records import STOP, AuditRecord, Phase, RecordWriter, ResultRecord
 from gateway.starters.commands.ledger import Ledger
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.storage.journal import Journal, NoJournal
 
@@ -203,6 +202,7 @@ def audit(
             code=code,
             time_s=records.clock.utc_s(),
             seq=records.sequence.take(),
+            boot=records.boot,
             before=before or {},
             after=after or {},
             id=request.id,

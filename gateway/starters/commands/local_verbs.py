@@ -7,16 +7,26 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from gateway.contract import (
+    ACCEPT,
+    BASELINE,
+    CANCEL,
+    LOCK,
+    SELECT,
+    STOP,
+    CommandRequest,
+    LockRecord,
+    Phase,
+    Severity,
+)
 from gateway.errors import CommandError
 from gateway.families.command.build import verbs
 from gateway.families.profile.state import state_of
-from gateway.records import ACCEPT, BASELINE, CANCEL, LOCK, SELECT, STOP, LockRecord, Phase, Severity
 from gateway.starters.commands.admission import Admission
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.identity.registry import IdentityMismatch
 from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.preconditions import NOTICE, owner_of, reason_in, refusal
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.selection import VALID_S, Selection
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.clock import Clock
@@ -96,7 +106,12 @@ class LocalVerbs:
             report.before = {"lock": lock}
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
-            self._set_lock(starter, LockRecord(request.client, self._clock.utc_s(), reason, request.operator))
+            self._set_lock(
+                starter,
+                LockRecord(
+                    by=request.client, since_s=self._clock.utc_s(), reason=reason, operator=request.operator
+                ),
+            )
         else:
             self._set_lock(starter, None)
         return self._keep(report, starter, before)

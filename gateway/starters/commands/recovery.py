@@ -6,12 +6,11 @@ import asyncio
 from contextlib import suppress
 from dataclasses import replace
 
+from gateway.contract import CommandRequest, Phase, ResultRecord, Severity
 from gateway.families.command.build import TAKEN_BACK
 from gateway.families.profile.state import state_of
-from gateway.records import Phase, ResultRecord, Severity
 from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING, MAY_STAND
 from gateway.starters.commands.lifecycle import Reporting, audit
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.transitions import UNKNOWN
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import Remembered

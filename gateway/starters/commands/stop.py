@@ -23,13 +23,13 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, assert_never
 
+from gateway.contract import STOP, CommandRequest, Phase, Severity
 from gateway.families.command.build import build
 from gateway.families.profile.procedure import Procedure, Read, WriteStep
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, Function
 from gateway.modbus.writes import MaskWriteRegister
-from gateway.records import STOP, Phase, Severity
 from gateway.starters.commands.execution import DECIDES_FOR_S, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import (
@@ -42,7 +42,6 @@ from gateway.starters.commands.starter_io import (
     StarterIo,
 )
 from gateway.starters.commands.stop_family import StopAddressee
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.rate_limits import Bucket, Rate
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from gateway.contract import RecordWriter, Severity
 from gateway.errors import CommandError, DamagedError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
-from gateway.records import RecordWriter, Severity
 from gateway.starters.setup import StarterSetup
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from math import inf
 
+from gateway.contract import Record, RecordWriter
 from gateway.errors import CommandError
 from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
@@ -15,7 +16,6 @@ from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
-from gateway.records import Record, RecordWriter
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.recognition import Recognition

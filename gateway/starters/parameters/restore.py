@@ -6,15 +6,14 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from gateway.contract import CommandRequest, Phase, Record, RecordWriter, ResultRecord
 from gateway.families.command.run_command import CLEARED
 from gateway.families.profile.decode import Value
-from gateway.records import Phase, Record, RecordWriter, ResultRecord
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Reporting
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, prepare_change
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
 

@@ -12,8 +12,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gateway.contract import LockRecord
 from gateway.errors import DamagedError
-from gateway.records import LockRecord
 from gateway.system.clock_steps import ClockReading, certain_s
 
 PRECAUTIONS_FILE = "precautions.json"  # in state_dir
@@ -173,5 +173,7 @@ def _from_stored(stored: _StoredPage, *, steady_of: Callable[[float], float]) ->
         starts=[steady_of(start) for start in stored.starts],
         is_moving=stored.moving,
         standing_since_s=None if since is None else steady_of(since),
-        lock=None if lock is None else LockRecord(lock.by, lock.since, lock.reason, lock.operator),
+        lock=None
+        if lock is None
+        else LockRecord(by=lock.by, since_s=lock.since, reason=lock.reason, operator=lock.operator),
     )

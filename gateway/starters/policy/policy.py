@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from gateway.contract import CommandRequest, LockRecord, Record, RecordWriter, Severity, StateRecord
 from gateway.errors import DamagedError
-from gateway.records import LockRecord, Record, RecordWriter, Severity, StateRecord
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.preconditions import NOTICE, Expectation, Guard
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook
@@ -131,7 +130,9 @@ class Policy:
         reason = "the memory of locks was damaged: look, then unlock"
         for name in locked:
             self._unsure.discard(name)
-            self.motor_history.set_lock(name, LockRecord(GATEWAY, self._clock.utc_s(), reason))
+            self.motor_history.set_lock(
+                name, LockRecord(by=GATEWAY, since_s=self._clock.utc_s(), reason=reason)
+            )
         return locked
 
     def _publish_trouble(self, trouble: str) -> None:

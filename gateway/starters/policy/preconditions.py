@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gateway.contract import CommandRequest, LockRecord
 from gateway.errors import CommandError
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
 from gateway.families.reading import rows_of_points
-from gateway.records import LockRecord
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
 from gateway.storage.json_file import Saver
 from gateway.system.clock import Clock

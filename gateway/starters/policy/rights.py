@@ -4,19 +4,10 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from gateway.contract import Operator
 
 ANY_VERB = "*"
-
-
-@dataclass(frozen=True, slots=True)
-class Operator:
-    """What one client may ask of the starters that match."""
-
-    client: str
-    may: tuple[str, ...]  # verbs, or "*" for all
-    starters: tuple[str, ...]  # names, with * and ? as in a shell
-    freshness: str = "token"  # proves the client's commands fresh: token, or issued_at alone
 
 
 class Rights:

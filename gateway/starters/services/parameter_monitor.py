@@ -8,6 +8,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from gateway.contract import Severity
 from gateway.errors import CommandError, PortLostError
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
@@ -15,7 +16,6 @@ from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import bulk_reads, is_set_by_people
 from gateway.line.scheduler.requests import Priority
-from gateway.records import Severity
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of

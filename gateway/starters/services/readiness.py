@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
+from gateway.contract import Severity
 from gateway.errors import CommandError, PortLostError
 from gateway.families.devices.findings import Finding, Weight
 from gateway.families.diagnosis.identify import slot_trouble
@@ -21,7 +22,6 @@ from gateway.families.diagnosis.readiness import (
 )
 from gateway.families.reading import bulk_reads
 from gateway.line.scheduler.requests import Priority
-from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.rate_limits import ChangeDetector

@@ -6,8 +6,8 @@ from collections.abc import Coroutine
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.contract import AuditRecord, EventRecord, Record
 from gateway.families.diagnosis.readiness import readiness_codes
-from gateway.records import AuditRecord, EventRecord, Record
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService

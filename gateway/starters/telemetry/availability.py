@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from gateway.records import Severity
+from gateway.contract import Severity
 from gateway.starters.telemetry.reporting import Emitter
 
 

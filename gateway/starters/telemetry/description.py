@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gateway.contract import OWN_VERBS, InfoRecord
 from gateway.families.command.build import verbs
 from gateway.families.devices.device import Identity
 from gateway.families.profile.names import meaning_of, printed_name
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.history.own_points import own_points
-from gateway.records import OWN_VERBS, InfoRecord
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
 
@@ -32,7 +32,7 @@ def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRe
         rated_current_a=variant.rated_current_a,
         rating=identity.rating,
         slot=variant.slot,
-        accessories=identity.accessories,
+        accessories=identity.accessories or None,
     )
 
 

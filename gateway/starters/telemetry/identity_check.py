@@ -12,13 +12,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 
+from gateway.contract import Severity
 from gateway.errors import CommandError
 from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import slot_trouble, stop_profile, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Garbled, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.records import Severity
 from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry

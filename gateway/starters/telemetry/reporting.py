@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.records import (
+from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     EventRecord,
     LockRecord,
+    Presence,
     Quality,
     Record,
     RecordWriter,
@@ -165,6 +166,7 @@ class Emitter:
         self._sink = records.sink
         self._clock = records.clock
         self._sequence = records.sequence
+        self._boot = records.boot
 
     def put(self, *records: Record) -> None:
         """Publish records, in order."""
@@ -175,9 +177,11 @@ class Emitter:
         """Publish something that happened now."""
         self.put(self.change(Change(code, severity, text, data or {})))
 
-    def availability(self, state: str, *, reason: str | None) -> None:
+    def availability(self, state: Presence, *, reason: str | None) -> None:
         """Publish that the starter is online, offline or disabled from now on."""
-        self.put(AvailabilityRecord(self.starter, state, self._clock.utc_s(), reason))
+        self.put(
+            AvailabilityRecord(starter=self.starter, state=state, since_s=self._clock.utc_s(), reason=reason)
+        )
 
     def values(self, readings: Mapping[str, Reading]) -> None:
         """Publish readings, by point."""
@@ -191,6 +195,7 @@ class Emitter:
                     quality=reading.quality,
                     time_s=reading.time_s,
                     seq=self._sequence.take(),
+                    boot=self._boot,
                     label=reading.label,
                     reason=reading.reason,
                 )
@@ -212,7 +217,18 @@ class Emitter:
         known = {name: value if isinstance(value, bool) else None for name, value in flags.items()}
         seq, lock = self._sequence.take(), self._lock_of(self.starter)
         number = fault_code if isinstance(fault_code, int) else None
-        return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason, number)
+        return StateRecord(
+            starter=self.starter,
+            state=state,
+            quality=quality,
+            time_s=time_s,
+            seq=seq,
+            boot=self._boot,
+            flags=known,
+            lock=lock,
+            reason=reason,
+            fault_code=number,
+        )
 
     def alarm(self, standing: AlarmStatus) -> AlarmRecord:
         """Return one fault or alarm as it stands."""
@@ -226,6 +242,7 @@ class Emitter:
             cleared_s=standing.cleared_s,
             count=standing.count,
             seq=self._sequence.take(),
+            boot=self._boot,
         )
 
     def change(
@@ -239,5 +256,6 @@ class Emitter:
             text=change.text,
             time_s=self._clock.utc_s() if time_s is None else time_s,
             seq=self._sequence.take(),
+            boot=self._boot,
             data={**change.data, **(more or {})},
         )

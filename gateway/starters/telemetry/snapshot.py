@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from gateway.contract import Quality
 from gateway.families.profile.decode import Decoded
-from gateway.records import Quality
 
 Value = bool | int | float | str | None
 

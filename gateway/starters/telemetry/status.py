@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from gateway.contract import Quality, Record
 from gateway.families.devices import device_of
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.families.profile.state import state_of
 from gateway.families.reading import rows_of_points
-from gateway.records import Quality, Record
 from gateway.starters.telemetry.decoding import flags_of
 from gateway.starters.telemetry.reporting import TICK_S, Emitter
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag

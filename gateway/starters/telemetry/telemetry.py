@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import assert_never
 
+from gateway.contract import RecordWriter
 from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block
@@ -18,7 +19,6 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import RecordWriter
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged

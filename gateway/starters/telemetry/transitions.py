@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gateway.contract import Severity
 from gateway.errors import DamagedError
 from gateway.families.profile.rows import Alarm
-from gateway.records import Severity
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 UNKNOWN = "unknown"

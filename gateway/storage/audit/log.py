@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.records import AuditRecord, rfc3339
+from gateway.contract import AuditRecord, rfc3339
 from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
 from gateway.system.rate_limits import ChangeDetector
 
@@ -48,8 +48,9 @@ class AuditLog:
 
     def put(self, record: AuditRecord) -> None:
         """Take a decision about a command; returns at once."""
-        claims = {"claimed_operator": record.operator, "claimed_reason": record.reason}
-        self._take({"kind": "command", "boot": self._boot, **record.as_data(), **claims})
+        said = record.fields()
+        claims = {f"claimed_{claim}": said.pop(claim) for claim in ("operator", "reason")}
+        self._take({"kind": "command", "boot": self._boot, **said, **claims})
 
     def note(self, code: str, text: str) -> None:
         """Take something that an auditor should know; returns at once."""

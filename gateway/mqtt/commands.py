@@ -10,8 +10,18 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gateway.contract import (
+    STOP,
+    CommandAddress,
+    CommandRequest,
+    Malformed,
+    ResultRecord,
+    Topics,
+    read_object,
+    shortened,
+)
 from gateway.errors import CommandError
-from gateway.mqtt.contract.freshness import (
+from gateway.starters.policy.freshness import (
     BY_TOKEN,
     DEFAULT_TTL_S,
     MAX_TTL_S,
@@ -22,10 +32,6 @@ from gateway.mqtt.contract.freshness import (
     before_connection,
     decision_of,
 )
-from gateway.mqtt.contract.strict_json import read_object
-from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, shortened
-from gateway.records import STOP
-from gateway.starters.policy.request import CommandRequest
 from gateway.system.value_demands import demand_of
 
 MALFORMED_TOPIC = "malformed_topic"
@@ -172,7 +178,9 @@ class CommandParser:
         self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
     ) -> CommandRequest:
         # Results go to one topic only, so that the broker's ACL decides who reads them.
-        is_ours = incoming.response_topic == self.topics.result(address.starter, address.client)
+        is_ours = incoming.response_topic == self.topics.of(
+            ResultRecord, starter=address.starter, client=address.client
+        )
         return CommandRequest(
             starter=address.starter,
             client=address.client,

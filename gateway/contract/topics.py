@@ -1,9 +1,15 @@
-"""Every topic of the contract, built and read in one place."""
+"""The levels of topics, and the topics that are read: commands, and what earlier runs left retained.
+
+The topics that are written stand with their records.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from gateway.contract.records import Record
 
 LEVEL = r"[a-z0-9_-]+"
 _LEVEL = re.compile(LEVEL, re.ASCII)
@@ -60,66 +66,22 @@ class Topics:
         self.base = base
         self.gateway_status = f"{base}/gateway/status"
         self.gateway_fresh = f"{base}/gateway/fresh"
-        self.gateway_info = f"{base}/gateway/info"
-        self.gateway_outbox = f"{base}/gateway/outbox"
-        self.gateway_event = f"{base}/gateway/event"
-        self.audit = f"{base}/audit"
         self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
         starter = f"starter/({LEVEL})/(?:(value|alarm)/{LEVEL}|(info|availability|state))"
         self._retained = re.compile(f"{re.escape(base)}/(?:gateway/line/({LEVEL})|{starter})", re.ASCII)
 
-    def line(self, line: str) -> str:
-        """Return the topic of a line's statistics."""
-        return f"{self.base}/gateway/line/{_checked(line)}"
-
     def starter(self, starter: str) -> str:
         """Return the branch of one starter, without a slash at its end; nothing is published here."""
         return f"{self.base}/starter/{_checked(starter)}"
 
-    def info(self, starter: str) -> str:
-        """Return the topic that describes a starter."""
-        return f"{self.starter(starter)}/info"
-
-    def availability(self, starter: str) -> str:
-        """Return the topic that states whether a starter answers."""
-        return f"{self.starter(starter)}/availability"
-
-    def state(self, starter: str) -> str:
-        """Return the topic of a starter's state."""
-        return f"{self.starter(starter)}/state"
-
-    def value(self, starter: str, point: str) -> str:
-        """Return the topic of one point's value."""
-        return f"{self.starter(starter)}/value/{_checked(point)}"
-
-    def alarm(self, starter: str, code: str) -> str:
-        """Return the topic of one fault or alarm."""
-        return f"{self.starter(starter)}/alarm/{_checked(code)}"
-
-    def event(self, starter: str) -> str:
-        """Return the topic of a starter's events; the gateway's own when `starter` is empty."""
-        return f"{self.starter(starter)}/event" if starter else self.gateway_event
-
-    def history(self, starter: str) -> str:
-        """Return the topic of the values that could not be sent when they were new."""
-        return f"{self.starter(starter)}/history"
-
-    def start(self, starter: str) -> str:
-        """Return the topic of the records of a starter's starts."""
-        return f"{self.starter(starter)}/start"
-
-    def trip(self, starter: str) -> str:
-        """Return the topic of the snapshots of a starter's trips."""
-        return f"{self.starter(starter)}/trip"
+    def of(self, kind: type[Record], **names: str) -> str:
+        """Return the topic of a record of this kind, of this starter, line, point, code or client."""
+        return f"{self.base}/{kind.topic_of(**names)}"
 
     def command(self, starter: str, client: str, verb: str) -> str:
         """Return the topic on which `client` gives a starter a command."""
         return f"{self._command_prefix}{_checked(starter)}/{_checked(client)}/{_checked(verb)}"
-
-    def result(self, starter: str, client: str) -> str:
-        """Return the topic of results of a client's commands to a starter."""
-        return f"{self.base}/result/{_checked(starter)}/{_checked(client)}"
 
     def parse_retained(self, topic: str) -> RetainedTopic | None:
         """Return what a retained topic is about; None for one that no starter and no line has."""

@@ -1,0 +1,113 @@
+"""How records travel: a writer dates and numbers them, a bus passes them on to its subscribers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from gateway.contract.records import EventRecord, Record
+from gateway.contract.vocabulary import Severity
+from gateway.system.clock import Clock
+
+
+class Sink(Protocol):
+    """Where records go; must return at once and never raise."""
+
+    def put(self, record: Record) -> None:
+        """Take one record, in order."""
+
+
+class PublishEvent(Protocol):
+    """Publishes an event of the gateway's own; must return at once and never raise."""
+
+    def __call__(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
+    ) -> None:
+        """Take its code, severity, text for people, and data for programs."""
+
+
+class SequenceNumbers:
+    """Counts up by one from 1; the gateway has exactly one, used on the application's loop only."""
+
+    def __init__(self) -> None:
+        self._last = 0
+
+    def take(self) -> int:
+        """Return the next number."""
+        self._last += 1
+        return self._last
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWriter:
+    """Where records go, the clock that dates them, the run and the numbers that identify them."""
+
+    sink: Sink
+    clock: Clock
+    sequence: SequenceNumbers = field(default_factory=SequenceNumbers)
+    boot: str = ""
+
+    def put(self, record: Record) -> None:
+        """Publish a record."""
+        self.sink.put(record)
+
+    def event(
+        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
+    ) -> None:
+        """Publish something that happens now, to a starter or (with an empty name) to the gateway."""
+        self.sink.put(
+            EventRecord(
+                starter=starter,
+                seq=self.sequence.take(),
+                time_s=self.clock.utc_s(),
+                boot=self.boot,
+                code=code,
+                severity=severity,
+                text=text,
+                data=data or {},
+            )
+        )
+
+
+class RecordBus:
+    """A sink for everyone who makes records; on the app's loop. Never raises.
+
+    1. A subscriber gets the kinds that it names in `takes`; one that names none gets every record.
+    2. The order is the subscribers' order in `connect`; whatever was put before goes to them first.
+    3. A subscriber that fails loses that record alone: `on_failure` is called with it while its exception is
+       handled, and the others get the record all the same.
+    4. A record that a subscriber puts while it handles another one reaches all of them before that other goes
+       on.
+    """
+
+    def __init__(self, on_failure: Callable[[Sink], None]) -> None:
+        self._on_failure = on_failure
+        self._subscribers: tuple[Sink, ...] = ()
+        self._takers: dict[type[Record], tuple[Sink, ...]] = {}
+        self._early: list[Record] = []  # put while the gateway was being built
+
+    def connect(self, *subscribers: Sink) -> None:
+        """Pass records on to these, in this order, from the first on; once."""
+        self._subscribers = subscribers
+        early, self._early = self._early, []
+        for record in early:
+            self.put(record)
+
+    def put(self, record: Record) -> None:
+        """Pass one record on."""
+        if not self._subscribers:
+            self._early.append(record)
+            return
+        for subscriber in self._takers_of(type(record)):
+            try:
+                subscriber.put(record)
+            except Exception:  # noqa: BLE001 - one subscriber's bug is not the others'; it is logged
+                self._on_failure(subscriber)
+
+    def _takers_of(self, kind: type[Record]) -> tuple[Sink, ...]:
+        takers = self._takers.get(kind)
+        if takers is None:
+            takers = tuple(each for each in self._subscribers if kind in getattr(each, "takes", (kind,)))
+            self._takers[kind] = takers
+        return takers

@@ -1,0 +1,488 @@
+"""Records: everything that the gateway says, each a type that is its own payload.
+
+The fields of a record, in this order, are the keys of its JSON, but those that stand in the topic.
+`TOPIC`, `QOS` and `RETAIN` say how it is published: a retained message is the newest of its topic, any other
+is sent in order until the broker has acknowledged it, and a full outbox drops the `IS_DROPPABLE` ones first.
+
+Times are seconds since 1970, UTC; in JSON RFC 3339 with milliseconds. `seq` identifies and orders the records
+of one run (`boot`). The reference and asyncapi.yaml are generated from these types.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from string import Formatter
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, PlainSerializer, TypeAdapter, WithJsonSchema
+from pydantic_core import PydanticSerializationError, SchemaSerializer
+
+from gateway.contract.json_text import encoded, with_decimals
+from gateway.contract.topics import to_level
+from gateway.contract.vocabulary import CONTRACT_VERSION, Phase, Quality, Severity, rfc3339
+
+InTopic = Annotated[str, Field(exclude=True)]
+Hidden = Annotated[Any, Field(exclude=True)]
+Time = PlainSerializer(rfc3339, return_type=str | None)
+Seq = Annotated[int, Field(description="counts up by one over everything that this run publishes")]
+Boot = Annotated[
+    str,
+    Field(description="names this run of the gateway: topic, boot and seq name a message once and for all"),
+]
+Trust = Annotated[
+    Quality,
+    Field(
+        description="good: just read; stale: the last good value, with its own time; "
+        "bad: never read, refused, impossible"
+    ),
+]
+
+
+Presence = Literal["online", "degraded", "offline", "disabled"]
+
+
+def _is_absent(value: object) -> bool:
+    return value is None or value == ""
+
+
+def _maybe(description: str) -> Any:
+    """Describe a field that is absent from the JSON where it says nothing."""
+    return Field(description=description, exclude_if=_is_absent)
+
+
+def _time(name: str, description: str) -> Any:
+    """Describe a time by its key in the JSON."""
+    return Field(serialization_alias=name, description=description)
+
+
+_SERIALIZERS: dict[type, SchemaSerializer] = {}
+
+
+def _serializer_of(record: object) -> SchemaSerializer:
+    kind = type(record)
+    if kind not in _SERIALIZERS:
+        _SERIALIZERS[kind] = TypeAdapter(kind).serializer
+    return _SERIALIZERS[kind]
+
+
+@lru_cache
+def _names(template: str) -> tuple[str, ...]:
+    return tuple(name for _, name, _, _ in Formatter().parse(template) if name)
+
+
+@cache  # as many as there are points
+def _filled(template: str, *names: str) -> str:
+    return template.format_map(dict(zip(_names(template), map(to_level, names), strict=True)))
+
+
+class Record:
+    """One thing that the gateway says; its payload is its fields."""
+
+    __slots__ = ()
+    TOPIC: ClassVar[str]  # below the base, with the names of fields
+    QOS: ClassVar[int] = 1
+    RETAIN: ClassVar[bool] = True
+    IS_DROPPABLE: ClassVar[bool] = False  # before others, where it is not retained
+
+    @property
+    def topic(self) -> str:
+        """Return the topic below the base; what no level may hold has become `_`."""
+        return _filled(self.TOPIC, *(getattr(self, name) for name in _names(self.TOPIC)))
+
+    @classmethod
+    def topic_of(cls, **names: str) -> str:
+        """Return the topic of such a record below the base."""
+        return _filled(cls.TOPIC, *(names[name] for name in _names(cls.TOPIC)))
+
+    @property
+    def key(self) -> str:
+        """Return what names a record that must be published exactly once; empty for any other."""
+        return ""
+
+    def fields(self) -> dict[str, Any]:
+        """Return what the payload says, by its keys."""
+        said: dict[str, Any] = _serializer_of(self).to_python(self, by_alias=True)
+        return said
+
+    def payload(self) -> bytes:
+        """Return the record as JSON."""
+        serializer = _serializer_of(self)
+        try:
+            return with_decimals(serializer.to_json(self, by_alias=True))
+        except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
+            return encoded(self.fields())
+
+
+@lru_cache
+def json_schema(kind: type) -> dict[str, Any]:
+    """Return the JSON Schema of a record's payload."""
+    return TypeAdapter(kind).json_schema(mode="serialization", by_alias=True)
+
+
+@lru_cache
+def _names_of(kind: type) -> frozenset[str]:
+    return frozenset(json_schema(kind)["properties"])
+
+
+def _extended(payload: bytes, more: Mapping[str, Any], *, own: frozenset[str]) -> bytes:
+    """Return an object with what `more` adds; the contract's own keys cannot be overwritten."""
+    added = {key: value for key, value in more.items() if key not in own}
+    return payload[:-1] + b"," + encoded(added)[1:] if added else payload
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValueRecord(Record):
+    """The value of one point; on change, and again after `mqtt.refresh_s`."""
+
+    TOPIC = "starter/{starter}/value/{point}"
+    starter: InTopic
+    point: InTopic
+    value: Annotated[bool | int | float | str | None, Field(description="in `unit`; null: not known")]
+    unit: Annotated[str, Field(description="its unit; empty for none")]
+    quality: Trust
+    time_s: Annotated[float | None, Time, _time("time", "when the reply left the wire; null: never read")]
+    seq: Seq
+    boot: Boot = ""
+    label: Annotated[str | None, _maybe("the name of the value, of an enum")] = None
+    reason: Annotated[str, _maybe("why it is bad, where the starter as a whole is the cause")] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LockRecord:
+    """A maintenance lock: by whom, since when and why. It replaces no physical lock."""
+
+    by: Annotated[str, Field(description="the client that set it")]
+    operator: Annotated[str | None, Field(description="who that client says it acts for, a claim")] = None
+    since_s: Annotated[float, Time, _time("since", "when it was set")]
+    reason: Annotated[str, Field(description="why")]
+    notice: Literal["replaces no physical lock"] = "replaces no physical lock"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateRecord(Record):
+    """What a starter does, at once on change, else every 30 s; each boolean point stands beside it."""
+
+    TOPIC = "starter/{starter}/state"
+    starter: InTopic
+    state: Annotated[str, Field(description="the one word for it: see the states")]
+    quality: Trust
+    time_s: Annotated[float | None, Time, _time("time", "when the oldest of its readings left the wire")]
+    seq: Seq
+    boot: Boot = ""
+    reason: Annotated[str, _maybe("why it is unknown although the starter answers")] = ""
+    fault_code: Annotated[int | None, _maybe("number of the present fault, where the starter gives one")] = (
+        None
+    )
+    lock: Annotated[
+        LockRecord | None,
+        Field(serialization_alias="locked", description="the maintenance lock; null: not locked"),
+    ] = None
+    flags: Annotated[Mapping[str, bool | None], Field(exclude=True)] = field(default_factory=dict)
+
+    def payload(self) -> bytes:
+        """Return the state with its boolean points as JSON."""
+        return _extended(Record.payload(self), self.flags, own=_names_of(StateRecord))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AvailabilityRecord(Record):
+    """Whether a starter answers."""
+
+    TOPIC = "starter/{starter}/availability"
+    starter: InTopic
+    state: Annotated[Presence, Field(description="degraded: a part is not read; disabled: it is not asked")]
+    since_s: Annotated[float, Time, _time("since", "since when")]
+    reason: Annotated[str | None, Field(description="why it is not online")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmRecord(Record):
+    """A fault or alarm that is or was active since the gateway's start."""
+
+    TOPIC = "starter/{starter}/alarm/{code}"
+    starter: InTopic
+    code: InTopic
+    is_active: Annotated[bool, Field(serialization_alias="active", description="whether it is active")]
+    severity: Annotated[str, Field(description="fault or alarm: a fault trips the motor")]
+    text: Annotated[str, Field(description="what the manual calls it")]
+    time_s: Annotated[float, Time, _time("time", "when it came last")]
+    cleared_s: Annotated[float | None, Time, _time("cleared", "when it went; null while it is active")]
+    count: Annotated[int, Field(description="how often it came")]
+    seq: Seq
+    boot: Boot = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InfoRecord(Record):
+    """What a starter is: everything but its values."""
+
+    TOPIC = "starter/{starter}/info"
+    starter: InTopic
+    family: Annotated[str, Field(description="its family")]
+    model: Annotated[str | None, Field(description="its model")]
+    firmware: Annotated[str | None, Field(description="its firmware")]
+    serial: Annotated[str | None, Field(description="its serial number")]
+    hardware: Annotated[str | None, Field(description="its hardware version")] = None
+    rated_current_a: Annotated[float | None, Field(description="its rated current, A")] = None
+    rating: Annotated[str | None, Field(description="SSW900: the currents of its size")] = None
+    slot: Annotated[int | None, Field(description="SSW900: slot of the RS-485 accessory")] = None
+    accessories: Annotated[
+        tuple[str, ...] | None, Field(description="SSW900: the kinds in slots 1 and 2")
+    ] = None
+    line: Annotated[str, Field(description="the line that it is on")]
+    address: Annotated[int, Field(description="its Modbus address, 1 to 247")]
+    points: Annotated[
+        Mapping[str, Mapping[str, Any]],
+        PlainSerializer(lambda points: {to_level(name): point for name, point in points.items()}),
+        Field(description="by name: code, name, meaning, unit, type, enum, deadband"),
+    ]
+    commands: Annotated[tuple[str, ...], Field(description="the verbs that it has")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventRecord(Record):
+    """Something that happened once, to a starter or (with an empty name) to the gateway."""
+
+    TOPIC = "starter/{starter}/event"
+    RETAIN = False
+    IS_DROPPABLE = True
+    starter: InTopic
+    seq: Seq
+    time_s: Annotated[float, Time, _time("time", "when it happened")]
+    boot: Boot = ""
+    code: Annotated[str, Field(description="what happened, for programs: see the events")]
+    severity: Annotated[Severity, Field(description="error: a person must act")]
+    text: Annotated[str, Field(description="what happened, for people")]
+    data: Annotated[Mapping[str, Any], Field(description="depends on the code: see the events")] = field(
+        default_factory=dict
+    )
+
+    @property
+    def topic(self) -> str:
+        """Return the topic below the base."""
+        return _filled(self.TOPIC, self.starter) if self.starter else "gateway/event"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResultRecord(Record):
+    """Each phase of a command; exactly one final result ends it."""
+
+    TOPIC = "result/{starter}/{client}"
+    RETAIN = False
+    starter: InTopic
+    client: InTopic
+    id: Annotated[str | None, Field(description="of the command")]
+    verb: Annotated[str, Field(description="of the command")]
+    phase: Annotated[Phase, Field(description="the last four are final")]
+    code: Annotated[str, Field(description="why, for programs: see the result codes")]
+    text: Annotated[str, Field(description="why, for people")]
+    time_s: Annotated[float, Time, _time("time", "when")]
+    is_duplicate: Annotated[
+        bool,
+        Field(
+            serialization_alias="duplicate",
+            description="whether this is the stored result of an id that was used before",
+        ),
+    ] = False
+    values: Annotated[Mapping[str, Any], Field(exclude=True)] = field(default_factory=dict)
+    correlation: Hidden = None  # MQTT 5 correlation data, echoed
+    response_topic: Hidden = None  # MQTT 5 response topic, already checked
+
+    @property
+    def key(self) -> str:
+        """Return what names a command's one final result; empty for every other phase and for repetitions."""
+        is_sole = self.phase.is_final and not self.is_duplicate
+        return f"{self.client}/{self.id}" if is_sole and self.id else ""
+
+    def payload(self) -> bytes:
+        """Return the result with its values as JSON."""
+        return _extended(Record.payload(self), self.values, own=_names_of(ResultRecord))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditRecord(Record):
+    """Every decision about a command."""
+
+    TOPIC = "audit"
+    RETAIN = False
+    IS_DROPPABLE = True
+    seq: Seq
+    time_s: Annotated[float, Time, _time("time", "when")]
+    starter: Annotated[str, Field(description="the starter")]
+    client: Annotated[str, Field(description="who commanded, by the broker's login")]
+    verb: Annotated[str, Field(description="what")]
+    args: Annotated[Mapping[str, Any], Field(description="its arguments, as they were sent")]
+    decision: Annotated[str, Field(description="the final phase, or duplicate")]
+    code: Annotated[str, Field(description="why, for programs: see the result codes")]
+    before: Annotated[Mapping[str, Any], Field(description="points before the write, by name")] = field(
+        default_factory=dict
+    )
+    after: Annotated[Mapping[str, Any], Field(description="points after it, by name")] = field(
+        default_factory=dict
+    )
+    id: Annotated[str | None, Field(description="of the command")] = None
+    source: Annotated[str, _maybe("which way it came, where not by MQTT: web, sparkplug")] = ""
+    operator: Annotated[str | None, Field(description="who decided, a claim")]
+    reason: Annotated[str | None, Field(description="why, a claim")] = None
+    boot: Boot = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ReadyMade(Record):
+    """A record whose JSON is one mapping, described where it is made."""
+
+    data: Annotated[Mapping[str, Any], Field(description="the whole payload")]
+
+    def payload(self) -> bytes:
+        """Return the mapping as JSON."""
+        return encoded(self.data)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartRecord(_ReadyMade):
+    """One start of a motor with its samples, once it is over; after a kill perhaps once more, by its `id`."""
+
+    TOPIC = "starter/{starter}/start"
+    RETAIN = False
+    IS_DROPPABLE = True
+    starter: InTopic
+    id: InTopic
+
+    @property
+    def key(self) -> str:
+        """Return what names it until the broker has it; no client's name has a colon in it."""
+        return f"{self.starter}:start/{self.id}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TripRecord(_ReadyMade):
+    """One trip: what was read before it, and what the starter says of it."""
+
+    TOPIC = "starter/{starter}/trip"
+    RETAIN = False
+    starter: InTopic
+    id: InTopic
+
+    @property
+    def key(self) -> str:
+        """Return what names it until the broker has it; no client's name has a colon in it."""
+        return f"{self.starter}:trip/{self.id}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineRecord(_ReadyMade):
+    """The statistics of a line, every 30 s and on change."""
+
+    TOPIC = "gateway/line/{line}"
+    QOS = 0
+    line: InTopic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutboxRecord(_ReadyMade):
+    """What waits for the broker: depth, oldest_s, bytes, dropped, refused, reconnects."""
+
+    TOPIC = "gateway/outbox"
+    QOS = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusRecord(Record):
+    """Whether the gateway works. `offline` is also the will, whose times are null."""
+
+    TOPIC = "gateway/status"
+    state: Annotated[Literal["starting", "online", "degraded", "offline"], Field(description="its state")]
+    time_s: Annotated[float | None, Time, _time("time", "when this was published")]
+    boot: Annotated[
+        str, Field(description="names this connection; a command that carries another one is refused")
+    ]
+    since_s: Annotated[float | None, Time, _time("since", "since when it is in this state")]
+    reason: Annotated[str | None, Field(description="why it is degraded or offline")]
+    run: Boot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreshRecord(Record):
+    """Every second, and with each stop: the proof of freshness that a command echoes."""
+
+    TOPIC = "gateway/fresh"
+    QOS = 0
+    token: Annotated[str, Field(description="for the `token` of a command")]
+    time_s: Annotated[float, Time, _time("time", "when it was issued")]
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """What one client may ask of the starters that match."""
+
+    client: Annotated[str, Field(description="the level in the command topic")]
+    may: Annotated[tuple[str, ...], Field(description="verbs; * for all")]
+    starters: Annotated[tuple[str, ...], Field(description="names, with * and ? as in a shell")]
+    freshness: Annotated[
+        Literal["token", "issued_at"], Field(description="what proves its commands fresh")
+    ] = "token"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GatewayRecord(Record):
+    """What this gateway is."""
+
+    TOPIC = "gateway/info"
+    product: Literal["starter-gateway"] = "starter-gateway"
+    version: Annotated[str, Field(description="its version")]
+    contract: Annotated[int, Field(description="version of what this page describes")] = CONTRACT_VERSION
+    boot: Boot
+    mqtt_version: Annotated[
+        str | None, Field(description="of the connection: 5 or 3.1.1; null before the first")
+    ] = None
+    starters: Annotated[tuple[str, ...], Field(description="names")]
+    lines: Annotated[tuple[str, ...], Field(description="names")]
+    operators: Annotated[tuple[Operator, ...], Field(description="who may do what")]
+    notice: Literal["not a safety function"] = "not a safety function"
+    groups: Annotated[
+        Mapping[str, tuple[str, ...]],
+        Field(description="members of each group, by its name", exclude_if=lambda groups: not groups),
+    ] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryItem:
+    """A value that could not be sent when it was new."""
+
+    point: Annotated[str, Field(description="the point")]
+    value: Annotated[bool | int | float | str | None, Field(description="its value")]
+    quality: Trust
+    time_s: Annotated[float | None, Time, _time("time", "when the reply left the wire")]
+    seq: Seq
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryRecord(Record):
+    """Values that could not be sent when they were new, at most 200 in a message, the oldest first."""
+
+    TOPIC = "starter/{starter}/history"
+    RETAIN = False
+    IS_DROPPABLE = True
+    starter: InTopic
+    boot: Annotated[str, Field(description="the run that they were read in")]
+    items: Annotated[
+        Sequence[bytes], WithJsonSchema({"type": "array", "items": {"$ref": "#/$defs/HistoryItem"}})
+    ]  # each as `history_item` made it
+
+    def payload(self) -> bytes:
+        """Return the items, which are JSON already, as one JSON object."""
+        return b'{"boot":%b,"items":[%b]}' % (encoded(self.boot), b",".join(self.items))
+
+
+def history_item(record: ValueRecord) -> bytes:
+    """Return what the history says of a value, as JSON."""
+    item = HistoryItem(
+        point=to_level(record.point),
+        value=record.value,
+        quality=record.quality,
+        time_s=record.time_s,
+        seq=record.seq,
+    )
+    return with_decimals(_serializer_of(item).to_json(item, by_alias=True))
