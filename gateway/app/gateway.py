@@ -45,7 +45,7 @@ class App:
                 ("broker", parts.uplink.run),
                 ("outbox", parts.uplink.disk_sync.run),
                 ("history", parts.uplink.disk_sync.pace),
-                ("incoming", parts.incoming.run),
+                ("commands", parts.commands.run),
                 ("capture", parts.capture.run),
                 *((each.name, each.run) for each in parts.integrations),
             )

@@ -27,11 +27,12 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
-from gateway.contract import RecordBus, RecordWriter, Severity
+from gateway.contract import MAX_TTL_S, RecordBus, RecordWriter, Severity
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.policy.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
+from gateway.starters.commands.submit import Commands
+from gateway.starters.policy.freshness import MAX_AHEAD_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -74,6 +75,7 @@ class Parts:
         self.plant.build(self.host, site.config.lines, self.health)
         self.watch_lines()
         self.dispatcher = self._build_dispatcher()
+        self.commands = self._build_commands()
         self.incoming = self._build_incoming()
         self._inbox = Inbox(
             self.uplink.topics,
@@ -100,6 +102,7 @@ class Parts:
             RecordLog(self.clock),
             self.history,  # makes starts and trips of readings and records
             self.uplink.publisher,
+            self.commands,  # who sent a command may follow its results
             self._page,  # what it plots has been published
             self.latest,
             self.uplink.leftovers,
@@ -212,8 +215,16 @@ class Parts:
     def _build_incoming(self) -> IncomingCommands:
         return IncomingCommands(
             self.uplink.topics,
-            self._tokens,
+            self.commands,
             dispatcher=self.dispatcher,
+            clock=self.clock,
+            publish_event=self.publish_event,
+        )
+
+    def _build_commands(self) -> Commands:
+        return Commands(
+            self.dispatcher,
+            self._tokens,
             clock=self.clock,
             clock_watch=self.clock_watch,
             suspend_watch=self._suspend_watch,
@@ -225,7 +236,7 @@ class Parts:
         access = WebAccess(
             site=self.site,
             tokens=self._tokens,
-            take=self.incoming.take,
+            commands=self.commands,
             dispatcher=self.dispatcher,
             policy=self.policy,
             starters=self.plant.starters,
@@ -253,8 +264,7 @@ class Parts:
             sparkplug_integration(
                 host,
                 latest=self.latest.records,
-                take=self._inbox.put,
-                reject=lambda each: self.dispatcher.reject(each.request, each.code, each.text),
+                commands=self.commands,
                 facts=uplink.facts,
                 since_s=self._started_s,
             ),

@@ -30,7 +30,16 @@ from gateway.contract.records import (
     history_item,
     json_schema,
 )
-from gateway.contract.request import CommandRequest
+from gateway.contract.request import (
+    DEFAULT_TTL_S,
+    MAX_PAYLOAD_BYTES,
+    MAX_TTL_S,
+    CommandBody,
+    CommandRequest,
+    Proof,
+    read_body,
+    read_leniently,
+)
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (
     LEVEL,
@@ -65,9 +74,12 @@ __all__ = [
     "BASELINE",
     "CANCEL",
     "CONTRACT_VERSION",
+    "DEFAULT_TTL_S",
     "LEVEL",
     "LINE",
     "LOCK",
+    "MAX_PAYLOAD_BYTES",
+    "MAX_TTL_S",
     "OWN_VERBS",
     "READ",
     "SELECT",
@@ -77,6 +89,7 @@ __all__ = [
     "AuditRecord",
     "AvailabilityRecord",
     "CommandAddress",
+    "CommandBody",
     "CommandRequest",
     "EventRecord",
     "FreshRecord",
@@ -91,6 +104,7 @@ __all__ = [
     "OutboxRecord",
     "Phase",
     "Presence",
+    "Proof",
     "PublishEvent",
     "Quality",
     "Record",
@@ -111,6 +125,8 @@ __all__ = [
     "history_item",
     "is_level",
     "json_schema",
+    "read_body",
+    "read_leniently",
     "read_object",
     "rfc3339",
     "shortened",

@@ -289,6 +289,7 @@ class ResultRecord(Record):
     values: Annotated[Mapping[str, Any], Field(exclude=True)] = field(default_factory=dict)
     correlation: Hidden = None  # MQTT 5 correlation data, echoed
     response_topic: Hidden = None  # MQTT 5 response topic, already checked
+    ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
     @property
     def key(self) -> str:

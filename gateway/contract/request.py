@@ -1,12 +1,38 @@
-"""A command as it came in: not yet judged by its starter."""
+"""A command as it came in, whichever way: what is asked, by whom, and what proves it fresh."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from datetime import datetime
+from typing import Annotated, Any
 
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from gateway.contract.strict_json import read_object
+from gateway.contract.topics import shortened
+from gateway.errors import CommandError
+from gateway.system.value_demands import demand_of
+
+DEFAULT_TTL_S, MAX_TTL_S = 5.0, 60.0  # so long a token is remembered
 WITHOUT_TTL_S = 10.0  # so long a command without a time of its own may wait to be written
+MAX_PAYLOAD_BYTES = 4096
+
+_INSTANT = re.compile(  # RFC 3339 5.6
+    r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What a command carries to show when it was decided upon; `issued_s` is UTC, seconds since 1970."""
+
+    token: str | None = None
+    issued_s: float | None = None
+    boot: str | None = None
+    ttl_s: float = DEFAULT_TTL_S
+    is_early: bool = False  # it came before the connection was reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +51,115 @@ class CommandRequest:
     response_topic: str | None = None  # MQTT 5 response topic, already checked
     expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
     select: str | None = None  # the token of a selection
+    proof: Proof = Proof()
     expires_s: float | None = None  # on the steady clock: not to be written later than this
     decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
     decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
     remark: str = ""  # on how it was sent; each of its results says so
+    ticket: int = 0  # by which its sender is handed the results; 0: by none
 
     @property
     def until_s(self) -> float:
         """Return when its time to be written is over, on the steady clock."""
         return self.received_s + WITHOUT_TTL_S if self.expires_s is None else self.expires_s
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("must have printable characters only")
+    return text
+
+
+def _instant(text: str) -> str:
+    if _INSTANT.fullmatch(text) is None:
+        raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
+    datetime.fromisoformat(text.upper())
+    return text
+
+
+_Id = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
+_Instant = Annotated[str, Field(max_length=40), AfterValidator(_instant)]
+_Expected = bool | int | float | Annotated[str, Field(max_length=64)]
+_Reason = Annotated[str, Field(max_length=256), AfterValidator(_printable)]
+
+
+class CommandBody(BaseModel):
+    """The payload of a command; nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, hide_input_in_errors=True)
+
+    id: _Id | None = Field(None, description="names this one decision; every verb but stop needs it")
+    token: _Id | None = Field(None, description="of gateway/fresh: the proof of freshness")
+    issued_at: _Instant | None = Field(
+        None, description="RFC 3339 time with offset: the proof on a synchronised clock"
+    )
+    ttl_s: float = Field(DEFAULT_TTL_S, gt=0, le=MAX_TTL_S, description="how old the proof may be, s")
+    boot: _Id | None = Field(None, description="of gateway/status: another than the present one is refused")
+    operator: _Id | None = Field(None, description="who decides, a claim; for the audit")
+    reason: _Reason | None = Field(None, description="why, for the audit")
+    args: dict[str, Any] = Field(default_factory=dict, description="what the verb needs")
+    expect: dict[_Id, _Expected] = Field(
+        default_factory=dict, max_length=16, description="points and the values that they must have"
+    )
+    select: _Id | None = Field(None, description="token of a `select` before")
+
+    @property
+    def proof(self) -> Proof:
+        """Return what shows when it was decided upon."""
+        issued_s = (
+            None if self.issued_at is None else datetime.fromisoformat(self.issued_at.upper()).timestamp()
+        )
+        return Proof(token=self.token, issued_s=issued_s, boot=self.boot, ttl_s=self.ttl_s)
+
+
+_ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
+_REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
+
+
+def read_body(payload: bytes) -> CommandBody:
+    """Return the payload of a command that must be right in every detail; CommandError."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise CommandError("too_big", f"{len(payload)} bytes of payload, at most {MAX_PAYLOAD_BYTES}")
+    try:
+        fields = read_object(payload)
+    except ValueError as error:
+        raise CommandError("bad_json", shortened(str(error), 200)) from error
+    try:
+        body = CommandBody.model_validate(fields)
+    except ValidationError as error:
+        raise CommandError("bad_payload", shortened(_explained(error), 200)) from error
+    if body.id is None:
+        raise CommandError("no_id", "every command but stop needs an id")
+    return body
+
+
+def read_leniently(payload: bytes) -> CommandBody:
+    """Return what can be understood of a payload: enough for a stop, and to name a refused command."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        return CommandBody()
+    try:
+        fields = read_object(payload)
+    except ValueError:
+        return CommandBody()
+    args = fields.get("args")
+    return CommandBody(
+        id=_valid(_ID, fields.get("id")),
+        operator=_valid(_ID, fields.get("operator")),
+        reason=_valid(_REASON, fields.get("reason")),
+        args=args if isinstance(args, dict) else {},
+    )
+
+
+def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
+    try:
+        return adapter.validate_python(value)
+    except ValidationError:
+        return None
+
+
+def _explained(error: ValidationError) -> str:
+    return "; ".join(
+        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
+        for mistake in error.errors(include_url=False, include_input=False)
+    )

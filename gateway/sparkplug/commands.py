@@ -19,8 +19,8 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.contract import STOP, CommandRequest, Topics, encoded, rfc3339, shortened
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.contract import STOP, CommandRequest, Proof, rfc3339, shortened
+from gateway.mqtt.commands import Rejection
 from gateway.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.sparkplug.payload import HostCommand, HostWrite
 from gateway.starters.policy.freshness import MAX_AHEAD_S
@@ -31,24 +31,24 @@ SPARKPLUG = "sparkplug"  # the source of such commands, in the audit
 
 @dataclass(frozen=True, slots=True)
 class DeviceCommand:
-    """A DCMD as it came in; `utc_s` is when, `born_utc_s` when this connection's birth was published."""
+    """A DCMD as it came in, when (`now_s` on the steady clock), and when its connection's birth went out."""
 
     starter: str
     command: HostCommand
     is_retained: bool
+    now_s: float
     utc_s: float
     born_utc_s: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class CommandMapper:
-    """Makes of each write what the gateway's own command topics would have brought, or why not."""
+    """Makes of each write the command that it is, or says why it is none."""
 
-    topics: Topics
     operator: str
     ttl_s: float
 
-    def judge(self, asked: DeviceCommand) -> Iterator[Incoming | Rejection]:
+    def judge(self, asked: DeviceCommand) -> Iterator[CommandRequest | Rejection]:
         """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
         writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
         has_stop = bool(writes) and _is_stop(writes[0])
@@ -59,7 +59,7 @@ class CommandMapper:
             text = f"{more} more metrics in the same DCMD: at most {MOST_WRITES}"
             yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), "too_many", text)
 
-    def stop(self, asked: DeviceCommand) -> Incoming | None:
+    def stop(self, asked: DeviceCommand) -> CommandRequest | Rejection | None:
         """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
         for write in asked.command.writes(1, first=STOP_METRIC):
             if _is_stop(write):
@@ -71,7 +71,9 @@ class CommandMapper:
         id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{code}"
         return self._refused(starter, "?", id_, code, text)
 
-    def _judged(self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> Incoming | Rejection:
+    def _judged(
+        self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool
+    ) -> CommandRequest | Rejection:
         verb = COMMANDS.get(write.name)
         issued_s = _issued_s(asked, write)
         id_ = _id_of(asked, issued_s, write.name)
@@ -93,13 +95,21 @@ class CommandMapper:
             return self._refused(asked.starter, verb, id_, "bad_payload", "the same DCMD asks for a stop")
         return self._command(asked, write, verb, id_)
 
-    def _command(self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str) -> Incoming:
+    def _command(
+        self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str
+    ) -> CommandRequest | Rejection:
+        if asked.is_retained:
+            return self._refused(asked.starter, verb, id_, "retained", "a retained command is never acted on")
         issued_s = _issued_s(asked, write)
-        body: dict[str, object] = {"id": id_}
-        if issued_s is not None and verb != STOP:
-            body |= {"issued_at": rfc3339(issued_s), "ttl_s": self.ttl_s}
-        topic = self.topics.command(asked.starter, self.operator, verb)
-        return Incoming(topic, encoded(body), is_retained=asked.is_retained, source=SPARKPLUG)
+        return CommandRequest(
+            starter=asked.starter,
+            client=self.operator,
+            verb=verb,
+            id=id_,
+            received_s=asked.now_s,
+            proof=Proof(issued_s=None if issued_s is None else round(issued_s, 3), ttl_s=self.ttl_s),
+            source=SPARKPLUG,
+        )
 
     def _refused(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
         return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), code, text)

@@ -13,11 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.contract import PublishEvent, Severity, shortened
-from gateway.mqtt.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
+from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, PublishEvent, Severity, shortened
+from gateway.errors import CommandError
+from gateway.mqtt.commands import Incoming, Rejection
 from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
 from gateway.sparkplug.payload import decoded_command
+from gateway.starters.commands.submit import Commands
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Bucket, Damped, Rate
 
@@ -51,15 +53,13 @@ class HostCommands:
         mapper: CommandMapper,
         *,
         clock: Clock,
-        take: Callable[[Incoming], None],
-        reject: Callable[[Rejection], None],
+        commands: Commands,
         publish_event: PublishEvent,
         show_done: Callable[[str, Collection[str]], None],
     ) -> None:
         self._mapper = mapper
         self._clock = clock
-        self._take = take
-        self._reject = reject
+        self._commands = commands
         self._publish_event = publish_event
         self._show_done = show_done
         self._decoded = Bucket(DECODED)
@@ -77,7 +77,9 @@ class HostCommands:
             self._put(starter, "too_many", text)
             return
         command = decoded_command(payload, salvaged=_STOP)
-        asked = DeviceCommand(starter, command, incoming.is_retained, self._clock.utc_s(), born_utc_s)
+        asked = DeviceCommand(
+            starter, command, incoming.is_retained, self._clock.now_s(), self._clock.utc_s(), born_utc_s
+        )
         if is_paid and not command.is_broken:
             for each in self._mapper.judge(asked):
                 self._pass_on(each)
@@ -94,7 +96,7 @@ class HostCommands:
         """Take the stop of a DCMD of which nothing else may act."""
         stop = self._mapper.stop(asked)
         if stop is not None:
-            self._take(stop)
+            self._pass_on(stop)
         if asked.command.is_broken:
             done = "nothing of it acts" if stop is None else "its stop is taken, nothing else of it acts"
             self._put(asked.starter, "bad_payload", f"it cannot be read as a whole: {done}")
@@ -103,11 +105,11 @@ class HostCommands:
                 asked.starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken"
             )
 
-    def _pass_on(self, judgement: Incoming | Rejection) -> None:
+    def _pass_on(self, judgement: CommandRequest | Rejection) -> None:
         if isinstance(judgement, Rejection):
-            self._reject(judgement)
+            self._commands.reject(judgement.request, CommandError(judgement.code, judgement.text))
         else:
-            self._take(judgement)
+            self._commands.submit(judgement)
 
     def _put(self, starter: str, code: str, text: str) -> None:
         self._unread.put((starter, code), _Unread(starter, code, text))
@@ -118,5 +120,5 @@ class HostCommands:
         self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
         if unread.code == UNKNOWN:
             return  # no metric and no topic of such a starter could show a result
-        self._reject(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
+        self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
         self._show_done(unread.starter, COMMANDS)

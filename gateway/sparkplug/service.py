@@ -13,9 +13,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 
-from gateway.contract import PublishEvent, Record, Severity, Topics
+from gateway.contract import PublishEvent, Record, Severity
 from gateway.errors import BrokerError, DamagedError, StoreError
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
@@ -27,6 +27,7 @@ from gateway.sparkplug.payload import Value, decoded_command
 from gateway.sparkplug.primary_host import PrimaryHost
 from gateway.sparkplug.settings import SparkplugSettings
 from gateway.sparkplug.topics import REBIRTH, EdgeTopics
+from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.rights import Rights
 from gateway.storage.json_file import JsonStore
 from gateway.system.clock import Clock
@@ -85,8 +86,7 @@ class SparkplugParts:
 
     latest: Callable[[], Iterable[Record]]  # the newest records of before
     clock: Clock
-    take: Callable[[Incoming], None]  # a command, as if it had come on the gateway's own topics
-    reject: Callable[[Rejection], None]
+    commands: Commands
     facts: Callable[[], Mapping[str, Value]]  # what the gateway says of itself
     publish_event: PublishEvent
     since_s: float  # UTC: when this run of the gateway began
@@ -326,8 +326,7 @@ class SparkplugLink:
         return HostCommands(
             mapper,
             clock=parts.clock,
-            take=parts.take,
-            reject=parts.reject,
+            commands=parts.commands,
             publish_event=parts.publish_event,
             show_done=self._show_done,
         )
@@ -363,7 +362,6 @@ def sparkplug_link(
     settings: SparkplugSettings,
     parts: SparkplugParts,
     *,
-    topics: Topics,
     starters: tuple[str, ...],
     lines: tuple[str, ...],
     properties: Mapping[str, str],
@@ -371,7 +369,7 @@ def sparkplug_link(
     make_link: MakeLink = Session,
     in_thread: InThread = asyncio.to_thread,
 ) -> SparkplugLink:
-    """Return an edge node that knows what was recorded before; `topics` are the gateway's own."""
+    """Return an edge node that knows what was recorded before."""
     node = EdgeNode(
         EdgeTopics(settings.group, settings.node),
         NodeMetrics(properties, lines, parts.facts()),
@@ -384,7 +382,7 @@ def sparkplug_link(
     now_s, utc_s = parts.clock.now_s(), parts.clock.utc_s()
     for record in parts.latest():
         node.put(record, now_s=now_s, utc_s=utc_s)
-    mapper = CommandMapper(topics, settings.operator, ttl_s=settings.ttl_s) if settings.operator else None
+    mapper = CommandMapper(settings.operator, ttl_s=settings.ttl_s) if settings.operator else None
     return SparkplugLink(
         settings, node, parts, mapper=mapper, store=store, make_link=make_link, in_thread=in_thread
     )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
+
+from gateway.contract import ResultRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +74,9 @@ class GatewayAccess(Protocol):
         """Return what could be commanded now, and why not; without a client that a login is needed."""
 
     def submit(
-        self, starter: str, verb: str, body: bytes, *, client: str, user: str, correlation: bytes
-    ) -> None:
-        """Judge a command and carry it out; its results have this correlation."""
+        self, starter: str, verb: str, payload: bytes, *, client: str, user: str
+    ) -> AsyncIterator[ResultRecord]:
+        """Judge a command, have it carried out, and yield its results."""
 
     def note_login(self, verb: str, code: str, *, user: str, client: str, address: str) -> None:
         """Record a login, a refused one, or a logout in the audit."""

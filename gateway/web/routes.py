@@ -10,6 +10,7 @@ import json
 import re
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +19,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route, Router
 
-from gateway.contract import read_object, rfc3339
+from gateway.contract import MAX_PAYLOAD_BYTES, read_object, rfc3339
 from gateway.system.clock import Clock
 from gateway.web.accounts import Accounts
-from gateway.web.commands import MAX_BODY_BYTES, PendingCommands
 from gateway.web.interface import GatewayAccess, ToolBusyError, dumps
 from gateway.web.plots import HOUR_STEP_S, SPARK_SLOTS, SPARK_STEP_S, numbers, thinned
 from gateway.web.requests import Caller, scrape_refusal, takes_gzip
@@ -31,6 +31,7 @@ from gateway.web.static_files import INDEX, StaticFile
 from gateway.web.streams import EventStream, Stream, Streams, unhurried
 
 BUSY_RETRY_S = 5
+ANSWER_WITHIN_S = 10.0  # a command's request: then the phases so far
 METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
 _VERB = re.compile(r"[a-z_]{1,32}", re.ASCII)
@@ -52,7 +53,6 @@ class Routes:
     access: GatewayAccess
     accounts: Accounts
     streams: Streams
-    commands: PendingCommands
     files: Mapping[str, StaticFile]
     clock: Clock
 
@@ -274,14 +274,15 @@ class Routes:
         if not self.model.is_target(starter) or _VERB.fullmatch(verb) is None:
             raise WebError(404, "not_found", "there is no such starter or group, or no such verb")
         body = await self._body(request)
-        correlation = f"web-{secrets.token_hex(12)}".encode("ascii")
-        with self.commands.expect(correlation, starter) as phases:
-            self.access.submit(
-                starter, verb, body, client=session.client, user=session.user, correlation=correlation
-            )
-            is_final = await phases.until_final()
-        content = b'{"final":' + dumps(is_final) + b',"phases":[' + b",".join(phases.payloads) + b"]}"
-        return _encoded(content)
+        results = self.access.submit(starter, verb, body, client=session.client, user=session.user)
+        phases: list[bytes] = []
+        is_final = False
+        with suppress(TimeoutError):
+            async with asyncio.timeout(ANSWER_WITHIN_S):
+                async for result in results:
+                    phases += [result.payload()]  # those so far, when the time is over
+                is_final = True
+        return _encoded(b'{"final":' + dumps(is_final) + b',"phases":[' + b",".join(phases) + b"]}")
 
     async def _tool(self, request: Request) -> Response:
         self._own_session(request)
@@ -325,8 +326,8 @@ class Routes:
         body = bytearray()
         async for chunk in request.stream():
             body += chunk
-            if len(body) > MAX_BODY_BYTES:
-                raise WebError(413, "too_big", f"at most {MAX_BODY_BYTES} bytes")
+            if len(body) > MAX_PAYLOAD_BYTES:
+                raise WebError(413, "too_big", f"at most {MAX_PAYLOAD_BYTES} bytes")
         return bytes(body)
 
 

@@ -11,7 +11,6 @@ from gateway.contract import Record
 from gateway.system.clock import Clock
 from gateway.web.accounts import Accounts
 from gateway.web.application import WebApp
-from gateway.web.commands import PendingCommands
 from gateway.web.interface import GatewayAccess, WebSettings
 from gateway.web.routes import Routes
 from gateway.web.server import Server
@@ -47,7 +46,6 @@ class WebService:
         self._on_old_certificate = on_old_certificate
         self.model = SiteModel(site)
         self._accounts = Accounts(settings, access, clock)
-        self._commands = PendingCommands()
         self._streams = Streams(self.model, access, clock, is_logged_in=self._accounts.is_logged_in)
         self._access = access
         self._page: WebApp | None = None
@@ -67,11 +65,9 @@ class WebService:
         """Return how many pages are open."""
         return len(self._streams)
 
-    def publish(self, topic: str, payload: bytes, *, is_retained: bool, correlation: bytes | None) -> None:
+    def publish(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
         """Take a message as MQTT gets it."""
         self.model.publish(topic, payload, is_retained=is_retained)
-        if correlation is not None:
-            self._commands.put(correlation, topic.removeprefix(f"{self.model.site.base}/"), payload)
         self._streams.note_change()
 
     def put(self, record: Record) -> None:
@@ -104,7 +100,6 @@ class WebService:
             access=self._access,
             accounts=self._accounts,
             streams=self._streams,
-            commands=self._commands,
             files=await asyncio.to_thread(read_files),
             clock=self._clock,
         )

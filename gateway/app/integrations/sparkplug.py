@@ -16,10 +16,10 @@ from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
-from gateway.contract import Record, Topics
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.contract import Record
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.sparkplug.settings import SparkplugSettings
+from gateway.starters.commands.submit import Commands
 from gateway.storage.json_file import JsonFile
 from gateway.system.supervised import until_first
 
@@ -71,7 +71,6 @@ class SparkplugService:
         link: SparkplugLink = self._module.sparkplug_link(
             self._settings,
             self._parts,
-            topics=Topics(config.base),
             starters=starters,
             lines=lines,
             properties=_properties(),
@@ -84,8 +83,7 @@ def sparkplug_integration(
     host: IntegrationHost,
     *,
     latest: Callable[[], Iterable[Record]],
-    take: Callable[[Incoming], None],
-    reject: Callable[[Rejection], None],
+    commands: Commands,
     facts: Callable[[], Mapping[str, Any]],
     since_s: float,
 ) -> Integration:
@@ -97,8 +95,7 @@ def sparkplug_integration(
         parts = module.SparkplugParts(
             latest=latest,
             clock=host.clock,
-            take=take,
-            reject=reject,
+            commands=commands,
             facts=facts,
             publish_event=host.publish_event,
             since_s=since_s,

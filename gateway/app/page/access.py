@@ -6,7 +6,7 @@ import asyncio
 import logging
 import platform
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 from gateway import __version__
@@ -19,16 +19,19 @@ from gateway.contract import (
     ACCEPT,
     LOCK,
     OWN_VERBS,
+    STOP,
     UNLOCK,
     AuditRecord,
     CommandRequest,
     RecordWriter,
+    read_body,
+    read_leniently,
     rfc3339,
 )
 from gateway.errors import CommandError, StoreError
 from gateway.families.command.build import verbs
-from gateway.mqtt.commands import Incoming
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.commands.submit import Commands, Results
 from gateway.starters.policy.freshness import EVERY_S, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.view import StarterControlView
@@ -73,7 +76,7 @@ class WebAccess:
 
     site: Site
     tokens: Tokens
-    take: Callable[[Incoming], None]
+    commands: Commands
     dispatcher: Dispatcher
     policy: Policy
     starters: Mapping[str, StarterControlView]
@@ -119,12 +122,28 @@ class WebAccess:
             offers.append({**offer, "code": error.code if error else "", "text": error.text if error else ""})
         return offers
 
-    def submit(
-        self, starter: str, verb: str, body: bytes, *, client: str, user: str, correlation: bytes
-    ) -> None:
-        """Judge a command as if it had come over MQTT from this client, and carry it out."""
-        topic = f"{self.site.config.base}/command/{starter}/{client}/{verb}"
-        self.take(Incoming(topic, body, correlation=correlation, source=WEB, operator=user))
+    def submit(self, starter: str, verb: str, payload: bytes, *, client: str, user: str) -> Results:
+        """Have a command of a logged-in user judged and carried out; its proof is a token of the page."""
+        lenient = read_leniently(payload)
+        request = CommandRequest(
+            starter,
+            client,
+            verb,
+            id=lenient.id,
+            operator=user,
+            reason=lenient.reason,
+            received_s=self.writer.clock.now_s(),
+            source=WEB,
+        )
+        if verb == STOP:  # nothing in a payload may hold it up
+            return self.commands.submit(request)
+        try:
+            body = read_body(payload)
+        except CommandError as error:
+            return self.commands.reject(replace(request, args=lenient.args), error)
+        return self.commands.submit(
+            replace(request, args=body.args, expect=body.expect, select=body.select, proof=body.proof)
+        )
 
     def note_login(self, verb: str, code: str, *, user: str, client: str, address: str) -> None:
         """Record a login, a refused one, or a logout in the audit and the log."""

@@ -95,7 +95,6 @@ class PageService:
                 message.topic,
                 message.payload,
                 is_retained=message.retain,
-                correlation=message.correlation,
             )
         except Exception as error:  # noqa: BLE001 - `run` raises it
             self._failure.set_exception(error)

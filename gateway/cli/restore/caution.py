@@ -20,9 +20,9 @@ from typing import Any
 
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
-from gateway.contract import LockRecord, rfc3339
+from gateway.contract import MAX_TTL_S, LockRecord, rfc3339
 from gateway.errors import DamagedError
-from gateway.starters.policy.freshness import MAX_AHEAD_S, MAX_TTL_S
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.starters.policy.policy import GATEWAY
 from gateway.storage.audit.segments import FOLDER

@@ -133,4 +133,5 @@ def as_repetition(earlier: ResultRecord, request: CommandRequest) -> ResultRecor
         is_duplicate=True,
         correlation=request.correlation,
         response_topic=request.response_topic,
+        ticket=request.ticket,
     )

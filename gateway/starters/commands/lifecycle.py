@@ -136,7 +136,7 @@ class CommandReport:
         """Publish to another client what this command did to what is his; a result without an id."""
         result = self.result(end)
         self._reporting.records.put(
-            replace(result, client=client, id=None, correlation=None, response_topic=None)
+            replace(result, client=client, id=None, correlation=None, response_topic=None, ticket=0)
         )
 
     def result(self, end: Final) -> ResultRecord:
@@ -155,6 +155,7 @@ class CommandReport:
             values=end.values,
             correlation=request.correlation,
             response_topic=request.response_topic,
+            ticket=request.ticket,
         )
 
     def _report(self, end: Final, *, is_stored: bool) -> None:

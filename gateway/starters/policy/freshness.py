@@ -23,6 +23,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import islice
 
+from gateway.contract import MAX_TTL_S, READ, Proof
 from gateway.errors import CommandError
 
 
@@ -70,13 +71,10 @@ def boot_of(boot: RunToken | str) -> RunToken:
     return boot if isinstance(boot, RunToken) else RunToken(boot)
 
 
-DEFAULT_TTL_S = 5.0
-MAX_TTL_S = 60.0  # so long a token is remembered
 MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 EVERY_S = 1.0  # between two tokens
 
 BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
-READ = "read"
 
 _TOKEN_BYTES = 12
 _AGAIN = "read B/gateway/fresh and send it again with a new id"
@@ -111,16 +109,6 @@ class Tokens:
         """Return when a token was made; None for one that does not count, or never was."""
         made_s, boot = self._made.get(token, (None, ""))
         return made_s if boot == self.boot.token else None
-
-
-@dataclass(frozen=True, slots=True)
-class Proof:
-    """What a command carries; `issued_s` is UTC, seconds since 1970."""
-
-    token: str | None
-    issued_s: float | None
-    boot: str | None
-    ttl_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +151,8 @@ def decision_of(
     )
     if not is_proven:
         raise trouble or _unproven(proof, freshness, moment)
+    if proof.is_early:
+        raise before_connection()
     starts_s = [moment.now_s]
     starts_s += [] if made_s is None else [made_s]
     starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]

@@ -1,0 +1,147 @@
+"""`Commands.submit`: the one way in for commands, whether they come by MQTT, the page or Sparkplug.
+
+1. A stop is passed on at once. Every other command is judged fresh first, by the proof that it carries.
+2. Who sent it may follow its results, which are published as well: `async for result in submit(...)`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from weakref import WeakValueDictionary
+
+from gateway.contract import STOP, CommandRequest, PublishEvent, Record, ResultRecord, Severity
+from gateway.errors import CommandError
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
+from gateway.system.clock import Clock, ClockWatch
+from gateway.system.clock_steps import SETTLED_S
+from gateway.system.stalls import SuspendWatch
+
+
+class Results(AsyncIterator[ResultRecord]):
+    """The results of one command as they come; it ends with the final one of the command itself."""
+
+    def __init__(self, request: CommandRequest) -> None:
+        self._starter = request.starter
+        self._came: asyncio.Queue[ResultRecord] = asyncio.Queue()
+        self._is_over = False
+
+    def put(self, result: ResultRecord) -> None:
+        """Take the next result."""
+        self._came.put_nowait(result)
+
+    async def __anext__(self) -> ResultRecord:
+        """Return the next result."""
+        if self._is_over:
+            raise StopAsyncIteration
+        result = await self._came.get()
+        self._is_over = result.phase.is_final and result.starter == self._starter
+        return result
+
+
+class Commands:
+    """Takes every command. All calls on the app's loop; `restate` publishes the boot token again."""
+
+    takes = (ResultRecord,)
+
+    def __init__(
+        self,
+        dispatcher: Dispatcher,
+        tokens: Tokens,
+        *,
+        clock: Clock,
+        clock_watch: ClockWatch,
+        suspend_watch: SuspendWatch,
+        restate: Callable[[], None],
+        publish_event: PublishEvent,
+    ) -> None:
+        self._dispatcher = dispatcher
+        self._tokens = tokens
+        self._clock = clock
+        self._clock_watch = clock_watch
+        self._suspend_watch = suspend_watch
+        self._restate = restate
+        self._publish_event = publish_event
+        self._tickets = itertools.count(1)
+        self._followed: WeakValueDictionary[int, Results] = WeakValueDictionary()
+        suspend_watch.on_suspended = self._note_suspension
+        clock_watch.on_change = self._note_clock
+
+    async def run(self) -> None:
+        """Watch for suspensions of the process and for steps of the clock."""
+        await self._suspend_watch.run(also=self._clock_watch.look)
+
+    def submit(self, request: CommandRequest) -> Results:
+        """Judge a command at once and have it carried out; what has no proof of freshness is rejected."""
+        unknown = self._dispatcher.verb_error(request.starter, request.verb)
+        if unknown is not None:
+            return self.reject(request, unknown)
+        request, results = self._followed_up(request)
+        try:
+            self._dispatcher.submit(request if request.verb == STOP else self._decided(request))
+        except CommandError as error:
+            self._dispatcher.reject(request, error.code, error.text)
+        return results
+
+    def reject(self, request: CommandRequest, error: CommandError) -> Results:
+        """Reject a command that is not fit to be judged; a repetition gets the first one's result."""
+        request, results = self._followed_up(request)
+        self._dispatcher.reject(request, error.code, error.text)
+        return results
+
+    def put(self, record: Record) -> None:
+        """Hand a result to who follows its command."""
+        results = self._followed.get(record.ticket) if isinstance(record, ResultRecord) else None
+        if results is not None and isinstance(record, ResultRecord):
+            results.put(record)
+
+    def look(self) -> None:
+        """Notice a standstill or a step of the clock before anything that has waited meanwhile is judged."""
+        self._suspend_watch.look()
+        self._clock_watch.look()
+
+    def _followed_up(self, request: CommandRequest) -> tuple[CommandRequest, Results]:
+        results = Results(request)
+        ticket = next(self._tickets)
+        self._followed[ticket] = results
+        return replace(request, ticket=ticket), results
+
+    def _decided(self, request: CommandRequest) -> CommandRequest:
+        """Return a fresh command with the time at which it was decided upon; CommandError for others."""
+        self.look()
+        moment = Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt())
+        decision = decision_of(
+            request.proof,
+            verb=request.verb,
+            freshness=self._freshness_of(request),
+            tokens=self._tokens,
+            moment=moment,
+        )
+        expires_s = decision.since_s + request.proof.ttl_s
+        if request.expires_s is not None:
+            expires_s = min(expires_s, request.expires_s)
+        return replace(request, expires_s=expires_s, decided_s=decision.earliest_s, decided_by=decision.proof)
+
+    def _freshness_of(self, request: CommandRequest) -> tuple[str, ...]:
+        """Return what may prove it fresh: no bridge lies between this gateway and what is part of it."""
+        if request.source:
+            return (BY_TOKEN,)
+        return self._dispatcher.freshness(request.client, verb=request.verb, starter=request.starter)
+
+    def _note_suspension(self, seconds: float) -> None:
+        """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
+        self._tokens.boot.stood_still(self._suspend_watch.ended_s())
+        self._restate()
+        text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
+        self._publish_event("stood_still", Severity.WARNING, text)
+
+    def _note_clock(self, step: str | None) -> None:
+        """Publish a step of the clock, and that it counts again."""
+        if step is None:
+            self._publish_event("clock_trusted", Severity.INFO, "the clock is steady: issued_at counts again")
+        else:
+            text = f"{step}: issued_at does not count for {SETTLED_S:g} s"
+            self._publish_event("clock_stepped", Severity.WARNING, text)
