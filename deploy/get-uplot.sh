@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-vendor=gateway/web/static/vendor
+vendor=gateway/plugins/web/static/vendor
 lock=deploy/npm/package-lock.json
 if [ -e "$vendor/package-lock.json" ] && cmp --quiet "$lock" "$vendor/package-lock.json"; then
     exit 0

@@ -14,7 +14,7 @@ def copyright_of(packages: Path) -> str:
     """Return the text, in Debian's machine-readable form, for the wheels and the page's libraries."""
     found = sorted(distributions(path=[str(packages)]), key=lambda each: each.name.lower())
     parts = [part for each in found if each.name != "starter-gateway" for part in _paragraphs(each)]
-    vendor = packages / "gateway/web/static/vendor"
+    vendor = packages / "gateway/plugins/web/static/vendor"
     parts += [
         _paragraph(f"*/web/static/vendor/{path.stem}*", path.stem, path.read_text("utf-8"))
         for path in sorted(vendor.glob("*.LICENSE"))

@@ -47,7 +47,7 @@ class App:
                 ("history", parts.uplink.disk_sync.pace),
                 ("commands", parts.commands.run),
                 ("capture", parts.capture.run),
-                *((each.name, each.run) for each in parts.integrations),
+                *((each.name, each.run) for each in parts.plugins),
             )
         ]
         await parts.host.start()  # before all else: the starters' watchdogs run
@@ -130,10 +130,8 @@ class App:
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
         parts.watch_lines()
-        for line in changes.lines_forgotten:
-            parts.uplink.publisher.forget_line(line)
-            parts.latest.forget_line(line)
+        parts.forget_lines(changes.lines_forgotten)
         parts.uplink.publish_info(config)
-        for integration in parts.integrations:
-            integration.move(site)
+        for plugin in parts.plugins:
+            plugin.reconfigure(site)
         return ended

@@ -12,24 +12,19 @@ from typing import Any
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
-from gateway.app.history import HistoryService
 from gateway.app.incoming import IncomingCommands
-from gateway.app.integrations.home_assistant import home_assistant_integration
-from gateway.app.integrations.integration import Integration, IntegrationHost
-from gateway.app.integrations.latest import LatestRecords
-from gateway.app.integrations.metrics import GatewaySource, metrics_integration
-from gateway.app.integrations.sparkplug import sparkplug_integration
 from gateway.app.io import MACHINE, Io
-from gateway.app.page.access import WebAccess
-from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
+from gateway.app.plugins import NAMES, PluginRunner
 from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
-from gateway.contract import MAX_TTL_S, RecordBus, RecordWriter, Severity
+from gateway.contract import MAX_TTL_S, ForgetRecord, Latest, RecordBus, RecordWriter, Severity
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
+from gateway.plugins.history.service import HistoryService
+from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.freshness import MAX_AHEAD_S, RunToken, Tokens
@@ -61,8 +56,10 @@ class Parts:
         self._tokens = Tokens(self._boot)
         self._bus = RecordBus(log_failure)
         self._records = RecordWriter(self._bus, self.clock, boot=self._boot.run)
-        self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
-        self.latest = LatestRecords(self.uplink.publisher.values)
+        self.latest = Latest()
+        self.uplink = Uplink(
+            site, self._tokens, clock=self.clock, sink=self._bus, publish_event=self.publish_event
+        )
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
         self.state_dir = self._build_state_dir()
         self.watchdogs = self._build_watchdogs()
@@ -85,10 +82,8 @@ class Parts:
         )
         path = socket_path(site.config, site.folder)
         self.capture = CaptureSocket(path, self.plant.lines, self.host.capture, self.clock)
-        self._integration_host = IntegrationHost(site, self.clock, self._is_polling, self.publish_event)
-        self._metrics = metrics_integration(self._integration_host, self._build_metrics_source())
-        self._page = self._build_page()
-        self.integrations = self._build_integrations()
+        gateway = self._build_gateway()
+        self.plugins = tuple(PluginRunner(name, site, gateway) for name in NAMES)
         self._connect()
 
     def _connect(self) -> None:
@@ -103,10 +98,9 @@ class Parts:
             self.history,  # makes starts and trips of readings and records
             self.uplink.publisher,
             self.commands,  # who sent a command may follow its results
-            self._page,  # what it plots has been published
             self.latest,
             self.uplink.leftovers,
-            *self.integrations,
+            *self.plugins,
         )
 
     def publish_event(
@@ -117,8 +111,11 @@ class Parts:
 
     def forget(self, starters: Sequence[str]) -> None:
         """Have the broker delete what it retains of starters."""
-        self.uplink.publisher.forget(*starters)
-        self.latest.forget(starters)
+        self._bus.put(ForgetRecord(starters=tuple(starters)))
+
+    def forget_lines(self, lines: Sequence[str]) -> None:
+        """Have the broker delete what it retains of lines."""
+        self._bus.put(ForgetRecord(lines=tuple(lines)))
 
     def watch_lines(self) -> None:
         """Have the health of the site's present lines watched."""
@@ -232,59 +229,33 @@ class Parts:
             publish_event=self.publish_event,
         )
 
-    def _build_page(self) -> Integration:
-        access = WebAccess(
-            site=self.site,
-            tokens=self._tokens,
+    def _build_gateway(self) -> Gateway:
+        return Gateway(
+            name=self.site.config.gateway.name,
+            clock=self.clock,
+            records=self._records,
+            publish_event=self.publish_event,
+            latest=self.latest,
             commands=self.commands,
             dispatcher=self.dispatcher,
+            tokens=self._tokens,
             policy=self.policy,
             starters=self.plant.starters,
-            clock_doubt=self.clock_watch.doubt,
-            is_connected=lambda: self.uplink.outbox.is_connected,
-            progress=self.host.progress,
-            metrics_service=self._metrics,
-            stored=self.history.stored,
-            writer=self._records,
-        )
-        return page_integration(
-            self._integration_host,
-            access,
-            publisher=self.uplink.publisher,
-            make_server=self._io.make_web_server,
-        )
-
-    def _build_integrations(self) -> tuple[Integration, ...]:
-        """Return what else takes records, each on its own; a table of the configuration switches it on."""
-        host, uplink = self._integration_host, self.uplink
-        return (
-            self._page,
-            home_assistant_integration(host, announcer=uplink.publisher, uplink=uplink),
-            self._metrics,
-            sparkplug_integration(
-                host,
-                latest=self.latest.records,
-                commands=self.commands,
-                facts=uplink.facts,
-                since_s=self._started_s,
-            ),
-        )
-
-    def _build_metrics_source(self) -> GatewaySource:
-        return GatewaySource(
-            name=self.site.config.gateway.name,
-            plant=self.plant,
-            outbox=self.uplink.outbox,
-            clock=self.clock,
+            lines=lambda: self.plant.lines,
+            mqtt=self.uplink,
             started_s=self._started_s,
             clock_doubt=self.clock_watch.doubt,
-            lock_of=self.policy.motor_history.lock_of,
+            progress=self.host.progress,
             loops={"gateway": self.health.lag, "lines": self.host.lag},
-            streams=lambda: open_pages(self._page),
+            stored=self.history.stored,
+            plugin=self._plugin,
+            make_web_server=self._io.make_web_server,
+            in_thread=asyncio.to_thread,
         )
 
-    def _is_polling(self) -> bool:
-        return all(self.host.progress().values())
+    def _plugin(self, name: str) -> Plugin | None:
+        """Return a plugin that runs now."""
+        return next((each.plugin for each in self.plugins if each.name == name), None)
 
     def _build_health(self, notifier: Notifier, watchdog_every_s: float | None) -> Health:
         return Health(

@@ -15,7 +15,6 @@ from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
 from gateway.contract import PublishEvent, RecordWriter, Severity
 from gateway.families.profile.load import ENGLISH
-from gateway.history.readings import Readings
 from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
@@ -25,6 +24,7 @@ from gateway.line.thread import LineHost
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.readings import Readings
 from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 

@@ -24,6 +24,7 @@ from gateway.contract import (
     Record,
     RetainedTopic,
     Severity,
+    Sink,
     Topics,
 )
 from gateway.mqtt.commands import Incoming
@@ -62,8 +63,10 @@ class Uplink:
         tokens: Tokens,
         *,
         clock: Clock,
+        sink: Sink,
         publish_event: PublishEvent,
     ) -> None:
+        self._sink = sink
         self._on_incoming: Callable[[Incoming], None]
         self._on_link: Callable[[str | None], None]
         self._trouble: str | None = None  # with the connection; None: there is none yet
@@ -76,7 +79,7 @@ class Uplink:
         self._publish_event = publish_event
         self._version: Version | None = None
         self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run)
-        self.publisher = Publisher(self.topics, tokens.boot, self.outbox, clock=clock)
+        self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,
             OutboxDisk(site.state_dir),
@@ -128,7 +131,7 @@ class Uplink:
     def publish_info(self, config: Config) -> None:
         """Publish what this gateway is."""
         self._config = config
-        self.publisher.put(
+        self._sink.put(
             GatewayRecord(
                 version=__version__,
                 boot=self._tokens.boot.run,
@@ -140,9 +143,25 @@ class Uplink:
             )
         )
 
+    def announce(self, message: Message) -> None:
+        """Publish a message of a plugin, on a topic that is none of the gateway's own."""
+        self.publisher.announce(message)
+
+    def retained(self, topic: str) -> Message | None:
+        """Return the newest message of a retained topic; None once the broker has been made to forget it."""
+        return self.publisher.retained(topic)
+
+    def is_connected(self) -> bool:
+        """Return whether messages go out now."""
+        return self.outbox.is_connected
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what waits for the broker."""
+        return self.outbox.statistics(self._clock.now_s())
+
     def facts(self) -> dict[str, Any]:
-        """Return what an integration says of the gateway itself."""
-        statistics = self.outbox.statistics(self._clock.now_s())
+        """Return what a plugin says of the gateway itself."""
+        statistics = self.statistics()
         return {
             "gateway/status": self.publisher.state,
             "broker/connected": self.outbox.is_connected,

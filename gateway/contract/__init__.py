@@ -5,11 +5,13 @@ A record is its payload; `docs/reference` and asyncapi.yaml are generated from h
 
 from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, SequenceNumbers, Sink
 from gateway.contract.json_text import encoded
+from gateway.contract.latest import Latest
 from gateway.contract.records import (
     AlarmRecord,
     AuditRecord,
     AvailabilityRecord,
     EventRecord,
+    ForgetRecord,
     FreshRecord,
     GatewayRecord,
     HistoryItem,
@@ -92,11 +94,13 @@ __all__ = [
     "CommandBody",
     "CommandRequest",
     "EventRecord",
+    "ForgetRecord",
     "FreshRecord",
     "GatewayRecord",
     "HistoryItem",
     "HistoryRecord",
     "InfoRecord",
+    "Latest",
     "LineRecord",
     "LockRecord",
     "Malformed",

@@ -449,6 +449,21 @@ class GatewayRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ForgetRecord(Record):
+    """Not published: starters and lines that are gone or replaced, of which nothing stays retained."""
+
+    TOPIC = ""
+    RETAIN = False
+    starters: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
+
+    def has(self, topic: str) -> bool:
+        """Return whether a topic below the base is one of theirs."""
+        branches = tuple(f"starter/{name}/" for name in self.starters)
+        return topic.startswith(branches) or topic in [f"gateway/line/{name}" for name in self.lines]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HistoryItem:
     """A value that could not be sent when it was new."""
 

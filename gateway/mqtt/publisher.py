@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Literal
 
-from gateway.contract import LineRecord, OutboxRecord, Record, StatusRecord, Topics, ValueRecord
+from gateway.contract import ForgetRecord, LineRecord, OutboxRecord, Record, Sink, StatusRecord, Topics
 from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import RunToken
@@ -24,13 +24,13 @@ LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 class Publisher:
     """Implements `gateway.contract.Sink`, and publishes the gateway's own status and info."""
 
-    def __init__(self, topics: Topics, boot: RunToken, outbox: Outbox, *, clock: Clock) -> None:
+    def __init__(self, topics: Topics, boot: RunToken, outbox: Outbox, *, sink: Sink, clock: Clock) -> None:
+        self._sink = sink  # of the records that it makes itself: they go to all
         self._topics = topics
         self._boot = boot
         self._outbox = outbox
         self._clock = clock
         self._wake: Callable[[], None] = _no_connection
-        self._on_message: Callable[[Message], None] = _no_listener
         self._state: State = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
@@ -45,17 +45,6 @@ class Publisher:
         """Set the function to call when there is something to send."""
         self._wake = wake
 
-    def listen(self, on_message: Callable[[Message], None] | None) -> None:
-        """Hand every message to another one, too, the retained ones of before first; None ends that.
-
-        It must return at once and never raise.
-        """
-        self._on_message = on_message or _no_listener
-        below = f"{self._topics.base}/"
-        for message in tuple(self._outbox.latest.values()) if on_message else ():
-            if message.topic.startswith(below):
-                self._on_message(message)
-
     def announce(self, message: Message) -> None:
         """Publish a message of an integration, on a topic that is none of the gateway's own."""
         self._outbox.put(message, self._clock.now_s())
@@ -65,33 +54,20 @@ class Publisher:
         """Return the newest message of a retained topic; None once the broker has been made to forget it."""
         return self._outbox.latest.get(topic)
 
-    def values(self) -> Iterator[ValueRecord]:
-        """Yield the newest value of each point that was published."""
-        return (each.value for each in tuple(self._outbox.latest.values()) if each.value is not None)
-
     def wake(self) -> None:
         """Have what waits sent."""
         self._wake()
 
     def put(self, record: Record) -> None:
         """Take one record, in order; returns at once and never raises."""
-        self._put(message_of(record, self._topics.base))
-
-    def forget(self, *starters: str) -> None:
-        """Clear every retained topic of starters that are no longer configured."""
-        topics = self._topics
-        self._outbox.forget([topics.starter(starter) for starter in starters], self._clock.now_s())
-        self._wake()
-        for starter in starters:
-            self._on_message(cleared(topics.starter(starter)))
+        if isinstance(record, ForgetRecord):
+            self._forget(record)
+        else:
+            self._put(message_of(record, self._topics.base))
 
     def clear(self, topic: str) -> None:
         """Make the broker forget what an earlier run left retained."""
         self._put(cleared(topic))
-
-    def forget_line(self, line: str) -> None:
-        """Clear the retained statistics of a line that is no longer configured."""
-        self._put(cleared(self._topics.of(LineRecord, line=line)))
 
     def set_status(self, state: State, reason: str | None = None) -> None:
         """Publish the gateway's state (starting, online, degraded) when it has changed."""
@@ -109,12 +85,14 @@ class Publisher:
 
     def will(self) -> Message:
         """Return the will: what the broker publishes when the connection is lost, without a time."""
-        return self._status("offline", time_s=None, since_s=None, reason="connection lost")
+        status = self._status("offline", time_s=None, since_s=None, reason="connection lost")
+        return message_of(status, self._topics.base)
 
     def farewell(self, reason: str) -> Message:
         """Return the last status of an orderly end."""
         now_s = self._clock.utc_s()
-        return self._status("offline", time_s=now_s, since_s=now_s, reason=reason)
+        status = self._status("offline", time_s=now_s, since_s=now_s, reason=reason)
+        return message_of(status, self._topics.base)
 
     async def run(self) -> None:
         """Publish the outbox's statistics every 30 s, and within 1 s of a loss or refusal."""
@@ -123,7 +101,7 @@ class Publisher:
         while True:
             losses = self._losses()
             if losses != reported or self._clock.now_s() >= due_s:
-                self.put(OutboxRecord(data=self._outbox.statistics(self._clock.now_s())))
+                self._sink.put(OutboxRecord(data=self._outbox.statistics(self._clock.now_s())))
                 self._log_losses(reported, losses)
                 reported = losses
                 due_s = self._clock.now_s() + EVERY_S
@@ -144,27 +122,27 @@ class Publisher:
                 refusal.reason_code,
             )
 
+    def _forget(self, gone: ForgetRecord) -> None:
+        for line in gone.lines:
+            self._put(cleared(self._topics.of(LineRecord, line=line)))
+        self._outbox.forget([self._topics.starter(starter) for starter in gone.starters], self._clock.now_s())
+        self._wake()
+
     def _put_status(self) -> None:
         now_s = self._clock.utc_s()
-        self._put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
+        self._sink.put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
 
     def _status(
         self, state: State, *, time_s: float | None, since_s: float | None, reason: str | None
-    ) -> Message:
+    ) -> StatusRecord:
         boot = self._boot
-        status = StatusRecord(
+        return StatusRecord(
             state=state, time_s=time_s, boot=boot.token, since_s=since_s, reason=reason, run=boot.run
         )
-        return message_of(status, self._topics.base)
 
     def _put(self, message: Message) -> None:
         self._outbox.put(message, self._clock.now_s())
         self._wake()
-        self._on_message(message)
-
-
-def _no_listener(_: Message) -> None:
-    """Do nothing: only MQTT gets the messages."""
 
 
 def _no_connection() -> None:

@@ -16,7 +16,7 @@ from gateway.cli.broker_kit.logins import (
     sparkplug_here,
 )
 from gateway.config.schema import Config, Verb
-from gateway.sparkplug.topics import NAMESPACE, state_topic
+from gateway.plugins.sparkplug.topics import NAMESPACE, state_topic
 
 _VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")
 _ONLOOKERS = (Role.OPERATOR, Role.VIEWER, Role.HOME_ASSISTANT, Role.BRIDGE_UP)

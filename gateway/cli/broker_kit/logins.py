@@ -14,7 +14,7 @@ from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES
 from gateway.errors import ConfigError, Problem, UsageError
-from gateway.sparkplug.topics import NAMESPACE, EdgeTopics, state_topic
+from gateway.plugins.sparkplug.topics import NAMESPACE, EdgeTopics, state_topic
 
 PROVER = "prover"  # reads everything, for the proof
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof

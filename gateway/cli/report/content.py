@@ -10,9 +10,9 @@ from gateway.errors import CommandError, DamagedError
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile
-from gateway.history.baseline import Baseline
-from gateway.history.counters import Totals
-from gateway.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.baseline import Baseline
+from gateway.plugins.history.counters import Totals
+from gateway.plugins.history.start_record import StartSamples, StartSummary
 from gateway.storage.history_table import HistoryRow
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from gateway.cli.report.content import TRENDS, HealthReport
 from gateway.cli.report.labels import Translate
-from gateway.history.baseline import LAST, LIMIT_PCT
-from gateway.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.baseline import LAST, LIMIT_PCT
+from gateway.plugins.history.start_record import StartSamples, StartSummary
 
 MOST_STARTS, MOST_TRIPS, MOST_SETTINGS, MOST_MONTHS = 10, 10, 12, 12
 UNKNOWN = "-"

@@ -17,7 +17,7 @@ from gateway.config.load import load
 from gateway.config.schema import StarterTable
 from gateway.errors import StoreError, UsageError
 from gateway.families.profile.load import load_profile
-from gateway.history.export import Recording, recording_of, to_comtrade, to_csv
+from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 from gateway.storage.history import read_history
 from gateway.storage.history_table import HistoryRow
 

@@ -13,7 +13,7 @@ from gateway.cli.report.content import TRENDS, HealthReport
 from gateway.cli.report.facts import TextTable
 from gateway.cli.report.labels import Translate
 from gateway.cli.report.plots import DARK, EARLIER, LATEST, Plot, PlotLine
-from gateway.history.baseline import LIMIT_PCT
+from gateway.plugins.history.baseline import LIMIT_PCT
 
 _STYLE = """
 @page { size: A4; margin: 11mm 14mm; }

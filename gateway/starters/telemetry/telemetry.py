@@ -13,7 +13,6 @@ from gateway.contract import RecordWriter
 from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block
-from gateway.history.readings import Readings
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
@@ -28,6 +27,7 @@ from gateway.starters.telemetry.description import info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
+from gateway.starters.telemetry.readings import Readings
 from gateway.starters.telemetry.reporting import (
     REFRESH_S,
     SOONEST_S,

@@ -1,1 +1,0 @@
-"""The status page's connection to the gateway: start at `page`."""

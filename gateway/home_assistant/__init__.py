@@ -1,4 +1,0 @@
-"""What Home Assistant finds: pure. `discovery` makes its messages, `entities` what they list.
-
-The loop around them is `gateway.app.integrations.home_assistant`.
-"""

@@ -1,0 +1,265 @@
+"""Whether a motor still starts as it did: its baseline, the drift against it, the means of each month.
+
+The baseline is the median of the first five good starts, or one start that an operator has chosen. A drift is
+raised when the median of the last nine starts is beyond 15 % and beyond three times the usual scatter, in the
+same quantity, after two starts in a row; it is over when all quantities are back within two thirds of that,
+after two starts in a row. Of a motor whose current is not measured (no current transformer: it reads 0) only
+the acceleration time is compared. A median counts when more than half of its starts have the quantity.
+
+The scatter is computed from the differences of starts that follow each other (median moving range / 0.954,
+the standard deviation of normal noise; NIST/SEMATECH e-Handbook 6.3.2.2), not from the deviations from their
+median: those grow with the very drift that is looked for. It is an estimate, so its uncertainty is added:
+2 / sqrt(n) of it. Nine starts instead of five, because the median of five scatters more: of 400 simulated
+motors with a scatter of 8 %, 6 raised a drift within 500 equal starts, with nine starts 2; with the plain
+median deviation of the last 20 and five starts it was one of five motors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+from gateway.errors import DamagedError
+from gateway.plugins.history.start_record import QuantityChange, StartOutcome, StartSummary
+
+FIRST = 5  # good starts that make the baseline
+LAST = 9  # starts whose median is compared with it
+SCATTER_OF = 50  # starts that show the usual scatter
+LIMIT_PCT = 15.0
+SCATTERS = 3.0
+OVER_BELOW = 2 / 3  # of the limits: a drift is over
+IN_ROW = 2
+MOST_ERROR_PCT = 10.0  # plus or minus; an acceleration time or an I2t that is known less well is not compared
+MEDIAN_MOVING_RANGE = 0.954  # in standard deviations, of normal noise: sqrt(2) * 0.6745
+
+QUANTITIES = {"acceleration_s": "acceleration time", "i2t_a2s": "I2t", "peak_a": "peak current"}
+_UNITS = {"acceleration_s": "s", "i2t_a2s": "A²s", "peak_a": "A"}
+_MEANS = (*QUANTITIES, "mean_a", "lowest_v", "heating_pct")  # of a month
+
+Values = Mapping[str, float]  # those of QUANTITIES that are known, always the acceleration time
+
+
+def values_of(start: StartSummary) -> Values | None:
+    """Return what of a start is compared; None when it is not good enough for that."""
+    acceleration_s, heat, peak_a = start.acceleration_s, start.i2t_a2s, start.peak_a
+    if start.outcome is not StartOutcome.FULL_VOLTAGE or acceleration_s is None or acceleration_s <= 0:
+        return None
+    if (start.resolution_s or 0.0) > MOST_ERROR_PCT / 100 * acceleration_s:
+        return None
+    is_sampled = (start.i2t_error_pct or 0.0) <= MOST_ERROR_PCT
+    if not heat or not peak_a or not is_sampled:  # also 0: the motor's current is not measured
+        return {"acceleration_s": acceleration_s}
+    return {"acceleration_s": acceleration_s, "i2t_a2s": heat, "peak_a": peak_a}
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """What later starts are compared with."""
+
+    values: Values
+    starts: tuple[str, ...]  # ids of the starts that it was made of
+    typical: str  # of these the one whose acceleration time is the nearest: its curve is shown
+    client: str | None = None  # who has set it; None: the first good starts
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its JSON object."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Baseline:
+        """Return the baseline of a JSON object; DamagedError when it is none."""
+        try:
+            stored = {"acceleration_s": data["values"]["acceleration_s"], **data["values"]}
+            values = {name: float(stored[name]) for name in QUANTITIES if name in stored}
+            starts = tuple(str(each) for each in data["starts"])
+            client = data["client"]
+            return cls(values, starts, str(data["typical"]), client and str(client))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DamagedError(f"this is no baseline: {error!r}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class TrendVerdict:
+    """What a start says about the motor."""
+
+    is_baseline: bool = False  # it is one of those that make the baseline
+    drift: Mapping[str, QuantityChange] = field(default_factory=dict)  # of all quantities, once it is known
+    raised: str = ""  # in words what has changed, when the drift is raised by this start
+    is_over: bool = False  # the drift is over by this start
+
+
+class Trend:
+    """The baseline of one motor, and the drift of its starts against it."""
+
+    def __init__(self) -> None:
+        self.baseline: Baseline | None = None
+        self.is_raised = False
+        self.text = ""  # of the drift that was raised last
+        self._first: list[tuple[str, Values]] = []  # good starts before there is a baseline
+        self._recent: list[tuple[str, Values]] = []  # good ones since the baseline
+        self._in_row = 0  # starts that contradict `is_raised`
+        self._beyond: frozenset[str] = frozenset()  # quantities beyond their limits after the latest start
+
+    def restore(self, starts: Iterable[StartSummary], stored: Mapping[str, Any] | None) -> None:
+        """Go on from the starts of earlier runs, the oldest first, and what `to_dict` gave; DamagedError."""
+        known = [(each.id, values) for each in starts if (values := values_of(each)) is not None]
+        if stored is None:
+            for id_, values in known:
+                self._add(id_, values)
+            return
+        self.baseline = Baseline.from_dict(stored)
+        self.is_raised, self.text = bool(stored.get("is_raised")), str(stored.get("text", ""))
+        self._begin_after(known)
+
+    def to_dict(self) -> dict[str, Any] | None:
+        """Return the JSON object of the baseline and the drift; None before there is a baseline."""
+        if self.baseline is None:
+            return None
+        return {**self.baseline.to_dict(), "is_raised": self.is_raised, "text": self.text}
+
+    def add(self, start: StartSummary) -> TrendVerdict:
+        """Count a start that is over."""
+        values = values_of(start)
+        if values is None:
+            return TrendVerdict()
+        baseline = self.baseline
+        self._add(start.id, values)
+        return TrendVerdict(is_baseline=True) if baseline is None else self._judged(baseline)
+
+    def set_baseline(self, chosen: StartSummary, *, client: str) -> bool:
+        """Compare with this start from now on; False when it is not good enough.
+
+        Only this start and those after it count; a drift that was raised is over.
+        """
+        values = values_of(chosen)
+        if values is None:
+            return False
+        known = [*self._first, *self._recent]
+        self.baseline = Baseline(values, (chosen.id,), chosen.id, client)
+        self._first, self.is_raised, self._in_row, self._beyond = [], False, 0, frozenset()
+        self._begin_after(known)
+        return True
+
+    def _add(self, id_: str, values: Values) -> None:
+        """Count a good start; the first ones make the baseline."""
+        if self.baseline is not None:
+            self._recent = [*self._recent, (id_, values)][-SCATTER_OF:]
+            return
+        self._first.append((id_, values))
+        if len(self._first) < FIRST:
+            return
+        medians = {name: _median([each for _, each in self._first], name) for name in QUANTITIES}
+        values = {name: value for name, value in medians.items() if value is not None}
+        usual_s = values["acceleration_s"]
+        typical = min(self._first, key=lambda each: abs(each[1]["acceleration_s"] - usual_s))[0]
+        self.baseline = Baseline(values, tuple(id_ for id_, _ in self._first), typical)
+        self._recent = [*self._recent, *self._first][-SCATTER_OF:]  # they show the scatter
+        self._first = []
+
+    def _begin_after(self, known: Sequence[tuple[str, Values]]) -> None:
+        """Count the starts from the baseline's first on."""
+        if self.baseline is None:
+            return
+        ids = [id_ for id_, _ in known]
+        first = next((ids.index(id_) for id_ in self.baseline.starts if id_ in ids), 0)
+        self._recent = list(known[first:][-SCATTER_OF:])
+
+    def _judged(self, baseline: Baseline) -> TrendVerdict:
+        """Compare the last starts with the baseline, and raise or end a drift."""
+        later = [values for id_, values in self._recent if id_ not in baseline.starts]
+        if len(later) < LAST:
+            return TrendVerdict()
+        drift, ratios = {}, {}
+        for name, usual in baseline.values.items():
+            now = _median(later[-LAST:], name)
+            if now is None:
+                continue
+            scatter = _scatter([values[name] for _, values in self._recent if name in values])
+            limit = max(LIMIT_PCT / 100 * usual, SCATTERS * scatter)
+            drift[name] = QuantityChange(usual, now, 100 * (now - usual) / usual)
+            ratios[name] = abs(now - usual) / limit
+        return self._decided(drift, ratios)
+
+    def _decided(self, drift: dict[str, QuantityChange], ratios: dict[str, float]) -> TrendVerdict:
+        beyond = frozenset(name for name, ratio in ratios.items() if ratio > 1)
+        if self.is_raised:
+            is_contrary = all(ratio < OVER_BELOW for ratio in ratios.values())
+        else:
+            is_contrary = bool(beyond & self._beyond) if self._in_row else bool(beyond)
+        self._in_row = self._in_row + 1 if is_contrary else int(bool(beyond) and not self.is_raised)
+        self._beyond = beyond
+        if self._in_row < IN_ROW:
+            return TrendVerdict(drift=drift)
+        self.is_raised, self._in_row = not self.is_raised, 0
+        if not self.is_raised:
+            return TrendVerdict(drift=drift, is_over=True)
+        self.text = "; ".join(_in_words(name, drift[name]) for name in QUANTITIES if name in beyond)
+        return TrendVerdict(drift=drift, raised=self.text)
+
+
+def _median(starts: Sequence[Values], name: str) -> float | None:
+    """Return the median of a quantity; None when half of the starts or more do not have it."""
+    known = [values[name] for values in starts if name in values]
+    return median(known) if 2 * len(known) > len(starts) else None
+
+
+def _scatter(values: Sequence[float]) -> float:
+    """Return the usual scatter of one start, on the safe side; infinite when nothing shows it."""
+    ranges = [abs(after - before) for before, after in pairwise(values)]
+    if not ranges:
+        return math.inf
+    return median(ranges) / MEDIAN_MOVING_RANGE * (1 + 2 / math.sqrt(len(ranges)))
+
+
+def _in_words(name: str, change: QuantityChange) -> str:
+    way = "grew" if change.change_pct > 0 else "fell"
+    values = f"{_brief(change.baseline)} {_UNITS[name]} to {_brief(change.median)} {_UNITS[name]}"
+    return f"{QUANTITIES[name]} {way} by {abs(change.change_pct):.0f} %, {values}"
+
+
+def _brief(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+class Month:
+    """The means of one month's starts."""
+
+    def __init__(self, name: str, stored: Mapping[str, Any] | None = None) -> None:
+        """Begin, or go on from what `to_dict` gave; DamagedError."""
+        self.name = name  # 2026-11, UTC
+        self._outcomes: dict[str, int] = dict.fromkeys(StartOutcome, 0)
+        self._means: dict[str, tuple[int, float]] = {}
+        try:
+            for outcome, count in (stored or {}).get("outcomes", {}).items():
+                self._outcomes[StartOutcome(outcome)] = int(count)
+            for quantity, known in (stored or {}).get("means", {}).items():
+                self._means[str(quantity)] = int(known["count"]), float(known["mean"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DamagedError(f"these are no means of a month: {error!r}") from error
+
+    def add(self, start: StartSummary) -> None:
+        """Count a start."""
+        self._outcomes[start.outcome] += 1
+        if start.outcome is not StartOutcome.FULL_VOLTAGE:
+            return
+        for quantity in _MEANS:
+            value = getattr(start, quantity)
+            if value is not None:
+                count, mean = self._means.get(quantity, (0, 0.0))
+                self._means[quantity] = count + 1, mean + (value - mean) / (count + 1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its JSON object."""
+        means = {name: {"count": count, "mean": mean} for name, (count, mean) in self._means.items()}
+        outcomes = {str(outcome): count for outcome, count in self._outcomes.items() if count}
+        return {"month": self.name, "outcomes": outcomes, "means": means}
+
+
+def month_of(time_s: float) -> str:
+    """Return the month of a time, UTC."""
+    return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m}"

@@ -1,0 +1,251 @@
+"""The part of a starter's history that counts, and publishes counters and limits as values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from gateway.contract import (
+    InfoRecord,
+    Quality,
+    Record,
+    Severity,
+    StartRecord,
+    StateRecord,
+    TripRecord,
+    ValueRecord,
+)
+from gateway.plugins.history.counters import HOUR_S, STANDING, MotorCounters, Totals
+from gateway.plugins.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.service.part import HistoryPart, Surroundings
+from gateway.starters.policy.start_rules import NO_RULES
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.own_points import PublicationPace, Value, own_points
+from gateway.starters.telemetry.readings import Readings
+from gateway.storage.history_table import HistoryRow
+
+KIND = "counters"  # of the rows on disk, one for each run whose sums are not in a later one's
+STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
+UNCHANGED_EVERY_S = 86_400.0
+MOST_RUNS = 8  # runs in a row that could not read the disk, and so have counted from 0
+ONE_LEFT = "one_start_left"  # event
+LOOK_EVERY_S = 1.0  # between two looks at what is due; a change of state is looked at without delay
+OWN_VALID_S = 300.0  # how long a row of the starter counts as read
+MINUTE_S = 60.0
+
+
+class CountersPart(HistoryPart):
+    """Counts from 0 where the disk could not be read: a later run adds up what it then can read."""
+
+    kinds = (KIND,)
+
+    def __init__(self, setup: StarterSetup, here: Surroundings) -> None:
+        super().__init__(setup, here)
+        self._totals = Totals()
+        self._is_restored = False
+        self._own_s: float | None = None  # when any row of the starter's own was given
+        self._is_whole = False  # the sums have those of all earlier runs in them
+        self._stored_s = here.records.clock.now_s()
+        self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
+        self._good: dict[str, Value] = {}  # values of the last time that they were good,
+        self._good_utc_s: float | None = None  # which was then
+        self._looked_s = -math.inf
+        self._left: int | None = None  # starts, at the last look
+        self._begin(setup)
+
+    def take_readings(self, readings: Readings) -> None:
+        """Count what has passed, and publish what is due."""
+        level = readings.number(self._thermal_point)
+        if level is not None:
+            self._note_level(level, readings.at_s)
+        before = self._state
+        self._counters.note_readings(readings)
+        self._note_state(readings.state)
+        if self._thermal is not None and before != self._state == "running":
+            self._thermal.note_started()
+        if before != self._state or readings.at_s - self._looked_s >= LOOK_EVERY_S:
+            self._publish(readings.at_s, utc_s=readings.time_s)
+        if readings.at_s - self._stored_s >= STORE_EVERY_S:
+            self._store()
+
+    def take_record(self, record: Record) -> None:
+        """Count starts and trips; publish that values are stale once the state is not known."""
+        match record:
+            case StateRecord():
+                self._note_state(record.state)
+                if not self._counters.is_seen:
+                    self._publish(self._records.clock.now_s())
+            case StartRecord():
+                self._counters.note_start()
+                self._store()
+                self._publish(self._records.clock.now_s())
+            case TripRecord():
+                self._counters.note_trip(str(record.data.get("code")))
+                self._store()
+            case InfoRecord():
+                self._counters.rated_a = record.rated_current_a
+                self._publish(self._records.clock.now_s())
+            case _:
+                pass
+
+    def note_own_rows(self, rows: Mapping[str, float]) -> None:
+        """Record what the starter itself has counted, and its settings; by code, just read."""
+        now_s, names = self._records.clock.now_s(), self._rows
+        self._own_s = now_s if rows else self._own_s
+        self._own |= {code: (now_s, value) for code, value in rows.items()}
+        if names.thermal in rows:
+            self._note_level(rows[names.thermal], now_s)
+        if self._thermal is not None and names.cooling in rows:
+            self._thermal.set_tau_s = rows[names.cooling] * MINUTE_S
+
+    def restore(self, rows: Sequence[HistoryRow]) -> None:
+        """Add what earlier runs have counted: the newest row that has all before it, and those since."""
+        for row in reversed([row for row in rows if row.kind == KIND]):
+            try:
+                self._totals.add(Totals.from_dict(row.data.get("totals", {})))
+                if self._thermal is not None:
+                    self._thermal.restore(row.data.get("thermal", {}))
+            except (ValueError, TypeError, AttributeError):
+                continue  # what is no count is as good as missing
+            self._is_whole = True
+            if row.data.get("is_whole"):
+                break
+        self._is_restored = True
+
+    def follow(self, setup: StarterSetup) -> None:
+        """Go on counting: another machine or other polls under the same name drive the same motor."""
+        self._begin(setup)
+
+    def close(self) -> None:
+        """Store the sums."""
+        self._store(is_in_any_case=True)
+
+    def _begin(self, setup: StarterSetup) -> None:
+        profile = setup.profile
+        self._profile = profile
+        self._rows = profile.history
+        self._counters = MotorCounters(self._totals, period_s=setup.every_s)
+        self._thermal = ThermalModel(self._rows.thermal_trip) if self._rows.thermal else None
+        self._thermal_point = profile.thermal_point
+        self._pace = PublicationPace(own_points(profile))
+        self._state = "unknown"
+        self._own: dict[str, tuple[float, float]] = {}  # rows of the starter: when they were read, and what
+        self._own_s = None
+
+    def _note_level(self, level: float, at_s: float) -> None:
+        if self._thermal is not None:
+            self._thermal.note_level(level, at_s=at_s, is_standing=self._state in STANDING)
+
+    def _note_state(self, state: str) -> None:
+        before, self._state = self._state, state
+        self._counters.note_state(state)
+        if self._thermal is None or state == before:
+            return
+        if not self._counters.is_seen:
+            self._thermal.forget()
+        elif before in STANDING and state == "starting":
+            self._thermal.note_start()
+
+    def _store(self, *, is_in_any_case: bool = False) -> None:
+        """Have the sums written if they have changed, or once a day: a file may have been lost meanwhile.
+
+        Before earlier ones are known, nothing is.
+        """
+        if not self._is_restored:
+            return
+        self._stored_s = self._records.clock.now_s()
+        data = {
+            "totals": self._totals.to_dict(),
+            "thermal": {} if self._thermal is None else self._thermal.to_dict(),
+            "is_whole": self._is_whole,
+        }
+        written_s, before = self._stored
+        if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
+            return
+        self._stored = (self._stored_s, data)
+        self._put(KIND, self._here.boot, data, limit=1 if self._is_whole else MOST_RUNS)
+
+    def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
+        """Publish what is due; good values only while the starter is seen and earlier sums are known."""
+        self._looked_s = now_s
+        is_good = self._counters.is_seen and self._is_restored
+        if is_good:
+            self._good = self._values(now_s)
+            self._good_utc_s = self._records.clock.utc_s(now_s) if utc_s is None else utc_s
+        for point in self._pace.take_due(self._good, is_good=is_good, now_s=now_s):
+            value = self._good.get(point.name)
+            quality = Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE
+            time_s = None if value is None else self._good_utc_s
+            seq = self._records.sequence.take()
+            self._records.put(
+                ValueRecord(
+                    starter=self._name,
+                    point=point.name,
+                    value=value,
+                    unit=point.unit,
+                    quality=quality,
+                    time_s=time_s,
+                    seq=seq,
+                    boot=self._records.boot,
+                )
+            )
+
+    def _values(self, now_s: float) -> dict[str, Value]:
+        totals, has_load = self._totals, self._counters.has_load
+        trips = sorted(totals.trips.items())
+        energy_kwh = round(totals.energy_kwh, 2) if self._counters.has_power else None
+        values: dict[str, Value] = {
+            "hours_total": _hours(self._own_or(self._rows.hours, totals.operating_s, now_s)),
+            "energy_kwh": self._own_or(self._rows.energy, energy_kwh, now_s),
+            "starts_total": totals.starts,
+            "trips_total": totals.trips.total(),
+            "trips_by_code": " ".join(f"{code}:{count}" for code, count in trips),
+            **{f"hours_{name}": _hours(s) if has_load else None for name, s in totals.bands_s.items()},
+        }
+        return values | self._limits(now_s)
+
+    def _own_or(self, code: str, ours: float | None, now_s: float) -> float | None:
+        """Return the starter's own count; ours where it has or gives none, None while that is not known."""
+        own = self._own.get(code)
+        if not code or (own is None and self._own_s is not None):
+            return ours
+        return own[1] if own is not None and now_s - own[0] <= OWN_VALID_S else None
+
+    def _limits(self, now_s: float) -> dict[str, Value]:
+        policy = self._here.policy
+        if policy is None:
+            return {}
+        since_s = policy.motor_history.standing_since(self._name)
+        starts_s = policy.motor_history.starts_since(self._name, now_s - HOUR_S)
+        rules = policy.settings.rules.get(self._name, NO_RULES)
+        limits = StartLimits(
+            starts_per_hour=rules.starts_per_hour,
+            after_stop_s=max(rules.minimum_pause_s, self._setting(self._rows.after_stop)),
+            between_starts_s=self._setting(self._rows.between_starts),
+        )
+        left = starts_left(limits, starts_s, now_s=now_s)
+        self._announce(left)
+        pause_s = pause_left_s(limits, starts_s, standing_since_s=since_s, now_s=now_s)
+        restart_s = None
+        if self._thermal is not None and self._state in STANDING:
+            restart_s = self._thermal.restart_in_s(now_s)
+        return {
+            "starts_left": left,
+            "pause_left_s": float(round(pause_s)),
+            "standstill_s": 0.0 if since_s is None else float(round(now_s - since_s)),
+            "restart_in_s": None if restart_s is None else float(round(restart_s)),
+        }
+
+    def _setting(self, code: str) -> float:
+        return self._own[code][1] if code in self._own else 0.0
+
+    def _announce(self, left: int | None) -> None:
+        """Publish once that one start is left, when it was more."""
+        before, self._left = self._left, left
+        if left == 1 and before is not None and before > 1:
+            text = "one start is left in this hour: after it the motor must wait"
+            self._records.event(self._name, ONE_LEFT, Severity.WARNING, text)
+
+
+def _hours(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds / HOUR_S, 3)

@@ -1,0 +1,106 @@
+"""From the readings, states and events of one starter to the record of each trip.
+
+1. Every good reading goes into the ring. A fault is a trip once its event comes: two readings have shown it.
+2. The moment of the trip is the first reading that showed the fault, on the steady clock: no step of the
+   wall clock moves it.
+3. The record waits for what is read of the starter after the trip (`add_fault_data`), for the fault's
+   number and for `AFTER_S` of readings; no longer than `LATEST_S`.
+4. Another trip while one waits finishes the first one as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gateway.plugins.history.ring import ReadingRing
+from gateway.plugins.history.trip_record import TripSnapshot, fitted
+
+AFTER_S = 2.0  # of readings that follow the trip
+LATEST_S = 15.0  # after which it is published with what is known
+FAULT = "fault"  # the point; also the alarm as long as its number is not known
+
+
+@dataclass(slots=True)
+class _OpenTrip:
+    trip: TripSnapshot
+    at_s: float  # the trip
+    due_s: float  # the earliest
+    latest_s: float
+    is_read: bool = False
+
+
+@dataclass(slots=True)
+class TripRecorder:
+    """The trips of one starter; `now_s` is on the steady clock."""
+
+    has_numbers: bool = True  # the family numbers its faults: a record waits for the number
+    ring: ReadingRing = field(default_factory=ReadingRing)
+    _active: dict[str, str] = field(default_factory=dict)  # fault alarms by code: what they mean
+    _pending: _OpenTrip | None = None
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether a trip is under way."""
+        return self._pending is not None
+
+    def note_alarm(self, code: str, text: str, *, is_active: bool) -> None:
+        """Record that a fault with this code has come or gone; two readings have shown it."""
+        if not is_active:
+            self._active.pop(code, None)
+            return
+        self._active[code] = text
+        pending = self._pending
+        if pending is not None and pending.trip.code == FAULT and code != FAULT:
+            pending.trip = replace(pending.trip, code=code, text=text)
+
+    def note_fault(
+        self,
+        *,
+        id_: str,
+        boot: str,
+        seq: int,
+        time: str | None,
+        text: str,
+        state_before: str | None,
+        now_s: float,
+        code: str | None = None,
+    ) -> TripSnapshot | None:
+        """Begin the record of a trip; return the one that was under way until now, if any.
+
+        `code` is None where the fault's number is not known yet, or the family has none.
+        """
+        unfinished = self.take()
+        if code is None:
+            code = next((active for active in self._active if active != FAULT), FAULT)
+            text = self._active.get(code, text)
+        trip = TripSnapshot(id_, time, boot, seq, code, text, state_before)
+        began_s = self.ring.began_s(FAULT)
+        at_s = now_s if began_s is None else began_s
+        self._pending = _OpenTrip(trip, at_s, now_s + AFTER_S, now_s + LATEST_S)
+        return unfinished
+
+    def add_fault_data(
+        self, at_fault: Mapping[str, Mapping[str, Any]], history: Sequence[Mapping[str, Any]]
+    ) -> None:
+        """Add what was read of the starter after the trip; empty where it gives or answers nothing."""
+        if self._pending is not None:
+            trip = self._pending.trip
+            self._pending.trip = replace(trip, at_fault=dict(at_fault), fault_history=tuple(history))
+            self._pending.is_read = True
+
+    def take_due(self, now_s: float) -> TripSnapshot | None:
+        """Return the record that is finished now; None while there is nothing to publish."""
+        pending = self._pending
+        if pending is None or now_s < pending.due_s:
+            return None
+        is_whole = pending.is_read and (pending.trip.code != FAULT or not self.has_numbers)
+        return self.take() if is_whole or now_s >= pending.latest_s else None
+
+    def take(self) -> TripSnapshot | None:
+        """Return the trip under way as far as it is known, and forget it; None when there is none."""
+        pending, self._pending = self._pending, None
+        if pending is None:
+            return None
+        return fitted(replace(pending.trip, readings=self.ring.around(pending.at_s)))

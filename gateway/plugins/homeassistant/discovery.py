@@ -1,0 +1,65 @@
+"""Makes the discovery messages: one retained message for each starter, and one for the gateway.
+
+Device-based discovery, from Home Assistant 2024.11 on. Versions before 2026.11 refuse a whole device for one
+key at the root that they do not know, and ignore unknown keys of a component: so the root has only what these
+know, and `qos` stands in each component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.contract import encoded
+from gateway.mqtt.message import Message
+from gateway.plugins.homeassistant.entities import available, gateway_entities, starter_entities
+from gateway.plugins.homeassistant.site_facts import SiteFacts
+
+PRODUCT = "starter-gateway"
+
+
+def starter_message(facts: SiteFacts, starter: str, info: Mapping[str, Any]) -> Message:
+    """Return the discovery of a starter; `info` is what its retained topic says."""
+    maker, _, kind = facts.starters[starter].title.partition(" ")
+    device = {
+        "identifiers": [facts.object_id(starter)],
+        "name": starter,
+        "manufacturer": maker,
+        "model": info.get("model") or kind,
+        "serial_number": info.get("serial"),
+        "sw_version": info.get("firmware"),
+        "hw_version": info.get("hardware"),
+        "via_device": facts.gateway_id,
+        "configuration_url": facts.page_url,
+    }
+    components = starter_entities(facts, starter, info.get("points") or {})
+    return _message(facts, starter, device, components, available(facts, starter))
+
+
+def gateway_message(facts: SiteFacts) -> Message:
+    """Return the discovery of the gateway itself, which is shown while it is away, too."""
+    device = {
+        "identifiers": [facts.gateway_id],
+        "name": facts.gateway,
+        "manufacturer": PRODUCT,
+        "model": "Gateway for soft-starters",
+        "sw_version": facts.version,
+        "configuration_url": facts.page_url,
+    }
+    return _message(facts, "", device, gateway_entities(facts), {})
+
+
+def _message(
+    facts: SiteFacts,
+    starter: str,
+    device: Mapping[str, Any],
+    components: Mapping[str, Any],
+    availability: Mapping[str, Any],
+) -> Message:
+    fields = {
+        "device": {key: value for key, value in device.items() if value},
+        "origin": {"name": PRODUCT, "sw_version": facts.version},
+        "components": components,
+        **availability,
+    }
+    return Message(facts.config_topic(starter), encoded(fields), qos=1, retain=True)

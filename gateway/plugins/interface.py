@@ -1,0 +1,130 @@
+"""What a plugin is, and the gateway as plugins see it."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from gateway.config.schema import Config
+from gateway.contract import Latest, PublishEvent, Record, RecordWriter
+from gateway.line.client import LineClient
+from gateway.mqtt.message import Message
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.commands.submit import Commands
+from gateway.starters.policy.freshness import Tokens
+from gateway.starters.policy.policy import Policy
+from gateway.starters.telemetry.view import StarterControlView
+from gateway.storage.history_table import HistoryRow
+from gateway.system.clock import Clock
+from gateway.system.stalls import LagMeter
+from gateway.system.supervised import InThread
+
+
+class Plugin(Protocol):
+    """A plugin while it runs; all calls on the app's loop."""
+
+    def put(self, record: Record) -> None:
+        """Take a record; of values only the newest, all else in order; returns at once."""
+
+    def reconfigure(self, settings: Any, /) -> None:
+        """Go on with other settings."""
+
+    async def run(self) -> None:
+        """Serve until cancelled, then end in order."""
+
+
+class PluginSite(Protocol):
+    """The configuration with what was read and computed from it."""
+
+    @property
+    def config(self) -> Config:
+        """The configuration."""
+
+    @property
+    def folder(self) -> Path:
+        """The configuration's: relative paths begin there."""
+
+    @property
+    def path(self) -> Path | None:
+        """The configuration's file."""
+
+    @property
+    def state_dir(self) -> Path:
+        """Where the gateway stores what the next run needs."""
+
+    @property
+    def computed(self) -> Mapping[str, Mapping[str, Any]]:
+        """By line its computed worst-case statistics."""
+
+    @property
+    def password(self) -> str | None:
+        """Of the broker."""
+
+    @property
+    def metrics_token(self) -> str | None:
+        """What a scrape must carry."""
+
+    @property
+    def sparkplug_password(self) -> str | None:
+        """Of Sparkplug's broker."""
+
+
+class ShownStarter(StarterControlView, Protocol):
+    """One starter, as plugins see it."""
+
+    @property
+    def state(self) -> str:
+        """The one word for what it does."""
+
+
+class Mqtt(Protocol):
+    """The gateway's connection to its broker, for messages of a plugin's own."""
+
+    def announce(self, message: Message) -> None:
+        """Publish a message on a topic that is none of the gateway's own."""
+
+    def retained(self, topic: str) -> Message | None:
+        """Return the newest message of a retained topic; None once the broker has been made to forget it."""
+
+    def listen(self, topic: str, on_message: Callable[[bytes], None]) -> None:
+        """Have the payloads of one more topic; none of them is ever a command."""
+
+    def unlisten(self, topic: str) -> None:
+        """Take no more messages of a topic of `listen`."""
+
+    def is_connected(self) -> bool:
+        """Return whether messages go out now."""
+
+    def facts(self) -> dict[str, Any]:
+        """Return how the gateway and its connection are, by Sparkplug's names."""
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what waits for the broker."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gateway:
+    """The gateway as its plugins see it; on the app's loop."""
+
+    name: str
+    clock: Clock
+    records: RecordWriter
+    publish_event: PublishEvent
+    latest: Latest
+    commands: Commands
+    dispatcher: Dispatcher  # what would be refused now
+    tokens: Tokens
+    policy: Policy
+    starters: Mapping[str, ShownStarter]
+    lines: Callable[[], Mapping[str, LineClient]]  # those of the present configuration
+    mqtt: Mqtt
+    started_s: float  # UTC
+    clock_doubt: Callable[[], str | None]
+    progress: Callable[[], Mapping[str, int]]  # of the lines' loops
+    loops: Mapping[str, LagMeter]
+    stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]]  # of a starter's history
+    plugin: Callable[[str], Plugin | None]  # another one that runs now, by its name
+    make_web_server: Callable[..., Any] | None
+    in_thread: InThread

@@ -1,0 +1,191 @@
+"""Whether a request may be answered at all: whom it calls and where it comes from; pure.
+
+1. The name by which the page is called must be its own (DNS rebinding): an address of the connection,
+   localhost, or a configured name.
+2. What changes something must come from the page itself: POST, JSON, `Origin` equal to the page, and no
+   browser that says otherwise (`Sec-Fetch-Site`).
+3. Headers of a proxy count only from a configured one.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from gateway.plugins.web.interface import WebSettings
+
+Header = tuple[bytes, bytes]
+
+CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "font-src 'self'; manifest-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+MAX_HEADER_BYTES = 8192
+_WEIGHT = re.compile(r"[01](\.\d{0,3})?", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who asks, and by which name and scheme the browser sees the page."""
+
+    address: str  # of the browser, as far as a trusted proxy says so
+    host: str  # as in the Host header, perhaps with a port
+    scheme: str  # http or https
+
+    @property
+    def is_tls(self) -> bool:
+        """Return whether the browser speaks TLS, to the page or to its proxy."""
+        return self.scheme == "https"
+
+
+def headers_of(headers: Iterable[Header]) -> dict[str, str]:
+    """Return the headers by lower-case name; of one that comes twice the values, joined by commas."""
+    found: dict[str, str] = {}
+    for name, value in headers:
+        key, text = name.decode("latin-1").lower(), value.decode("latin-1")
+        found[key] = f"{found[key]},{text}" if key in found else text
+    return found
+
+
+def caller_of(settings: WebSettings, headers: Mapping[str, str], *, peer: str, scheme: str) -> Caller:
+    """Return who asks; what a proxy adds counts only when `peer` is a trusted one."""
+    host = headers.get("host", "")
+    if not is_trusted(settings.trusted_proxies, peer):
+        return Caller(peer, host, scheme)
+    forwarded = [each.strip() for each in headers.get("x-forwarded-for", "").split(",") if each.strip()]
+    strangers = [each for each in reversed(forwarded) if not is_trusted(settings.trusted_proxies, each)]
+    address = strangers[0] if strangers and _is_address(strangers[0]) else peer
+    proto = headers.get("x-forwarded-proto", scheme).strip().lower()
+    scheme = proto if proto in ("http", "https") else scheme
+    return Caller(address, headers.get("x-forwarded-host", host).strip(), scheme)
+
+
+def is_trusted(proxies: Sequence[str], peer: str) -> bool:
+    """Return whether an address is one of these, or in one of these networks."""
+    if not proxies or not _is_address(peer):
+        return False
+    address = ipaddress.ip_address(peer)
+    return any(address in ipaddress.ip_network(each, strict=False) for each in proxies)
+
+
+def is_own_host(settings: WebSettings, host: str, *, local: str) -> bool:
+    """Return whether the page may be called so; `local` is the connection's address on this side."""
+    name = _name_in(host)
+    if name is None:
+        return False
+    names = {each.lower().rstrip(".") for each in settings.hosts}
+    if _is_address(name):
+        own = {_plain(local), _plain(settings.host)} if _is_address(local) else {_plain(settings.host)}
+        return _plain(name) in own or name in names
+    return name in ("localhost", *names)
+
+
+def cross_site(headers: Mapping[str, str], caller: Caller) -> str:
+    """Return why a request that changes something does not come from the page itself; empty when it may."""
+    site = headers.get("sec-fetch-site", "same-origin").strip().lower()
+    if site != "same-origin":
+        return f"the browser says that it comes from {site[:20]}, not from this page"
+    if headers.get("origin", "").strip().lower() != f"{caller.scheme}://{caller.host}".lower():
+        return "its Origin is not this page; behind a proxy, name it in trusted_proxies and hand Host on"
+    return ""
+
+
+def scrape_refusal(headers: Mapping[str, str], caller: Caller, token: str | None) -> str:
+    """Return why a scrape is not answered; empty when it may be.
+
+    With a token that alone counts, wherever the scrape comes from. Without one it must come from this machine
+    or by TLS: what the page shows then crosses no network unencrypted.
+    """
+    if token is not None:
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        is_right = hmac.compare_digest(given.strip().encode("utf-8", "replace"), token.encode("utf-8"))
+        return "" if scheme.lower() == "bearer" and is_right else "send Authorization: Bearer TOKEN"
+    is_address = _is_address(caller.address)
+    if caller.is_tls or (is_address and ipaddress.ip_address(_plain(caller.address)).is_loopback):
+        return ""
+    return "from other machines by TLS only, or with token_file in [metrics]"
+
+
+def is_json(headers: Mapping[str, str]) -> bool:
+    """Return whether a body calls itself JSON, which no form of another page can."""
+    return headers.get("content-type", "").split(";")[0].strip().lower() == "application/json"
+
+
+def takes_gzip(accepted: str) -> bool:
+    """Return whether an Accept-Encoding allows gzip: its own weight, else that of * [RFC 9110 12.5.3]."""
+    weights: dict[str, float] = {}
+    for each in accepted.lower().split(","):
+        coding, *parameters = (part.strip() for part in each.split(";"))
+        weight = next((part[2:] for part in parameters if part.startswith("q=")), "1")
+        weights[coding] = float(weight) if _WEIGHT.fullmatch(weight) else 0.0
+    return weights.get("gzip", weights.get("x-gzip", weights.get("*", 0.0))) > 0.0
+
+
+def cookie(headers: Mapping[str, str], name: str) -> str:
+    """Return a cookie's value; empty when it is not there, or there twice."""
+    values = [
+        value.strip()
+        for each in headers.get("cookie", "").replace(",", ";").split(";")
+        for key, sign, value in [each.partition("=")]
+        if sign and key.strip() == name
+    ]
+    return values[0] if len(values) == 1 else ""
+
+
+def cookie_name(caller: Caller) -> str:
+    """Return the session cookie's name; with TLS one that no other site of the domain can set."""
+    return "__Host-sid" if caller.is_tls else "sid"
+
+
+def set_cookie(caller: Caller, secret: str, *, base_path: str) -> str:
+    """Return the Set-Cookie header that begins a session, or with an empty secret ends it."""
+    path, secure = ("/", "; Secure") if caller.is_tls else (base_path, "")
+    ended = "" if secret else "; Max-Age=0"
+    return f"{cookie_name(caller)}={secret}; Path={path}; HttpOnly; SameSite=Strict{secure}{ended}"
+
+
+def security_headers(caller: Caller | None) -> list[Header]:
+    """Return what every answer says, whatever it is."""
+    headers = [
+        (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
+        (b"x-content-type-options", b"nosniff"),
+        (b"x-frame-options", b"DENY"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cross-origin-opener-policy", b"same-origin"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+        (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
+    ]
+    if caller is not None and caller.is_tls:
+        headers.append((b"strict-transport-security", b"max-age=31536000"))
+    return headers
+
+
+def _name_in(host: str) -> str | None:
+    """Return the name or address in a Host header, in lower case; None for one that is none."""
+    if not host or "," in host or "@" in host or "/" in host:
+        return None
+    try:
+        split = urlsplit(f"//{host}")
+        _ = split.port
+    except ValueError:
+        return None
+    return split.hostname.rstrip(".") if split.hostname else None
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _plain(address: str) -> str:
+    """Return an address in its usual form; an IPv4 one that came through an IPv6 socket as IPv4."""
+    plain = ipaddress.ip_address(address)
+    mapped = plain.ipv4_mapped if isinstance(plain, ipaddress.IPv6Address) else None
+    return str(mapped or plain)
