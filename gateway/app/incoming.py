@@ -6,8 +6,8 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from gateway.contract import CommandAddress, CommandRequest, PublishEvent, Severity, Topics, shortened
-from gateway.mqtt.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
+from gateway.contract import CommandAddress, CommandRequest, EventCode, PublishEvent, Topics, shortened
+from gateway.mqtt.commands import CommandParser, Incoming, Rejection
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import Moment, Tokens
 from gateway.system.clock import Clock, ClockWatch
@@ -82,12 +82,14 @@ class IncomingCommands:
         )
 
     def _publish_malformed(self, malformed: Mapping[str, Any], count: int) -> None:
-        which = (
-            f"{count} more messages came on malformed command topics, the last" if count else "a message came"
+        self._publish_event(
+            EventCode.MALFORMED_TOPIC,
+            "several" if count else "one",
+            problem=malformed["problem"],
+            topic=malformed["topic"],
+            count=max(count, 1),
+            why=malformed["text"],
         )
-        text = f"{which} on {malformed['topic']}: {malformed['text']}"
-        data = {"problem": malformed["problem"], "topic": malformed["topic"], "count": max(count, 1)}
-        self._publish_event(MALFORMED_TOPIC, Severity.WARNING, text, data)
 
     def _freshness_of(self, address: CommandAddress) -> tuple[str, ...]:
         return self._dispatcher.freshness(address.client, verb=address.verb, starter=address.starter)
@@ -96,13 +98,11 @@ class IncomingCommands:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
         self._boot.stood_still(self._suspend_watch.ended_s())
         self._restate()
-        text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
-        self._publish_event("stood_still", Severity.WARNING, text)
+        self._publish_event(EventCode.STOOD_STILL, seconds=seconds)
 
     def _note_clock(self, step: str | None) -> None:
         """Publish a step of the clock, and that it counts again."""
         if step is None:
-            self._publish_event("clock_trusted", Severity.INFO, "the clock is steady: issued_at counts again")
+            self._publish_event(EventCode.CLOCK_TRUSTED)
         else:
-            text = f"{step}: issued_at does not count for {SETTLED_S:g} s"
-            self._publish_event("clock_stepped", Severity.WARNING, text)
+            self._publish_event(EventCode.CLOCK_STEPPED, step=step, seconds=SETTLED_S)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
@@ -27,7 +27,7 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
-from gateway.contract import RecordBus, RecordWriter, Severity
+from gateway.contract import EventCode, PublishEvent, RecordBus, RecordWriter, Severity
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -60,6 +60,7 @@ class Parts:
         self._tokens = Tokens(self._boot)
         self._bus = RecordBus(log_failure)
         self._records = RecordWriter(self._bus, self.clock, boot=self._boot.run)
+        self.publish_event: PublishEvent = partial(self._records.event, "")  # of the gateway's own
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
         self.latest = LatestRecords(self.uplink.publisher.values)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
@@ -106,12 +107,6 @@ class Parts:
             *self.integrations,
         )
 
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
-    ) -> None:
-        """Publish an event of the gateway's own."""
-        self._records.event("", code, severity, text, data)
-
     def forget(self, starters: Sequence[str]) -> None:
         """Have the broker delete what it retains of starters."""
         self.uplink.publisher.forget(*starters)
@@ -145,11 +140,11 @@ class Parts:
     def _build_watchdogs(self) -> KnownWatchdogs:
         def note_trouble(trouble: str) -> None:
             if trouble:
-                text = f"the starters' watchdogs cannot be saved for the next run: {trouble}"
-                self.publish_event("memory_away", Severity.WARNING, text)
+                self.publish_event(
+                    EventCode.MEMORY_AWAY, "watchdogs", severity=Severity.WARNING, trouble=trouble
+                )
             else:
-                text = "the starters' watchdogs are saved again"
-                self.publish_event("memory_back", Severity.INFO, text)
+                self.publish_event(EventCode.MEMORY_BACK, "watchdogs")
 
         return KnownWatchdogs(
             memory=self.files.watchdogs, in_thread=asyncio.to_thread, on_trouble=note_trouble

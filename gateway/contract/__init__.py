@@ -4,6 +4,7 @@ A record is its payload; `docs/reference` and asyncapi.yaml are generated from h
 """
 
 from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, SequenceNumbers, Sink
+from gateway.contract.events import EVENTS, Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded
 from gateway.contract.records import (
     AlarmRecord,
@@ -65,6 +66,7 @@ __all__ = [
     "BASELINE",
     "CANCEL",
     "CONTRACT_VERSION",
+    "EVENTS",
     "LEVEL",
     "LINE",
     "LOCK",
@@ -78,6 +80,8 @@ __all__ = [
     "AvailabilityRecord",
     "CommandAddress",
     "CommandRequest",
+    "Event",
+    "EventCode",
     "EventRecord",
     "FreshRecord",
     "GatewayRecord",
@@ -108,9 +112,11 @@ __all__ = [
     "TripRecord",
     "ValueRecord",
     "encoded",
+    "event_of",
     "history_item",
     "is_level",
     "json_schema",
+    "phrase",
     "read_object",
     "rfc3339",
     "shortened",

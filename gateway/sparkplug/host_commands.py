@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.contract import PublishEvent, Severity, shortened
+from gateway.contract import EventCode, PublishEvent, shortened
 from gateway.mqtt.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
 from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
@@ -114,8 +114,14 @@ class HostCommands:
 
     def _refuse(self, unread: _Unread, count: int) -> None:
         text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
-        data = {"starter": unread.starter, "code": unread.code, "count": max(count, 1)}
-        self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
+        self._publish_event(
+            EventCode.DCMD_REFUSED,
+            "several" if count else "one",
+            starter=unread.starter,
+            code=unread.code,
+            count=max(count, 1),
+            why=unread.text,
+        )
         if unread.code == UNKNOWN:
             return  # no metric and no topic of such a starter could show a result
         self._reject(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.app.history.part import HistoryPart, Surroundings
-from gateway.contract import EventRecord, Record, TripRecord, rfc3339
+from gateway.contract import EventCode, EventRecord, Record, TripRecord, rfc3339
 from gateway.history.readings import Readings
 from gateway.history.trip_record import STORED, TripSnapshot
 from gateway.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
@@ -34,10 +34,10 @@ class TripPart(HistoryPart):
         """Begin a record at a fault; remember which faults are active."""
         if not isinstance(record, EventRecord):
             return
-        if record.code in ("alarm", "cleared") and record.data.get("severity") == "fault":
+        if record.code in (EventCode.ALARM, EventCode.CLEARED) and record.data.get("severity") == "fault":
             code = str(record.data.get("alarm"))
-            self._recorder.note_alarm(code, record.text, is_active=record.code == "alarm")
-        elif record.code == "fault":
+            self._recorder.note_alarm(code, record.text, is_active=record.code is EventCode.ALARM)
+        elif record.code is EventCode.FAULT:
             self._begin(record)
 
     def note_fault_data(

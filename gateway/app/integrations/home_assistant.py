@@ -191,7 +191,7 @@ def home_assistant_integration(host: IntegrationHost, *, announcer: Publisher, u
     """Return Home Assistant's discovery, which runs with the table, and until all is deleted without."""
     seed = secrets.randbits(32)
     make = partial(HomeAssistantService, announcer=announcer, uplink=uplink, clock=host.clock, seed=seed)
-    return Integration("home-assistant", host, is_wanted=is_wanted, load=lambda: make, missing="")
+    return Integration("home-assistant", host, is_wanted=is_wanted, load=lambda: make)
 
 
 def is_wanted(site: Site) -> bool:

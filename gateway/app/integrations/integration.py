@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gateway.app.site import Site
-from gateway.contract import PublishEvent, Record, Severity
+from gateway.contract import Event, PublishEvent, Record
 from gateway.system.clock import Clock
 from gateway.system.supervised import RESTART_PAUSE_S, InThread, until_first
 
@@ -66,7 +66,7 @@ class Integration:
         *,
         is_wanted: Callable[[Site], bool],
         load: Load,
-        missing: str,
+        missing: Event | None = None,
         settings_of: Callable[[Site], Any] = lambda site: site,
     ) -> None:
         self.name = name
@@ -124,8 +124,10 @@ class Integration:
         try:
             make = await self._host.in_thread(self._load)
         except ImportError as error:
-            log.error("%s (%s)", self._missing, error)  # noqa: TRY400 - what is missing says it all
-            self._host.publish_event(f"{self.name}_away", Severity.ERROR, self._missing, {})
+            if self._missing is None:
+                raise
+            log.error("%s (%s)", self._missing.text, error)  # noqa: TRY400 - what is missing says it all
+            self._host.publish_event(self._missing)
             return False
         if not self._is_wanted(self._site):
             return True

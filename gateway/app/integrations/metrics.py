@@ -13,7 +13,7 @@ from gateway.app.integrations.integration import Integration, IntegrationHost, I
 from gateway.app.plant import Plant
 from gateway.app.site import Site
 from gateway.config.schema import Verb
-from gateway.contract import CONTRACT_VERSION, LockRecord, Severity
+from gateway.contract import CONTRACT_VERSION, EventCode, LockRecord, Severity, event_of
 from gateway.families.devices.device import unnumbered
 from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.metrics.scrape import (
@@ -27,7 +27,7 @@ from gateway.mqtt.outbox.outbox import Outbox
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
 
-NOT_INSTALLED = "metrics need a package that is not here: pip install 'starter-gateway[metrics]'"
+NOT_INSTALLED = event_of(EventCode.METRICS_AWAY, "missing", severity=Severity.ERROR)
 VERBS = frozenset(get_args(Verb)) - {"*"}
 
 
@@ -93,10 +93,9 @@ def metrics_integration(host: IntegrationHost, source: MetricsSource) -> Integra
 
     def note_trouble(trouble: str) -> None:
         if trouble:
-            text = f"the metrics' file cannot be written: {trouble}"
-            host.publish_event("metrics_away", Severity.WARNING, text, {})
+            host.publish_event(EventCode.METRICS_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble)
         else:
-            host.publish_event("metrics_back", Severity.INFO, "the metrics' file is written again", {})
+            host.publish_event(EventCode.METRICS_BACK)
 
     def load() -> Callable[[MetricsSettings], IntegrationService]:
         module = importlib.import_module("gateway.metrics.service")

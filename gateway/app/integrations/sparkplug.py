@@ -16,7 +16,7 @@ from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
-from gateway.contract import Record, Topics
+from gateway.contract import EventCode, Record, Severity, Topics, event_of
 from gateway.mqtt.commands import Incoming, Rejection
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.sparkplug.settings import SparkplugSettings
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gateway.sparkplug.service import SparkplugLink, SparkplugParts
 
 NAME = "sparkplug"
-NOT_INSTALLED = "Sparkplug needs a package that is not here: pip install 'starter-gateway[sparkplug]'"
+NOT_INSTALLED = event_of(EventCode.SPARKPLUG_AWAY, "missing", severity=Severity.ERROR)
 FOLDER, NUMBERS_FILE = "sparkplug", "bdseq.json"  # in state_dir
 LARGEST_PACKET = 8192  # bytes: what a host may ask has half of it, topic and properties the rest
 
