@@ -74,7 +74,7 @@ class RecordCounts:
             case TripRecord():
                 self._trips[record.starter, str(record.data.get("code", ""))] += 1
             case EventRecord():
-                if record.code is EventCode.START_DRIFT:
+                if record.code == EventCode.START_DRIFT:
                     self._drifts[record.starter] += 1
             case _:
                 pass  # the state itself is read at each scrape

@@ -111,7 +111,7 @@ def test_a_text_and_the_data_are_made_of_the_fields() -> None:
     assert event_of(EventCode.WENT_SILENT, reason="no reply", frames=["00"]) == Event(
         EventCode.WENT_SILENT,
         Severity.WARNING,
-        "the starter has stopped answering: no reply",
+        "the starter went silent: no reply",
         {"reason": "no reply", "frames": ["00"]},
     )
     assert phrase(EventCode.GAP, "loss", count=3, kind="value", reason="full") == "3 of kind value (full)"

@@ -18,6 +18,6 @@ class SettingsPart(HistoryPart):
 
     def take_record(self, record: Record) -> None:
         """Store a changed setting within a few seconds."""
-        if isinstance(record, EventRecord) and record.code is EventCode.PARAMETER_CHANGED:
+        if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
             data = {"time": rfc3339(record.time_s), **record.data}
             self._put(KIND, f"{self._here.boot}-{record.seq}", data, limit=STORED)

@@ -36,8 +36,8 @@ class TripPart(HistoryPart):
             return
         if record.code in (EventCode.ALARM, EventCode.CLEARED) and record.data.get("severity") == "fault":
             code = str(record.data.get("alarm"))
-            self._recorder.note_alarm(code, record.text, is_active=record.code is EventCode.ALARM)
-        elif record.code is EventCode.FAULT:
+            self._recorder.note_alarm(code, record.text, is_active=record.code == EventCode.ALARM)
+        elif record.code == EventCode.FAULT:
             self._begin(record)
 
     def note_fault_data(

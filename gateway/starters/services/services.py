@@ -81,7 +81,7 @@ class StarterServices:
 
     def put(self, record: Record) -> None:
         """Remember what a command sets; ask a starter that has tripped for what it says of it."""
-        if isinstance(record, EventRecord) and record.code is EventCode.FAULT:
+        if isinstance(record, EventRecord) and record.code == EventCode.FAULT:
             tripped = self._services.get(record.starter)
             if tripped is not None and tripped.past is not None:
                 tripped.past.read_fault()
