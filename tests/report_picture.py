@@ -37,7 +37,7 @@ PUBLISHED: dict[str, dict[str, Any]] = {
         },
         "cable": {
             "texts": [
-                "errors only from cooling-fan-2 (address 7) on: look at the cable after cooling-fan-1 "
+                "errors from cooling-fan-2 (address 7) on: check the cable after cooling-fan-1 "
                 "(address 6) (2.4 % of 1180 replies in 10 min: 22 corrupted, 6 lost)"
             ],
             "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},

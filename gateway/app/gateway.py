@@ -17,7 +17,7 @@ from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.config.convert import policy_of, rights_of, setups_in
 from gateway.config.diff import ConfigChanges, changes_of, fixed
-from gateway.contract import Severity
+from gateway.contract import EventCode
 from gateway.errors import ConfigError
 from gateway.system.supervised import keep_running
 
@@ -88,10 +88,9 @@ class App:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""
         parts = self._parts
         limits_s = {setup.name: parts.watchdogs.limit_s(setup) for setup in setups_in(parts.site.config)}
-        text, data = await asyncio.to_thread(
-            announcement, reason, parts.site.prospects, limit_of=limits_s.get
+        parts.publish_event(
+            await asyncio.to_thread(announcement, reason, parts.site.prospects, limit_of=limits_s.get)
         )
-        parts.publish_event("stopping", Severity.WARNING if data["too_short"] else Severity.INFO, text, data)
 
     async def change(self, site: Site) -> int:
         """Apply another site and return how many starters that has ended or replaced.
@@ -109,8 +108,7 @@ class App:
         await self._is_up.wait()
         await parts.dispatcher.settle(changes.starters_gone, within_s=SETTLE_S)
         ended = self._apply(site, changes)
-        text = "the new configuration is in force"
-        parts.publish_event("reloaded", Severity.INFO, text, changes.to_dict())
+        parts.publish_event(EventCode.RELOADED, **changes.to_dict())
         await ended
         await parts.uplink.move(site)
         return len(changes.starters_gone)

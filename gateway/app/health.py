@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from gateway.contract import LineRecord, PublishEvent, Severity, Sink
+from gateway.contract import Event, EventCode, LineRecord, PublishEvent, Severity, Sink, event_of
 from gateway.line.cable import CableHealth, WiredStarter
 from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
@@ -58,22 +58,21 @@ class Saturation:
 class WatchdogAlarm:
     """Watches one line's `watchdogs` statistics; a change is reported once."""
 
-    def __init__(self) -> None:
+    def __init__(self, line: str) -> None:
+        self._line = line
         self._is_full = False  # the watchdogs need more than there is
         self._missed: dict[int, HoldOff] = {}  # by unit
 
-    def take(self, statistics: Mapping[str, float | int], now_s: float) -> str | None:
+    def take(self, statistics: Mapping[str, float | int], now_s: float) -> Event | None:
         """Return what is wrong when that is news, None otherwise."""
         load, share, unit = statistics["load"], statistics["longest_share"], int(statistics["unit"])
         was_full, self._is_full = self._is_full, load > 1.0
-        text: str | None = None
+        is_missed = share >= 1.0 and self._missed.setdefault(unit, HoldOff(QUIET_S)).sounds(now_s)
         if self._is_full and not was_full:
-            text = f"the starters' watchdogs need {load:.0%} of its time: not all can be served in time"
-        if share >= 1.0 and self._missed.setdefault(unit, HoldOff(QUIET_S)).sounds(now_s):
-            text = (
-                text or f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
-            )
-        return text
+            return event_of(EventCode.WATCHDOG_UNKEPT, "overload", line=self._line, load=load)
+        if is_missed:
+            return event_of(EventCode.WATCHDOG_UNKEPT, "missed", line=self._line, unit=unit, share=share)
+        return None
 
 
 class Health:
@@ -233,20 +232,18 @@ class Health:
                 continue
             is_full = saturation.take(statistics.get("utilisation", 0.0), now_s)
             if is_full:
-                text = f"line {line.name}: no time to spare for {FOR_S:g} s, values come late"
-                self._publish_event("line_saturated", Severity.WARNING, text)
+                self._publish_event(EventCode.LINE_SATURATED, line=line.name, seconds=FOR_S)
             elif is_full is not None:
-                self._publish_event(
-                    "line_relieved", Severity.INFO, f"line {line.name}: has time to spare again"
-                )
+                self._publish_event(EventCode.LINE_RELIEVED, line=line.name)
 
     def _check_watchdogs(self, line: str, statistics: Mapping[str, Any], now_s: float) -> None:
         """Publish which watchdogs this line does not serve in time, those read from the starters included."""
         if "watchdogs" not in statistics:
             return
-        text = self._watchdog_alarms.setdefault(line, WatchdogAlarm()).take(statistics["watchdogs"], now_s)
-        if text is not None:
-            self._publish_event("watchdog_unkept", Severity.ERROR, f"line {line}: {text}")
+        alarm = self._watchdog_alarms.setdefault(line, WatchdogAlarm(line))
+        unkept = alarm.take(statistics["watchdogs"], now_s)
+        if unkept is not None:
+            self._publish_event(unkept)
 
     def _publish_statistics(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
@@ -263,9 +260,9 @@ class Health:
             return {}
         changes = cable.take(statistics, asyncio.get_running_loop().time())
         for text in changes.appeared:
-            self._publish_event("cable", Severity.WARNING, f"line {line}: {text}")
+            self._publish_event(EventCode.CABLE, "found", severity=Severity.WARNING, line=line, finding=text)
         for text in changes.gone:
-            self._publish_event("cable", Severity.INFO, f"line {line}: no longer: {text}")
+            self._publish_event(EventCode.CABLE, "gone", severity=Severity.INFO, line=line, finding=text)
         return {"cable": cable.to_dict()}
 
 
@@ -282,8 +279,8 @@ class _LagWatch:
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
-        text = f"{self._what} was {worst_s:.3f} s late"
         if worst_s > (self.shortest_watchdog_s or float("inf")) / 3 and self._alarm.sounds(now_s):
-            self._publish_event("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
+            self._publish_event(EventCode.LAG, loop=self._what, late_s=worst_s)
         if worst_s > LAG_WARNS_S and self._warning.sounds(now_s):
-            log.warning("%s; it is logged once, the worst is in the line's statistics", text)
+            text = "%s was %.3f s late; it is logged once, the worst is in the line's statistics"
+            log.warning(text, self._what, worst_s)

@@ -6,9 +6,9 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.contract import PublishEvent, Severity, Topics, shortened
+from gateway.contract import EventCode, PublishEvent, Topics, shortened
 from gateway.errors import CommandError
-from gateway.mqtt.commands import MALFORMED_TOPIC, Incoming, Rejection, command_in
+from gateway.mqtt.commands import Incoming, Rejection, command_in
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
 from gateway.system.clock import Clock
@@ -66,9 +66,11 @@ class IncomingCommands:
         )
 
     def _publish_malformed(self, malformed: Mapping[str, Any], count: int) -> None:
-        which = (
-            f"{count} more messages came on malformed command topics, the last" if count else "a message came"
+        self._publish_event(
+            EventCode.MALFORMED_TOPIC,
+            "several" if count else "one",
+            problem=malformed["problem"],
+            topic=malformed["topic"],
+            count=max(count, 1),
+            why=malformed["text"],
         )
-        text = f"{which} on {malformed['topic']}: {malformed['text']}"
-        data = {"problem": malformed["problem"], "topic": malformed["topic"], "count": max(count, 1)}
-        self._publish_event(MALFORMED_TOPIC, Severity.WARNING, text, data)

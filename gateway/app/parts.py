@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
@@ -20,7 +20,16 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site, StateFiles
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
-from gateway.contract import MAX_TTL_S, ForgetRecord, Latest, RecordBus, RecordWriter, Severity
+from gateway.contract import (
+    MAX_TTL_S,
+    EventCode,
+    ForgetRecord,
+    Latest,
+    PublishEvent,
+    RecordBus,
+    RecordWriter,
+    Severity,
+)
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.plugins.history.service import HistoryService
@@ -56,6 +65,7 @@ class Parts:
         self._tokens = Tokens(self._boot)
         self._bus = RecordBus(log_failure)
         self._records = RecordWriter(self._bus, self.clock, boot=self._boot.run)
+        self.publish_event: PublishEvent = partial(self._records.event, "")  # of the gateway's own
         self.latest = Latest()
         self.uplink = Uplink(
             site, self._tokens, clock=self.clock, sink=self._bus, publish_event=self.publish_event
@@ -103,12 +113,6 @@ class Parts:
             *self.plugins,
         )
 
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
-    ) -> None:
-        """Publish an event of the gateway's own."""
-        self._records.event("", code, severity, text, data)
-
     def forget(self, starters: Sequence[str]) -> None:
         """Have the broker delete what it retains of starters."""
         self._bus.put(ForgetRecord(starters=tuple(starters)))
@@ -145,11 +149,11 @@ class Parts:
     def _build_watchdogs(self) -> KnownWatchdogs:
         def note_trouble(trouble: str) -> None:
             if trouble:
-                text = f"the starters' watchdogs cannot be saved for the next run: {trouble}"
-                self.publish_event("memory_away", Severity.WARNING, text)
+                self.publish_event(
+                    EventCode.MEMORY_AWAY, "watchdogs", severity=Severity.WARNING, trouble=trouble
+                )
             else:
-                text = "the starters' watchdogs are saved again"
-                self.publish_event("memory_back", Severity.INFO, text)
+                self.publish_event(EventCode.MEMORY_BACK, "watchdogs")
 
         return KnownWatchdogs(
             memory=self.files.watchdogs, in_thread=asyncio.to_thread, on_trouble=note_trouble

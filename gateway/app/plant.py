@@ -13,7 +13,7 @@ from gateway.app.health import Health
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
-from gateway.contract import PublishEvent, RecordWriter, Severity
+from gateway.contract import EventCode, PublishEvent, RecordWriter
 from gateway.families.profile.load import ENGLISH
 from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
@@ -126,8 +126,10 @@ class Plant:
                     starter.on_unit(is_answering=event.is_answering, reason=event.reason, frames=event.frames)
                     self._health.note_change()
             case LineFault():
-                data = {"line": event.line, "unit": event.unit, "frames": list(event.frames)}
-                self._publish_event(event.code, Severity.ERROR, f"line {event.line}: {event.text}", data)
+                fault, frames = event.fault, list(event.frames)
+                self._publish_event(
+                    fault.code, fault.case, line=event.line, unit=fault.unit, frames=frames, **fault.fields
+                )
             case PortChanged():
                 self._change_port(event)
             case _:
@@ -135,12 +137,14 @@ class Plant:
 
     def _change_port(self, event: PortChanged) -> None:
         """Publish that a port was opened or is away: then none of its starters answers."""
-        data = {"line": event.line}
         if event.is_open:
-            self._publish_event("port_open", Severity.INFO, f"line {event.line}: the port is open", data)
+            self._publish_event(EventCode.PORT_OPEN, line=event.line)
         else:
-            code = "port_deaf" if DEAF in event.reason else "port_away"
-            self._publish_event(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
+            self._publish_event(
+                EventCode.PORT_DEAF if DEAF in event.reason else EventCode.PORT_AWAY,
+                line=event.line,
+                reason=event.reason,
+            )
             for (name, _), starter in self._by_unit.items():
                 if name == event.line:
                     starter.on_unit(is_answering=False, reason=event.reason)

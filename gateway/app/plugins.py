@@ -18,7 +18,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from gateway.app.site import Site
-from gateway.contract import Record, Severity, ValueRecord
+from gateway.contract import Event, EventCode, Record, ValueRecord
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.system.supervised import RESTART_PAUSE_S, until_first
 
@@ -34,7 +34,7 @@ AT_ONCE = 200  # of them, until others have their turn on the loop
 class PluginModule(Protocol):
     """What `gateway.plugins.NAME.plugin` has."""
 
-    MISSING: str
+    MISSING: Event | None  # an event that says what to install
 
     def settings_of(self, site: PluginSite) -> Any:
         """Return the plugin's settings; None while the configuration does not want it."""
@@ -122,8 +122,10 @@ class PluginRunner:
         try:
             make = await self._gateway.in_thread(partial(self._module.load, self._gateway))
         except ImportError as error:
-            log.error("%s (%s)", self._module.MISSING, error)  # noqa: TRY400 - what is missing says it all
-            self._gateway.publish_event(f"{self.name}_away", Severity.ERROR, self._module.MISSING, {})
+            if self._module.MISSING is None:
+                raise
+            log.error("%s (%s)", self._module.MISSING.text, error)  # noqa: TRY400 - it says it all
+            self._gateway.publish_event(self._module.MISSING)
             return False
         settings = self._module.settings_of(self._site)
         if settings is None:
@@ -152,8 +154,7 @@ class PluginRunner:
                 plugin.put(record)
             if self._queue.lost:
                 lost, self._queue.lost = self._queue.lost, 0
-                text = f"{self.name} was too slow: {lost} records were left out"
-                self._gateway.publish_event("plugin_behind", Severity.WARNING, text, {"records": lost})
+                self._gateway.publish_event(EventCode.PLUGIN_BEHIND, plugin=self.name, records=lost)
             await asyncio.sleep(0)
 
     async def _until_polling(self) -> None:

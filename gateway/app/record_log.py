@@ -10,14 +10,27 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.contract import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
+from gateway.contract import (
+    AvailabilityRecord,
+    EventCode,
+    EventRecord,
+    Phase,
+    Record,
+    ResultRecord,
+    Severity,
+    Sink,
+)
 from gateway.system.clock import Clock
 
 log = logging.getLogger("gateway")
 
 MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
-SAID_BY_RESULT = frozenset({"stop_unconfirmed", "locked", "unlocked", "identity_accepted"})
-LOGGED_WHERE_THEY_ARISE = frozenset({"broker_connected", "broker_away", "reload_refused"})  # each mistake
+SAID_BY_RESULT = frozenset(
+    {EventCode.STOP_UNCONFIRMED, EventCode.LOCKED, EventCode.UNLOCKED, EventCode.IDENTITY_ACCEPTED}
+)
+LOGGED_WHERE_THEY_ARISE = frozenset(
+    {EventCode.BROKER_CONNECTED, EventCode.BROKER_AWAY, EventCode.RELOAD_REFUSED}  # each mistake
+)
 NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
 
 _LEVELS = {

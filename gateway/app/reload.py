@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gateway.app.site import Site
 from gateway.config.convert import setups_of
 from gateway.config.schema import Config
-from gateway.contract import Severity
+from gateway.contract import EventCode, event_of
 from gateway.errors import ConfigError, Problem
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.gc_tuning import spare_what_lives
@@ -79,9 +79,9 @@ class Reload:
             return self._refused([str(problem) for problem in error.problems])
         except Exception:  # the guard at the task's top
             log.exception("the reload ended by a bug")
-            text = "the reload was cut short by an error inside the gateway (see its log); restart it"
-            self._running.publish_event("reload_failed", Severity.ERROR, text, {})
-            return text
+            failed = event_of(EventCode.RELOAD_FAILED)
+            self._running.publish_event(failed)
+            return failed.text
         is_much = self._remains >= MOST_REMAINS
         spare_what_lives(with_look=is_much)
         self._remains = 0 if is_much else self._remains
@@ -90,7 +90,10 @@ class Reload:
     def _refused(self, mistakes: list[str]) -> str:
         for mistake in mistakes:
             log.error("reload refused: %s", mistake)
-        more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
-        text = f"the new configuration is refused, the old one stays in force: {mistakes[0]}{more}"
-        self._running.publish_event("reload_refused", Severity.ERROR, text, {"mistakes": mistakes})
-        return text
+        first, more = mistakes[0], len(mistakes) - 1
+        if more:
+            refused = event_of(EventCode.RELOAD_REFUSED, "several", mistakes=mistakes, first=first, more=more)
+        else:
+            refused = event_of(EventCode.RELOAD_REFUSED, "one", mistakes=mistakes, first=first)
+        self._running.publish_event(refused)
+        return refused.text

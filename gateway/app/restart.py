@@ -13,6 +13,7 @@ from typing import Any
 from gateway.app.capacity import LineCapacity
 from gateway.app.site import Site
 from gateway.config.convert import setups_of
+from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
 from gateway.storage.json_file import JsonFile, ReadOnlyStore
@@ -65,23 +66,42 @@ def announcement(
     prospects: Iterable[LineCapacity],
     *,
     limit_of: Callable[[str], float | None],
-) -> tuple[str, dict[str, Any]]:
-    """Return the text and the data of the event with which a gateway ends."""
+) -> Event:
+    """Return the event with which a gateway ends."""
     gaps = list(restart_gaps(prospects, limit_of=limit_of))
     longest = max(gaps, key=lambda gap: gap.gap_s, default=None)
     too_short = [gap.starter for gap in gaps if not gap.is_safe]
-    text = f"the gateway ends: {reason}"
-    if longest is not None:
-        text += f"; if it is started again at once, nothing is polled for up to {longest.gap_s:.1f} s"
-    if too_short:
-        text += f", longer than the watchdog of {', '.join(too_short)} allows"
-    data = {
-        "reason": reason,
-        "gap_s": None if longest is None else round(longest.gap_s, 3),
-        "starter": None if longest is None else longest.starter,
-        "too_short": too_short,
-    }
-    return text, data
+    if longest is None:
+        return event_of(
+            EventCode.STOPPING,
+            "no_starter",
+            severity=Severity.INFO,
+            reason=reason,
+            gap_s=None,
+            starter=None,
+            too_short=[],
+        )
+    gap_s = round(longest.gap_s, 3)
+    if not too_short:
+        return event_of(
+            EventCode.STOPPING,
+            "restart",
+            severity=Severity.INFO,
+            reason=reason,
+            gap_s=gap_s,
+            starter=longest.starter,
+            too_short=[],
+        )
+    return event_of(
+        EventCode.STOPPING,
+        "too_long",
+        severity=Severity.WARNING,
+        reason=reason,
+        gap_s=gap_s,
+        starter=longest.starter,
+        too_short=too_short,
+        names=", ".join(too_short),
+    )
 
 
 def planned_gaps(site: Site) -> list[RestartGap]:

@@ -18,12 +18,12 @@ from gateway.config.convert import broker_of, policy_of, rights_of
 from gateway.config.schema import Config
 from gateway.contract import (
     LINE,
+    EventCode,
     FreshRecord,
     GatewayRecord,
     PublishEvent,
     Record,
     RetainedTopic,
-    Severity,
     Sink,
     Topics,
 )
@@ -46,11 +46,6 @@ log = logging.getLogger(__name__)
 FAREWELL_S = 3.0
 RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
 STORE_WITHIN_S = 2.0
-OLD_MQTT = (
-    "MQTT 3.1.1 is used: the broker refuses MQTT 5, or mqtt.version says so. Lost: the retained flag of "
-    "commands that are delivered live, their message expiry, response topic and correlation data, the limit "
-    "on a packet's size, and why a message is refused. Use a broker that speaks MQTT 5"
-)
 MOVED = "the configuration names another broker or another login"
 
 
@@ -235,7 +230,7 @@ class Uplink:
             will=self.publisher.will,
             on_incoming=self._on_incoming,
             on_link=self._note_link,
-            on_notice=lambda notice: self._publish_event(notice.code, Severity.ERROR, notice.text, {}),
+            on_notice=self._publish_event,
             pulse=self._fresh,
             on_version=self._note_version,
             listeners=self._listeners,
@@ -249,13 +244,13 @@ class Uplink:
         self._trouble = trouble
         if is_connected:
             self._tokens.boot.connected(self._clock.now_s())
-            self._publish_event("broker_connected", Severity.INFO, "connected to the broker")
+            self._publish_event(EventCode.BROKER_CONNECTED)
             self.leftovers.connected(self._connection)
         else:
             self.leftovers.disconnected()
             self._tokens.boot.disconnected()
             self.publisher.restate()  # with the run token of the next connection
-            self._publish_event("broker_away", Severity.WARNING, trouble)
+            self._publish_event(EventCode.BROKER_AWAY, trouble=trouble)
         self._on_link(trouble if trouble or self.leftovers.is_read else None)
 
     def _note_read(self) -> None:
@@ -278,9 +273,9 @@ class Uplink:
         before, self._version = self._version, version
         self.publish_info(self._config)
         if version is Version.V311:
-            self._publish_event("mqtt_3_1_1", Severity.WARNING, OLD_MQTT, {})
+            self._publish_event(EventCode.MQTT_3_1_1)
         elif before is not None:
-            self._publish_event("mqtt_5", Severity.INFO, "the broker takes MQTT 5 again", {})
+            self._publish_event(EventCode.MQTT_5)
 
     def _settings_of(self, site: Site) -> BrokerSettings:
         config = site.config

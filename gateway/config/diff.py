@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from gateway.config.schema import Config, LineTable, SimulatedTable, StarterTable
 from gateway.errors import Problem
@@ -32,7 +33,7 @@ class ConfigChanges:
     starters_forgotten: tuple[str, ...]
     refresh_s: float | None  # after which unchanged values are published again; None: as before
 
-    def to_dict(self) -> dict[str, list[str]]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the names for people, without what there is none of."""
         came = [each.name for line in self.lines_new for each in line.starters]
         came += [each.name for comers in self.starters_new for each in comers.starters]

@@ -4,6 +4,7 @@ A record is its payload; `docs/reference` and asyncapi.yaml are generated from h
 """
 
 from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, SequenceNumbers, Sink
+from gateway.contract.events import EVENTS, Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded
 from gateway.contract.latest import Latest
 from gateway.contract.records import (
@@ -77,6 +78,7 @@ __all__ = [
     "CANCEL",
     "CONTRACT_VERSION",
     "DEFAULT_TTL_S",
+    "EVENTS",
     "LEVEL",
     "LINE",
     "LOCK",
@@ -93,6 +95,8 @@ __all__ = [
     "CommandAddress",
     "CommandBody",
     "CommandRequest",
+    "Event",
+    "EventCode",
     "EventRecord",
     "ForgetRecord",
     "FreshRecord",
@@ -126,9 +130,11 @@ __all__ = [
     "TripRecord",
     "ValueRecord",
     "encoded",
+    "event_of",
     "history_item",
     "is_level",
     "json_schema",
+    "phrase",
     "read_body",
     "read_leniently",
     "read_object",

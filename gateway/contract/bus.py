@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from gateway.contract.events import Event, EventCode, event_of
 from gateway.contract.records import EventRecord, Record
 from gateway.contract.vocabulary import Severity
 from gateway.system.clock import Clock
@@ -22,9 +23,9 @@ class PublishEvent(Protocol):
     """Publishes an event of the gateway's own; must return at once and never raise."""
 
     def __call__(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
+        self, event: EventCode | Event, case: str = "", /, *, severity: Severity | None = None, **fields: Any
     ) -> None:
-        """Take its code, severity, text for people, and data for programs."""
+        """Take a code with the fields of its text and its data as `event_of` does, or an event."""
 
 
 class SequenceNumbers:
@@ -53,20 +54,30 @@ class RecordWriter:
         self.sink.put(record)
 
     def event(
-        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
+        self,
+        starter: str,
+        event: EventCode | Event,
+        case: str = "",
+        /,
+        *,
+        severity: Severity | None = None,
+        **fields: Any,
     ) -> None:
-        """Publish something that happens now, to a starter or (with an empty name) to the gateway."""
-        self.sink.put(
-            EventRecord(
-                starter=starter,
-                seq=self.sequence.take(),
-                time_s=self.clock.utc_s(),
-                boot=self.boot,
-                code=code,
-                severity=severity,
-                text=text,
-                data=data or {},
-            )
+        """Publish an event that happens now, to a starter or (with an empty name) to the gateway."""
+        made = event if isinstance(event, Event) else event_of(event, case, severity=severity, **fields)
+        self.sink.put(self.dated(starter, made))
+
+    def dated(self, starter: str, event: Event, *, time_s: float | None = None) -> EventRecord:
+        """Return the record of an event that happened at `time_s`; None: now."""
+        return EventRecord(
+            starter=starter,
+            seq=self.sequence.take(),
+            time_s=self.clock.utc_s() if time_s is None else time_s,
+            boot=self.boot,
+            code=event.code,
+            severity=event.severity,
+            text=event.text,
+            data=event.data,
         )
 
 

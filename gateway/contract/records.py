@@ -19,6 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, PlainSerializer, TypeAdapter, WithJsonSchema
 from pydantic_core import PydanticSerializationError, SchemaSerializer
 
+from gateway.contract.events import EventCode
 from gateway.contract.json_text import encoded, with_decimals
 from gateway.contract.topics import to_level
 from gateway.contract.vocabulary import CONTRACT_VERSION, Phase, Quality, Severity, rfc3339
@@ -252,7 +253,7 @@ class EventRecord(Record):
     seq: Seq
     time_s: Annotated[float, Time, _time("time", "when it happened")]
     boot: Boot = ""
-    code: Annotated[str, Field(description="what happened, for programs: see the events")]
+    code: Annotated[EventCode, Field(description="what happened, for programs: see the events")]
     severity: Annotated[Severity, Field(description="error: a person must act")]
     text: Annotated[str, Field(description="what happened, for people")]
     data: Annotated[Mapping[str, Any], Field(description="depends on the code: see the events")] = field(

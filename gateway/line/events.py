@@ -48,12 +48,10 @@ class UnitChanged:
 
 @dataclass(frozen=True, slots=True)
 class LineFault:
-    """What is wrong on a line (`rtu/bus_faults.py` has the codes); unit 0 is an unknown one."""
+    """What is wrong on a line, with its last frames."""
 
     line: str
-    code: str
-    unit: int
-    text: str
+    fault: BusFault
     frames: tuple[str, ...] = ()
 
 
@@ -179,7 +177,7 @@ class LineEvents:
 
     def fault(self, fault: BusFault) -> None:
         """Append what is wrong on the line, with the frames that showed it."""
-        self._append(LineFault(self._name, fault.code, fault.unit, fault.text, self._trace.frames()))
+        self._append(LineFault(self._name, fault, self._trace.frames()))
 
     def port_changed(self, reason: str, *, is_open: bool) -> None:
         """Append a change of the port's state, or of the reason why it is away; hand it over at once."""

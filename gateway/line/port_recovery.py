@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from math import inf
 
+from gateway.contract import EventCode, phrase
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 
 LONGEST_S = 600.0  # between two attempts
 ASK_EVERY_S = 2.0  # all silent units, while none answers: that takes no time from others
-DEAF = "deaf: it is open, but no starter answers"  # the reason that is reported
+DEAF = phrase(EventCode.PORT_DEAF, "reason")  # as it is reported
 
 
 class PortRecovery:

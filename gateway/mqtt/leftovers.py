@@ -20,11 +20,11 @@ from typing import Any, Protocol
 
 from gateway.contract import (
     LINE,
+    EventCode,
     PublishEvent,
     Quality,
     Record,
     RetainedTopic,
-    Severity,
     StateRecord,
     Topics,
     read_object,
@@ -183,9 +183,7 @@ class Leftovers:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""
         self._is_shared.set()
         if self._sharing.sounds(asyncio.get_running_loop().time()):
-            base = self._topics.base
-            text = f"another gateway publishes below {base} too (stop it, or give one of them another base)"
-            self._publish_event("base_shared", Severity.ERROR, text, {"base": base})
+            self._publish_event(EventCode.BASE_SHARED, base=self._topics.base)
 
     async def _read(self, connection: ReadConnection) -> None:
         with suppress(TimeoutError):
@@ -203,18 +201,10 @@ class Leftovers:
         for branch in self._branches:
             connection.unread(branch)
         if self._is_refused or not self._is_answered.is_set():
-            self._report_unread()
+            branches = list(self._branches)
+            self._publish_event(EventCode.LEFTOVERS_UNREAD, topics=branches, branches=" and ".join(branches))
         self.is_read = True
         self._on_read()
-
-    def _report_unread(self) -> None:
-        branches = " and ".join(self._branches)
-        text = (
-            f"the broker does not let this gateway read {branches}: what earlier runs left there of "
-            "removed starters and ended alarms cannot be cleared "
-            "(let this user read it, in the broker's access list)"
-        )
-        self._publish_event("leftovers_unread", Severity.WARNING, text, {"topics": list(self._branches)})
 
     def _settle(self, starter: str) -> None:
         self._settled.add(starter)

@@ -45,7 +45,7 @@ class StoredJournal(Journal):
         *,
         clock: Clock,
         hold_s: float,
-        on_slow: Callable[[str], None],
+        on_slow: Callable[[float], None],
     ) -> None:
         self._store = store
         self._table = table
@@ -102,7 +102,7 @@ class StoredJournal(Journal):
                 await asyncio.wrap_future(self._put(row))
         except TimeoutError:
             text = f"the disk took more than {INTEND_WITHIN_S:g} s to note the command"
-            self._on_slow(text)
+            self._on_slow(INTEND_WITHIN_S)
             raise CommandError(UNAVAILABLE, text) from None
         except StoreError as error:
             raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error

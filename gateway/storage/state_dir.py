@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gateway.contract import AuditRecord, PublishEvent, Record, ResultRecord, Severity
+from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, ResultRecord, Severity
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import FOLDER
 from gateway.storage.formats import OWN_NAMES
@@ -58,7 +58,9 @@ class StateDir:
             table,
             clock=clock,
             hold_s=hold_s,
-            on_slow=lambda text: self._say("ledger_slow", text),
+            on_slow=lambda seconds: self._publish_event(
+                EventCode.LEDGER_SLOW, severity=self._severity, seconds=seconds
+            ),
         )
 
     def start(
@@ -106,23 +108,20 @@ class StateDir:
                 log.info("store %s", text)
                 self.journal.resume()
                 if self._is_ledger_away:
-                    self._publish_event("ledger_available", Severity.INFO, "the ledger is stored again")
+                    self._publish_event(EventCode.LEDGER_AVAILABLE)
                 self._is_ledger_away = False
             case News.AWAY:
-                self._say("ledger_unavailable", f"no command but stop is taken, without a ledger: {text}")
+                self._publish_event(EventCode.LEDGER_UNAVAILABLE, severity=self._severity, trouble=text)
                 self._is_ledger_away = True
             case News.LOST:
-                self._say("ledger_lost", f"the ledger was lost: {text}")
+                self._publish_event(EventCode.LEDGER_LOST, severity=self._severity, trouble=text)
 
     def _on_audit_trouble(self, trouble: str) -> None:
         if trouble:
-            self._say("audit_unavailable", f"the audit cannot be written: {trouble}")
+            self._publish_event(EventCode.AUDIT_UNAVAILABLE, severity=self._severity, trouble=trouble)
         elif self._is_audit_away:
-            self._publish_event("audit_available", Severity.INFO, "the audit is written again")
+            self._publish_event(EventCode.AUDIT_AVAILABLE)
         self._is_audit_away = bool(trouble)
-
-    def _say(self, code: str, text: str) -> None:
-        self._publish_event(code, self._severity, text)
 
 
 def _severity(*, is_read_only: bool) -> Severity:

@@ -1,13 +1,15 @@
-"""Makes docs/reference/events.md from the list of event codes."""
+"""Makes docs/reference/events.md from the table of events."""
 
 from __future__ import annotations
 
-from tests.reference.event_codes import EVENTS, Event
+from itertools import groupby
+
+from gateway.contract import EVENTS, EventCode
 
 HEAD = """\
 # Events
 
-<!-- Made by `make docs` from tests/reference/event_codes.py; edit the list there. -->
+<!-- Made by `make docs` from gateway/contract/texts/events.toml; edit the table there. -->
 
 An event is something that happened once.
 Those of a starter come on `B/starter/{starter}/event`, those of the gateway on `B/gateway/event`
@@ -21,14 +23,14 @@ This list is closed.
 def page() -> str:
     """Return the page."""
     parts = [HEAD]
-    for title, events in EVENTS.items():
-        rows = [_row(code, event) for code, event in events.items()]
+    for title, codes in groupby(EVENTS, lambda code: EVENTS[code].group):
         head = ["| code | severity | what happened | what to do | `data` |", "|---|---|---|---|---|"]
-        parts.append("\n".join([f"## {title}", "", *head, *rows, ""]))
+        parts.append("\n".join([f"## {title}", "", *head, *map(_row, codes), ""]))
     return "\n".join(parts)
 
 
-def _row(code: str, event: Event) -> str:
+def _row(code: EventCode) -> str:
+    event = EVENTS[code]
     severities = ", ".join(event.severities)
-    fields = "<br>".join(f"`{name}`: {meaning}" for name, meaning in event.fields.items())
-    return f"| `{code}` | {severities} | {event.sentence} | {event.hint} | {fields} |"
+    fields = "<br>".join(f"`{name}`: {meaning}" for name, meaning in event.data.items())
+    return f"| `{code}` | {severities} | {event.sentence} | {event.remedy} | {fields} |"

@@ -10,17 +10,16 @@ from collections.abc import Iterator, Mapping
 import pytest
 from jsonschema import Draft7Validator
 
+from gateway.contract import EVENTS
 from gateway.mqtt.contract import commands
 from gateway.mqtt.contract.topics import Topics
 from tests.reference.asyncapi import payload_schema
-from tests.reference.event_codes import EVENTS
 from tests.reference.fields import Field
 from tests.reference.topics import TOPICS, Topic
 from tests.rig import MqttMessage, RigPlant, act, command, fault
 from tests.rig.sites import ALICE, FOUR, QUICK, table
 
 BY_NAME = {topic.name: topic for topic in TOPICS}
-LISTED = {code: event for events in EVENTS.values() for code, event in events.items()}
 LOOSE = {"command", "result"}  # whose fields depend on the verb
 RARE = {  # what this day does not have
     "lineStatistics": {"uart_errors"},  # of a real port
@@ -97,9 +96,9 @@ def test_events_have_the_severity_and_data_that_the_list_says(
     name: str, published: Mapping[str, list[MqttMessage]]
 ) -> None:
     for event in (message.json for message in published[name]):
-        listed = LISTED[event["code"]]
+        listed = EVENTS[event["code"]]
         assert event["severity"] in {each.value for each in listed.severities}
-        assert set(event.get("data") or ()) <= set(listed.fields), event
+        assert set(event.get("data") or ()) <= set(listed.data), event
 
 
 def test_the_page_has_every_topic_of_the_contract_and_no_others() -> None:

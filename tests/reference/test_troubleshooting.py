@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.contract import EVENTS, EventCode
 from gateway.starters.commands.result_codes import CODES
-from tests.reference.event_codes import EVENTS
 from tests.reference.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
@@ -19,7 +19,7 @@ ROWS = [
     for line in (ROOT / "docs" / "troubleshooting.md").read_text("utf-8").splitlines()
     if line.startswith("| ") and not line.startswith("| it says")
 ]
-EVENT_CODES = {code for events in EVENTS.values() for code in events}
+EVENT_CODES = set(EventCode)
 RESULT_CODES = {code for codes in CODES.values() for code in codes}
 WORDS = {"scan", "stale", "bad", "garbled", "unconfirmed", "uart_errors", "B/gateway/line/{line}"}
 
@@ -27,7 +27,10 @@ WORDS = {"scan", "stale", "bad", "garbled", "unconfirmed", "uart_errors", "B/gat
 @functools.cache
 def texts() -> str:
     """Return every text of the source, what is filled in as …."""
-    found = []
+    templates = (
+        text for event in EVENTS.values() for text in (*event.texts.values(), *event.phrases.values())
+    )
+    found = [re.sub(r"\{[^}]*\}", "…", template) for template in templates]
     for path in sorted((ROOT / "gateway").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):

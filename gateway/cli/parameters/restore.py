@@ -47,7 +47,7 @@ def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -
         mismatch = mismatch_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
     except DamagedError as error:
         return f"whether it is the starter that the gateway knows is unknown: {error}"
-    return "" if mismatch is None else mismatch.text
+    return "" if mismatch is None else mismatch.event.text
 
 
 def count_writes(state_dir: Path, starter: str, writes: int) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gateway.contract import EventCode, phrase
 from gateway.line.cable.counts import ENOUGH, Counts, bounds
 
 ALIKE = 0.25  # of the bad ones' common share: a starter of which nothing is sure yet counts as one of them
@@ -82,24 +83,26 @@ def _errors(facts: Sequence[Fact], more: str) -> list[CableFinding]:
     first = answering.index(bad[0])
     numbers = f"{_numbers(bad)}{more}"
     if len(answering) == 1:
-        text = f"errors of {_named(bad)}, the only one that answers: its cable, termination, or the starter"
-        return [_finding("sole", bad, text, numbers)]
+        text = phrase(EventCode.CABLE, "sole", starters=_named(bad), numbers=numbers)
+        return [_finding("sole", bad, text)]
     if len(bad) == len(answering):
-        text = "errors of all starters: termination, bias or noise, or the cable before the first one"
-        return [_finding("all", bad, text, numbers)]
+        return [_finding("all", (), phrase(EventCode.CABLE, "all", numbers=numbers))]
+    if bad == answering[-1:]:
+        before = _one(answering[-2])
+        text = phrase(EventCode.CABLE, "last", starters=_named(bad), before=before, numbers=numbers)
+        return [_finding("one", bad, text)]
     if len(bad) == 1:
-        end = f", or the cable after {_one(answering[-2])}" if bad[0] is answering[-1] else ""
-        text = f"errors only of {_named(bad)}: its connector, its address or the starter itself{end}"
-        return [_finding("one", bad, text, numbers)]
+        text = phrase(EventCode.CABLE, "one", starters=_named(bad), numbers=numbers)
+        return [_finding("one", bad, text)]
     if bad == answering[first:]:
         before = _one(answering[first - 1])
-        text = f"errors only from {_one(bad[0])} on: look at the cable after {before}"
-        return [_finding("from", bad[:1], text, numbers)]
+        text = phrase(EventCode.CABLE, "from", first=_one(bad[0]), before=before, numbers=numbers)
+        return [_finding("from", bad[:1], text)]
     if bad == answering[: len(bad)]:
-        text = f"errors only up to {_one(bad[-1])}, none after it: look at the connectors of {_named(bad)}"
-        return [_finding("up_to", bad[-1:], text, numbers)]
-    text = f"errors of {_named(bad)}, others between them are good: their connectors, or noise there"
-    return [_finding("some", bad, text, numbers)]
+        text = phrase(EventCode.CABLE, "up_to", last=_one(bad[-1]), starters=_named(bad), numbers=numbers)
+        return [_finding("up_to", bad[-1:], text)]
+    text = phrase(EventCode.CABLE, "some", starters=_named(bad), numbers=numbers)
+    return [_finding("some", bad, text)]
 
 
 def _with_alike(answering: Sequence[Fact]) -> list[Fact]:
@@ -126,13 +129,10 @@ def _silent_end(facts: Sequence[Fact]) -> list[CableFinding]:
     if len(silent) < 2 or any(fact.is_offline for fact in facts[:first]):
         return []
     if first == 0:
-        text = (
-            "no starter answers: no supply, the adapter, the cable before the first one, or wires exchanged"
-        )
-        return [CableFinding("none", (), f"{text} ({len(silent)} starters)")]
+        return [_finding("none", (), phrase(EventCode.CABLE, "none", count=len(silent)))]
     before, begin = _one(facts[first - 1]), _one(silent[0])
-    text = f"no replies from {begin} on: look at the cable after {before}, or at their supply"
-    return [CableFinding("end", (silent[0].starter.name,), f"{text} ({_named(silent)})")]
+    text = phrase(EventCode.CABLE, "end", first=begin, before=before, starters=_named(silent))
+    return [_finding("end", silent[:1], text)]
 
 
 def _late(facts: Sequence[Fact]) -> list[CableFinding]:
@@ -140,39 +140,43 @@ def _late(facts: Sequence[Fact]) -> list[CableFinding]:
     answering = [fact for fact in facts if not fact.is_offline and fact.counts.asked]
     late = [fact.late for fact in answering if fact.late is not None]
     if len(late) > 1 and len(late) == len(answering):
-        text = "late replies of all starters: the adapter or a serial server delays them"
-        return [CableFinding("late_all", (), f"{text} ({_late_numbers(late)})")]
+        asked = sum(each.asked for each in late)
+        share = _percent(sum(each.late for each in late) / asked)
+        return [_finding("late_all", (), phrase(EventCode.CABLE, "late_all", share=share, asked=asked))]
     found = []
     for fact in answering:
-        limit = f"{fact.starter.response_time_s * 1000:.0f} ms"
+        limit_ms = fact.starter.response_time_s * 1000
         if fact.late is not None:
-            text = f"late replies of {_one(fact)}: its response time, longer than {limit}"
-            text = f"{text} ({_late_numbers([fact.late])})"
-            found.append(CableFinding("late", (fact.starter.name,), text))
+            asked, share = fact.late.asked, _percent(fact.late.late / fact.late.asked)
+            text = phrase(
+                EventCode.CABLE, "late", starter=_one(fact), limit_ms=limit_ms, share=share, asked=asked
+            )
+            found.append(_finding("late", [fact], text))
         elif fact.p99_s is not None:
-            text = f"slow answers of {_one(fact)}: its response time ({fact.p99_s * 1000:.0f} ms of {limit})"
-            found.append(CableFinding("slow", (fact.starter.name,), text))
+            taken_ms = fact.p99_s * 1000
+            text = phrase(EventCode.CABLE, "slow", starter=_one(fact), taken_ms=taken_ms, limit_ms=limit_ms)
+            found.append(_finding("slow", [fact], text))
     return found
 
 
-def _finding(kind: str, bad: Sequence[Fact], text: str, numbers: str) -> CableFinding:
-    names = () if kind == "all" else tuple(fact.starter.name for fact in bad)
-    return CableFinding(kind, names, f"{text} ({numbers})")
+def _finding(kind: str, about: Sequence[Fact], text: str) -> CableFinding:
+    return CableFinding(kind, tuple(fact.starter.name for fact in about), text)
 
 
 def _numbers(facts: Sequence[Fact]) -> str:
     total = Counts()
     for fact in facts:
         total = total.plus(fact.counts)
-    parts = [f"{total.corrupted} corrupted"] if total.corrupted else []
-    parts += [f"{total.lost} lost"] if total.lost else []
-    share = total.bad / total.asked
-    return f"{_percent(share)} of {total.asked} replies {facts[0].span}: {', '.join(parts)}"
-
-
-def _late_numbers(counts: Sequence[Counts]) -> str:
-    asked, late = sum(each.asked for each in counts), sum(each.late for each in counts)
-    return f"{_percent(late / asked)} of {asked} replies"
+    kinds = [phrase(EventCode.CABLE, "corrupted", count=total.corrupted)] if total.corrupted else []
+    kinds += [phrase(EventCode.CABLE, "lost", count=total.lost)] if total.lost else []
+    return phrase(
+        EventCode.CABLE,
+        "numbers",
+        share=_percent(total.bad / total.asked),
+        asked=total.asked,
+        span=facts[0].span,
+        kinds=", ".join(kinds),
+    )
 
 
 def _percent(share: float) -> str:
@@ -180,12 +184,14 @@ def _percent(share: float) -> str:
 
 
 def _one(fact: Fact) -> str:
-    return f"{fact.starter.name} (address {fact.starter.address})"
+    return phrase(EventCode.CABLE, "address", name=fact.starter.name, address=fact.starter.address)
 
 
 def _named(facts: Sequence[Fact]) -> str:
     if len(facts) == 1:
         return _one(facts[0])
     names = [fact.starter.name for fact in facts]
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"{', '.join(names[:MOST_NAMED])}{more}"
+    shown = ", ".join(names[:MOST_NAMED])
+    if len(names) <= MOST_NAMED:
+        return shown
+    return phrase(EventCode.CABLE, "more", names=shown, count=len(names) - MOST_NAMED)

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
+from gateway.contract import EventCode, phrase
 from gateway.line.cable.counts import DAY_S, ENOUGH, HOUR_S, LATELY_S, Counts, StarterCounts, bounds
 from gateway.line.cable.diagnosis import CableFinding, Fact, WiredStarter, findings
 
@@ -109,8 +110,8 @@ class CableHealth:
             self._uart.popleft()
         first = self._uart[0][1]
         new = {name: errors.get(name, 0) - first.get(name, 0) for name in _UART}
-        parts = [f"{count} {name}" for name, count in new.items() if count > 0]
-        return f"; the UART counted {', '.join(parts)} errors" if parts else ""
+        counts = ", ".join(f"{count} {name}" for name, count in new.items() if count > 0)
+        return phrase(EventCode.CABLE, "uart", counts=counts) if counts else ""
 
 
 class _StarterJudge:

@@ -9,15 +9,16 @@ are everyday life on a shared line, a cause that persists is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
+from gateway.contract import EventCode
 from gateway.errors import BadFrameError
 from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT
 
-ADDRESS_CONFLICT, BABBLING, LINE_NOISE = "address_conflict", "babbling", "line_noise"
 SOMEONE = 0  # in the place of a unit that cannot be identified
 
 ENOUGH = 4.0  # signs
@@ -33,10 +34,6 @@ LEAK_PER_ANSWER = 0.1  # of a unit that answers as it should
 LEAK_PER_S = 0.05  # of one that talks unasked
 REPORTED_AGAIN_AFTER_S = 600.0
 
-LATE_OR_TWICE = (
-    "replies come late or twice: a slow adapter or serial server, or a starter that takes longer than it is"
-    " waited for; look at the way, and at response_time_s"
-)
 COPIED_WITHIN_S = 1.0  # after a reply: an equal one is a copy of it
 DOUBLED_WITHIN_S = 60.0  # a way that doubles replies does so to several units
 
@@ -58,11 +55,12 @@ _NOISE_FROM = 4  # bytes; fewer are what drivers make when they switch
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """What is wrong on the line, by name."""
+    """What is wrong on the line: an event, but for the line and its frames."""
 
-    code: str
+    code: EventCode
     unit: int  # SOMEONE when it cannot be identified
-    text: str
+    case: str = ""
+    fields: Mapping[str, Any] = field(default_factory=dict)  # of the event's text
 
 
 class BusFaults:
@@ -78,7 +76,7 @@ class BusFaults:
         self._corrupted: dict[int, float] = {}  # by unit: the share of its latest replies
         self._corrupted_of_all = 0.0
         self._counted = 0
-        self._reported_s: dict[tuple[str, int], float] = {}
+        self._reported_s: dict[tuple[EventCode, int], float] = {}
         self._news: list[BusFault] = []
 
     def take_news(self) -> tuple[BusFault, ...]:
@@ -173,7 +171,7 @@ class BusFaults:
             signs = self._late_signs(cause, now_s) + LATE_FRAME
             self._late[cause] = (min(signs, 2 * ENOUGH), now_s)
         if signs >= ENOUGH:
-            self._report(BusFault(BABBLING, SOMEONE, LATE_OR_TWICE), now_s)
+            self._report(BusFault(EventCode.BABBLING, SOMEONE, "late"), now_s)
 
     def _late_signs(self, unit: int, now_s: float) -> float:
         before, at_s = self._late.get(unit, (0.0, now_s))
@@ -200,11 +198,16 @@ class BusFaults:
         )
         if self._counted < NOISY_FROM or self._corrupted_of_all < NOISY_SHARE or not is_shared:
             return
-        text = (
-            f"noise: some {self._corrupted_of_all:.0%} of the replies are corrupted, of {len(corrupted)} of "
-            f"{len(self._corrupted)} addresses; look at shield, reference and termination"
+        fault = BusFault(
+            EventCode.LINE_NOISE,
+            SOMEONE,
+            fields={
+                "share": self._corrupted_of_all,
+                "corrupted": len(corrupted),
+                "addresses": len(self._corrupted),
+            },
         )
-        self._report(BusFault(LINE_NOISE, SOMEONE, text), now_s)
+        self._report(fault, now_s)
 
     def _is_like_reply(self, unit: int, stray: bytes) -> bool:
         return unit in self._replies and stray[:_HEAD] == self._replies[unit][0][:_HEAD]
@@ -212,16 +215,14 @@ class BusFaults:
     def _suspect_conflict(self, unit: int, weight: float, now_s: float) -> None:
         signs = self._doubled[unit] = min(self._doubled.get(unit, 0.0) + weight, 2 * ENOUGH)
         if signs >= ENOUGH:
-            text = f"address {unit} seems to be given twice: what is asked of it is answered more than once"
-            self._report(BusFault(ADDRESS_CONFLICT, unit, text), now_s)
+            self._report(BusFault(EventCode.ADDRESS_CONFLICT, unit), now_s)
 
     def _suspect_babble(self, unit: int, weight: float, now_s: float) -> None:
         before, at_s = self._unasked.get(unit, (0.0, now_s))
         signs = max(before - LEAK_PER_S * (now_s - at_s), 0.0) + weight
         self._unasked[unit] = (min(signs, 2 * ENOUGH), now_s)
         if signs >= ENOUGH:
-            who = "someone on the line" if unit == SOMEONE else f"unit {unit}"
-            self._report(BusFault(BABBLING, unit, f"{who} talks without being asked"), now_s)
+            self._report(BusFault(EventCode.BABBLING, unit, "unknown" if unit == SOMEONE else "unit"), now_s)
 
     def _report(self, fault: BusFault, now_s: float) -> None:
         cause = (fault.code, fault.unit)

@@ -7,9 +7,10 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
+from gateway.mqtt.connection.reconnect import Version, VersionChoice
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.message import Message
@@ -47,7 +48,7 @@ class BrokerConnection:
         will: Callable[[], Message | None],
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
-        on_notice: Callable[[Notice], None] = lambda _: None,
+        on_notice: Callable[[Event], None] = lambda _: None,
         pulse: Callable[[], Message] | None = None,
         on_version: Callable[[Version], None] = lambda _: None,
         listeners: Mapping[str, Listener] | None = None,
@@ -212,12 +213,13 @@ class BrokerConnection:
         if self._last_word != self._link:
             self._log_link()
 
-    def _notice(self, notice: Notice | None, reason: str) -> None:
+    def _notice(self, notice: Event | None, reason: str) -> None:
         """Have the cause of a loss published, known or guessed, unless that has been done."""
         if notice is None and reason == CONNECTION_LOST:
             self._short_ones += 1
             if self._short_ones == SHORT_ONES:
-                notice = perhaps_taken_over(self._settings.client_id)
+                client_id = self._settings.client_id
+                notice = event_of(EventCode.CLIENT_ID_TAKEN, "suspected", client_id=client_id)
         if notice is not None and notice.code not in self._published and not self._closing.is_set():
             self._published.add(notice.code)
             self._on_notice(notice)

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from paho.mqtt import client as paho
 
-from gateway.mqtt.connection.reconnect import Notice
+from gateway.contract import Event, EventCode, event_of
 
 MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
 MOST_SKIPPED_BYTES = 1_048_576  # of a larger packet its beginning is stored; beyond this it ends the session
@@ -61,12 +61,11 @@ class _Beginning(bytearray):
         return self
 
 
-def too_large(size: int, *, is_skipped: bool) -> Notice:
+def too_large(size: int, *, is_skipped: bool) -> Event:
     """Return what is wrong with a packet from the broker: it was read over, or has ended the connection."""
-    sent = "sent" if is_skipped else "announced"
-    done = "it was not read" if is_skipped else "the connection was closed before it was read"
-    return Notice(
-        "message_too_large",
-        f"the broker {sent} a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: {done} (find who sends "
-        "that to a command topic, and clear it if it is retained)",
+    return event_of(
+        EventCode.MESSAGE_TOO_LARGE,
+        "skipped" if is_skipped else "announced",
+        size=size,
+        limit=MAX_INCOMING_BYTES,
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 import enum
 import socket
 import ssl
-from dataclasses import dataclass
 
 from gateway.errors import BrokerError
 
@@ -50,32 +49,6 @@ def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
             return BrokerError(f"broker {address}: nothing listens there", "is the broker running?")
         case _:
             return BrokerError(f"broker {address}: {error}")
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """What has an event of its own besides the loss of the connection."""
-
-    code: str
-    text: str
-
-
-def taken_over(client_id: str) -> Notice:
-    """Return what is wrong when another client has connected with this gateway's client id."""
-    return Notice(
-        "client_id_taken",
-        f"another client has connected with the client id {client_id}, and receives the commands meanwhile "
-        "(stop it, or give one of the two another name in [gateway])",
-    )
-
-
-def perhaps_taken_over(client_id: str) -> Notice:
-    """Return what may be wrong when connections end soon; MQTT 3.1.1 and some brokers give no reason."""
-    return Notice(
-        "client_id_taken",
-        f"the broker closes each connection soon: perhaps another client uses the client id {client_id} "
-        "(stop it, or give one of the two another name in [gateway])",
-    )
 
 
 class Version(enum.StrEnum):

@@ -22,6 +22,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.packet_limit import (
@@ -33,10 +34,8 @@ from gateway.mqtt.connection.packet_limit import (
 from gateway.mqtt.connection.reconnect import (
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
-    Notice,
     Version,
     refused,
-    taken_over,
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings
@@ -61,7 +60,7 @@ class SessionParts:
     will: Message | None  # what the broker publishes when the connection is lost; None: nothing
     on_incoming: Callable[[Incoming], None]
     on_ack: Callable[[int, int], None]  # the end of a published message: its ticket, the broker's reason code
-    on_skip: Callable[[Notice], None] | None = None  # a packet was too large, and all but its topic is lost
+    on_skip: Callable[[Event], None] | None = None  # a packet was too large, and all but its topic is lost
 
 
 class Session:
@@ -80,7 +79,7 @@ class Session:
         self._misc: asyncio.TimerHandle | None = None
         self._max_packet: int | None = None
         self.lost: asyncio.Future[str] = self._loop.create_future()
-        self.notice: Notice | None = None  # about the loss, when that needs an event of its own
+        self.notice: Event | None = None  # about the loss, when that needs an event of its own
         self.connack_code: int | None = None  # None: the broker never answered
         self._is_served = False  # the broker's port took the connection
         self.window = settings.window
@@ -305,7 +304,7 @@ class Session:
         if self._loop.time() - oldest_s > self._settings.ack_s:
             self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
 
-    def _lose_with(self, notice: Notice) -> None:
+    def _lose_with(self, notice: Event) -> None:
         self.notice = notice
         self._lose(notice.text)
 
@@ -383,7 +382,7 @@ class Session:
         self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _properties: Any
     ) -> None:
         if flags.is_disconnect_packet_from_server and code.value == SESSION_TAKEN_OVER:
-            self._lose_with(taken_over(self._settings.client_id))
+            self._lose_with(event_of(EventCode.CLIENT_ID_TAKEN, "seen", client_id=self._settings.client_id))
         elif flags.is_disconnect_packet_from_server:
             self._lose(f"the broker closed the connection: {code}")
         elif code.getName() == "Keep alive timeout":

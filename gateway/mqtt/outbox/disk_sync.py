@@ -17,7 +17,7 @@ import logging
 from collections.abc import Callable
 from typing import assert_never
 
-from gateway.contract import PublishEvent, Severity
+from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.outbox import Outbox
@@ -128,23 +128,18 @@ class DiskSync:
             case News.OPEN:
                 log.info("outbox %s", text)
                 if self._is_away:
-                    self._publish_event(
-                        "outbox_available", Severity.INFO, "the outbox is on the disk again", {}
-                    )
+                    self._publish_event(EventCode.OUTBOX_AVAILABLE)
                 self._is_away = False
             case News.AWAY:
                 self._is_away = True
-                self._alarm("outbox_unavailable", f"what waits for the broker is in memory only: {text}")
+                self._publish_event(EventCode.OUTBOX_UNAVAILABLE, trouble=text)
             case News.LOST:
                 self._backlog.lose_disk()
                 self._losses.lose_disk()
-                self._alarm("outbox_lost", f"what waited for the broker on the disk was lost: {text}")
+                self._publish_event(EventCode.OUTBOX_LOST, trouble=text)
             case _:
                 assert_never(news)
         self._work.set()
-
-    def _alarm(self, code: str, text: str) -> None:
-        self._publish_event(code, Severity.ERROR, text, {})
 
     def _wait_no_longer(self) -> None:
         waiting, self._waiting = self._waiting, []
@@ -229,7 +224,7 @@ class DiskSync:
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
             if declaration := self._losses.declare(now_s):
-                self._publish_event("gap", Severity.WARNING, *declaration)
+                self._publish_event(declaration)
             elif wait_s := self._losses.wait_s(now_s):
                 asyncio.get_running_loop().call_later(wait_s, self._work.set)
 
@@ -241,6 +236,4 @@ class DiskSync:
             self._refused += count
             self._refused_logged_s = now_s
             topic, code = self._outbox.refusals[-1]
-            text = f"the broker refused {count} messages, the last on {topic}: look at its access list"
-            data = {"count": count, "topic": topic, "reason_code": code}
-            self._publish_event("publish_refused", Severity.ERROR, text, data)
+            self._publish_event(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-from gateway.contract import rfc3339
+from gateway.contract import Event, EventCode, event_of, phrase, rfc3339
 from gateway.storage.spool import Changes, Loss, merged
 
 DECLARE_EVERY_S = 60.0  # losses that go on are summed up
@@ -48,30 +47,34 @@ class Losses:
         self._unsaved = merged((*changes.losses, *self._unsaved))
         self._is_declaring_unsaved |= changes.are_losses_declared
 
-    def declare(self, now_s: float) -> tuple[str, dict[str, Any]] | None:
-        """Return text and data of the event that declares all; None when there is none, or too soon."""
+    def declare(self, now_s: float) -> Event | None:
+        """Return the event that declares all; None when there is none, or too soon."""
         if not self._undeclared or self.wait_s(now_s) > 0:
             return None
-        text, data = _summary(self._undeclared)
+        event = _gap(self._undeclared)
         self._undeclared, self._unsaved = (), ()
         self._is_declaring_unsaved = True
         self._declared_s = now_s
-        return text, data
+        return event
 
     def wait_s(self, now_s: float) -> float:
         """Return how long losses that there are have to wait until they are declared."""
         return max(0.0, self._declared_s + DECLARE_EVERY_S - now_s) if self._undeclared else 0.0
 
 
-def _summary(losses: Sequence[Loss]) -> tuple[str, dict[str, Any]]:
-    parts = ", ".join(f"{loss.rows} of kind {loss.kind.name.lower()} ({loss.reason})" for loss in losses)
+def _gap(losses: Sequence[Loss]) -> Event:
     firsts = [loss.first_s for loss in losses if loss.first_s is not None]
     lasts = [loss.last_s for loss in losses if loss.last_s is not None]
-    data = {
-        "count": sum(loss.rows for loss in losses),
-        "first": rfc3339(min(firsts, default=None)),
-        "last": rfc3339(max(lasts, default=None)),
-        "lost": [
+    named = (
+        phrase(EventCode.GAP, "loss", count=loss.rows, kind=loss.kind.name.lower(), reason=loss.reason)
+        for loss in losses
+    )
+    return event_of(
+        EventCode.GAP,
+        count=sum(loss.rows for loss in losses),
+        first=rfc3339(min(firsts, default=None)),
+        last=rfc3339(max(lasts, default=None)),
+        lost=[
             {
                 "reason": loss.reason,
                 "kind": loss.kind.name.lower(),
@@ -81,5 +84,5 @@ def _summary(losses: Sequence[Loss]) -> tuple[str, dict[str, Any]]:
             }
             for loss in losses
         ],
-    }
-    return f"lost before the broker had it: {parts}", data
+        losses=", ".join(named),
+    )

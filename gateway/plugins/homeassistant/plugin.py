@@ -19,7 +19,7 @@ from pathlib import Path
 from gateway import __version__
 from gateway.config.convert import policy_of, rights_of
 from gateway.config.schema import Config
-from gateway.contract import InfoRecord, Record, to_level
+from gateway.contract import Event, InfoRecord, Record, to_level
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.mqtt.message import cleared
@@ -31,7 +31,7 @@ from gateway.storage.json_file import JsonFile
 
 log = logging.getLogger(__name__)
 
-MISSING = ""
+MISSING: Event | None = None  # it needs nothing besides
 FILE = "home-assistant.json"  # in state_dir
 SETTLE_S = 0.5  # what is known of the starters changes in quick succession
 LOOK_S = 1.0  # whether the broker has deleted what it was to delete

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gateway.contract import (
+    EventCode,
     EventRecord,
     Phase,
     Quality,
@@ -28,7 +29,6 @@ from gateway.system.stalls import DelayCounts, Delays
 COMMAND_BOUNDS_S = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)
 MOST_PENDING = 1000  # commands between acceptance and final result; far beyond what the gateway takes
 OTHER = "other"
-DRIFT = "start_drift"  # event
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class RecordCounts:
             case TripRecord():
                 self._trips[record.starter, str(record.data.get("code", ""))] += 1
             case EventRecord():
-                if record.code == DRIFT:
+                if record.code == EventCode.START_DRIFT:
                     self._drifts[record.starter] += 1
             case _:
                 pass  # the state itself is read at each scrape

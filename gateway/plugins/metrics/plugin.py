@@ -10,7 +10,7 @@ from typing import get_args
 
 from gateway import __version__
 from gateway.config.schema import Verb
-from gateway.contract import CONTRACT_VERSION, Severity
+from gateway.contract import CONTRACT_VERSION, EventCode, Severity, event_of
 from gateway.families.devices.device import unnumbered
 from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
@@ -21,7 +21,7 @@ from gateway.plugins.metrics.scrape import (
     ScrapedStarter,
 )
 
-MISSING = "metrics need a package that is not here: pip install 'starter-gateway[metrics]'"
+MISSING = event_of(EventCode.METRICS_AWAY, "missing", severity=Severity.ERROR)
 VERBS = frozenset(get_args(Verb)) - {"*"}
 
 
@@ -80,10 +80,11 @@ def load(gateway: Gateway) -> Callable[[MetricsSettings], Plugin]:
 
     def note_trouble(trouble: str) -> None:
         if trouble:
-            text = f"the metrics' file cannot be written: {trouble}"
-            gateway.publish_event("metrics_away", Severity.WARNING, text, {})
+            gateway.publish_event(
+                EventCode.METRICS_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble
+            )
         else:
-            gateway.publish_event("metrics_back", Severity.INFO, "the metrics' file is written again", {})
+            gateway.publish_event(EventCode.METRICS_BACK)
 
     module = importlib.import_module("gateway.plugins.metrics.service")
     return partial(

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, PublishEvent, Severity, shortened
+from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, EventCode, PublishEvent, shortened
 from gateway.errors import CommandError
 from gateway.mqtt.commands import Incoming, Rejection
 from gateway.plugins.sparkplug.commands import CommandMapper, DeviceCommand
@@ -116,8 +116,14 @@ class HostCommands:
 
     def _refuse(self, unread: _Unread, count: int) -> None:
         text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
-        data = {"starter": unread.starter, "code": unread.code, "count": max(count, 1)}
-        self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
+        self._publish_event(
+            EventCode.DCMD_REFUSED,
+            "several" if count else "one",
+            starter=unread.starter,
+            code=unread.code,
+            count=max(count, 1),
+            why=unread.text,
+        )
         if unread.code == UNKNOWN:
             return  # no metric and no topic of such a starter could show a result
         self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))

@@ -14,7 +14,7 @@ from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
-from gateway.contract import Record
+from gateway.contract import EventCode, Record, Severity, event_of
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.sparkplug.settings import SparkplugSettings
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gateway.plugins.sparkplug.service import SparkplugLink, SparkplugParts
 
 NAME = "sparkplug"
-MISSING = "Sparkplug needs a package that is not here: pip install 'starter-gateway[sparkplug]'"
+MISSING = event_of(EventCode.SPARKPLUG_AWAY, "missing", severity=Severity.ERROR)
 FOLDER, NUMBERS_FILE = "sparkplug", "bdseq.json"  # in state_dir
 LARGEST_PACKET = 8192  # bytes: what a host may ask has half of it, topic and properties the rest
 

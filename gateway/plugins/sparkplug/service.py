@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 
-from gateway.contract import PublishEvent, Record, Severity
+from gateway.contract import EventCode, PublishEvent, Record, Severity
 from gateway.errors import BrokerError, DamagedError, StoreError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
@@ -344,17 +344,19 @@ class SparkplugLink:
             return
         if trouble:
             log.warning("sparkplug: %s", trouble)
-            self._parts.publish_event("sparkplug_away", Severity.WARNING, f"Sparkplug: {trouble}")
+            self._parts.publish_event(
+                EventCode.SPARKPLUG_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble
+            )
         else:
             node = f"{self._settings.group}/{self._settings.node}"
             log.info("sparkplug: node=%s born", node)
-            text = f"the Sparkplug node {node} is born"
-            self._parts.publish_event("sparkplug_born", Severity.INFO, text, {"node": node})
+            self._parts.publish_event(EventCode.SPARKPLUG_BORN, node=node)
 
     def _note_storage(self, trouble: str) -> None:
         if trouble and not self._storage_trouble:
-            text = f"the number of Sparkplug's next birth cannot be stored: {trouble}"
-            self._parts.publish_event("memory_away", Severity.WARNING, text)
+            self._parts.publish_event(
+                EventCode.MEMORY_AWAY, "sparkplug", severity=Severity.WARNING, trouble=trouble
+            )
         self._storage_trouble = trouble
 
 

@@ -13,7 +13,7 @@ from gateway.config.convert import policy_of
 from gateway.config.integration_tables import WebTable
 from gateway.config.schema import Config
 from gateway.config.values import split_listen
-from gateway.contract import CONTRACT_VERSION, Record, Severity
+from gateway.contract import CONTRACT_VERSION, EventCode, Record, event_of
 from gateway.families.profile.load import load_profile
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.web.access import WebAccess
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MISSING = "the status page needs packages that are not here: pip install 'starter-gateway[web]'"
+MISSING = event_of(EventCode.WEB_AWAY, "missing")
 
 
 class PageService:
@@ -68,17 +68,14 @@ class PageService:
 
     def _note_trouble(self, trouble: str) -> None:
         if trouble:
-            text = f"the status page cannot be served at {trouble}"
-            self._publish_event("web_away", Severity.ERROR, text, {})
+            self._publish_event(EventCode.WEB_AWAY, "trouble", trouble=trouble)
         else:
             url = _shown(self._site)[0].url
             log.info("status page at %s", url)
-            text = f"the status page is served at {url}"
-            self._publish_event("web_open", Severity.INFO, text, {"url": url})
+            self._publish_event(EventCode.WEB_OPEN, url=url)
 
     def _note_old_certificate(self, trouble: str) -> None:
-        text = f"the status page keeps using the previous certificate: {trouble}"
-        self._publish_event("web_certificate", Severity.ERROR, text, {})
+        self._publish_event(EventCode.WEB_CERTIFICATE, trouble=trouble)
 
 
 def load(gateway: Gateway) -> Callable[[PluginSite], Plugin]:

@@ -15,6 +15,7 @@ from gateway.contract import (
     SELECT,
     STOP,
     CommandRequest,
+    EventCode,
     LockRecord,
     Phase,
     Severity,
@@ -102,8 +103,7 @@ class LocalVerbs:
             return self._accepted(report, self._identities.accept(name))
         before = self._motor_history.lock_of(name)
         if before is not None:
-            lock = {"by": before.by, "operator": before.operator, "reason": before.reason}
-            report.before = {"lock": lock}
+            report.before = {"lock": _lock_data(before)}
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
             self._set_lock(
@@ -124,13 +124,10 @@ class LocalVerbs:
         if await self._saver.saved(within_s=SAVED_WITHIN_S):
             code, more = ("locked", f"; {NOTICE}") if is_lock else ("unlocked", "")
             why = request.args.get("reason", request.reason)
-            data = {"client": request.client, "operator": request.operator, "reason": why}
             owner = None if is_lock or before is None or before.by == request.client else before
             if owner is not None:
                 more = f"; the lock was {owner_of(owner)}'s: {owner.reason}"
-                data |= report.before
-            severity = Severity.INFO if owner is None else Severity.WARNING
-            starter.emitter.event(code, severity, f"{code} by {request.client}{more}", data)
+            self._publish_lock(request, starter, owner, is_lock=is_lock)
             report.finish(Final(Phase.CONFIRMED, "ok", f"{code}{more}"))
             if owner is not None and owner.by != GATEWAY:
                 who = f"{request.client} ({request.operator})" if request.operator else request.client
@@ -146,6 +143,42 @@ class LocalVerbs:
             report.finish(
                 Final(Phase.FAILED, "not_kept", "still locked: the unlocking could not be stored on disk")
             )
+
+    def _publish_lock(
+        self,
+        request: CommandRequest,
+        starter: StarterControlView,
+        owner: LockRecord | None,
+        *,
+        is_lock: bool,
+    ) -> None:
+        """Publish that a starter was locked or unlocked; `owner` is the other client whose lock it was."""
+        emitter, client, operator = starter.emitter, request.client, request.operator
+        reason = request.args.get("reason", request.reason)
+        if is_lock:
+            emitter.event(EventCode.LOCKED, client=client, operator=operator, reason=reason)
+            return
+        if owner is None:
+            emitter.event(
+                EventCode.UNLOCKED,
+                "own",
+                severity=Severity.INFO,
+                client=client,
+                operator=operator,
+                reason=reason,
+            )
+            return
+        emitter.event(
+            EventCode.UNLOCKED,
+            "other",
+            severity=Severity.WARNING,
+            client=client,
+            operator=operator,
+            reason=reason,
+            lock=_lock_data(owner),
+            owner=owner_of(owner),
+            owner_reason=owner.reason,
+        )
 
     def _baseline(self, request: CommandRequest) -> Final:
         """Have later starts compared with the chosen one."""
@@ -191,6 +224,10 @@ class LocalVerbs:
         values = {"select": selection.token, "valid_s": VALID_S, "state": state}
         text = f"selected while {state}; send {target.verb} with this token within {VALID_S:g} s"
         return Final(Phase.CONFIRMED, "ok", text, values=values)
+
+
+def _lock_data(lock: LockRecord) -> Mapping[str, Any]:
+    return {"by": lock.by, "operator": lock.operator, "reason": lock.reason}
 
 
 def _chosen_start(request: CommandRequest) -> str | None:

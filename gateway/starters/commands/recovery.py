@@ -6,7 +6,7 @@ import asyncio
 from contextlib import suppress
 from dataclasses import replace
 
-from gateway.contract import CommandRequest, Phase, ResultRecord, Severity
+from gateway.contract import CommandRequest, EventCode, Phase, ResultRecord
 from gateway.families.command.build import TAKEN_BACK
 from gateway.families.profile.state import state_of
 from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING, MAY_STAND
@@ -71,8 +71,13 @@ class Recovery:
         records = self._reporting.records
         audit(request, records, decision=result.phase, code=result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:
-            data = {"client": result.client, "id": result.id, "verb": result.verb}
-            self._starter.emitter.event("command_cut_short", Severity.ERROR, result.text, data)
+            self._starter.emitter.event(
+                EventCode.COMMAND_CUT_SHORT,
+                client=result.client,
+                id=result.id,
+                verb=result.verb,
+                outcome=result.text,
+            )
 
     def _is_superseded(self) -> bool:
         """Return whether the id stands for something newer by now: a stop that was done again."""

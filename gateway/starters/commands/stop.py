@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, assert_never
 
-from gateway.contract import STOP, CommandRequest, Phase, Severity
+from gateway.contract import STOP, CommandRequest, EventCode, Phase
 from gateway.families.command.build import build
 from gateway.families.profile.procedure import Procedure, Read, WriteStep
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
@@ -363,8 +363,9 @@ class Stopping:
         return "; something sends on the line without end, and the stop was written over it"
 
     def _publish_unconfirmed(self, end: Final) -> None:
-        data = {"phase": end.phase, "code": end.code}
-        self._starter.emitter.event("stop_unconfirmed", Severity.ERROR, end.text, data)
+        self._starter.emitter.event(
+            EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.code, outcome=end.text
+        )
 
 
 def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from weakref import WeakValueDictionary
 
-from gateway.contract import STOP, CommandRequest, PublishEvent, Record, ResultRecord, Severity
+from gateway.contract import STOP, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.errors import CommandError
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
@@ -135,13 +135,11 @@ class Commands:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
         self._tokens.boot.stood_still(self._suspend_watch.ended_s())
         self._restate()
-        text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
-        self._publish_event("stood_still", Severity.WARNING, text)
+        self._publish_event(EventCode.STOOD_STILL, seconds=seconds)
 
     def _note_clock(self, step: str | None) -> None:
         """Publish a step of the clock, and that it counts again."""
         if step is None:
-            self._publish_event("clock_trusted", Severity.INFO, "the clock is steady: issued_at counts again")
+            self._publish_event(EventCode.CLOCK_TRUSTED)
         else:
-            text = f"{step}: issued_at does not count for {SETTLED_S:g} s"
-            self._publish_event("clock_stepped", Severity.WARNING, text)
+            self._publish_event(EventCode.CLOCK_STEPPED, step=step, seconds=SETTLED_S)

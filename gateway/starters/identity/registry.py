@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from gateway.contract import RecordWriter, Severity
+from gateway.contract import Event, EventCode, RecordWriter, Severity, event_of, phrase
 from gateway.errors import CommandError, DamagedError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
@@ -20,7 +20,6 @@ logger = logging.getLogger(__name__)
 SAVED_WITHIN_S = 2.0
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 IDENTITIES_FILE = "identities.json"  # in state_dir
-CHANGED_EVENT = "identity_changed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +145,7 @@ class IdentityMismatch:
     known: Fingerprint
     seen: Fingerprint
     configured: str | None  # a model that it contradicts
-    text: str
+    event: Event
     contradiction: str = ""  # of the configuration, not accepted yet: values would be of the wrong model
 
 
@@ -188,7 +187,7 @@ class IdentityRegistry:
         self._mismatches[name] = mismatch
         if is_settled and self._published.get(name) != mismatch:
             self._published[name] = mismatch
-            self._publish(name, CHANGED_EVENT, Severity.ERROR, mismatch.text, _as_data(mismatch))
+            self._publish(name, mismatch.event)
 
     def forget(self, starter: str) -> None:
         """Record that the device is silent: the one that answers next is judged anew."""
@@ -198,7 +197,7 @@ class IdentityRegistry:
     def trouble(self, starter: str) -> str:
         """Return why commands to a starter are held; empty when they are not."""
         mismatch = self._mismatches.get(starter)
-        return "" if mismatch is None else mismatch.text
+        return "" if mismatch is None else mismatch.event.text
 
     def contradiction(self, starter: str) -> str:
         """Return in what the device contradicts the configuration and was not accepted; empty: in nothing."""
@@ -218,8 +217,13 @@ class IdentityRegistry:
         self.forget(starter)
         self._known[starter] = Known(mismatch.seen, mismatch.configured)
         self._saver.touch()
-        text = "the present identity was accepted: commands are carried out again"
-        self._publish(starter, "identity_accepted", Severity.INFO, text, _as_data(mismatch))
+        self._publish(
+            starter,
+            EventCode.IDENTITY_ACCEPTED,
+            known=mismatch.known.as_data(),
+            seen=mismatch.seen.as_data(),
+            configured_model=mismatch.configured,
+        )
         self._on_accepted.get(starter, lambda: None)()
         return mismatch
 
@@ -252,7 +256,7 @@ class IdentityRegistry:
             starters = _starters_in(memory.load() or {})
         except DamagedError as error:
             memory.set_aside()
-            self._publish("", "memory_damaged", Severity.ERROR, f"{error}: every starter counts as new", {})
+            self._publish("", EventCode.MEMORY_DAMAGED, "fingerprints", severity=Severity.ERROR, damage=error)
             return
         for name, stored in starters.items():
             known = known_from(stored)
@@ -261,11 +265,9 @@ class IdentityRegistry:
 
     def _publish_trouble(self, trouble: str) -> None:
         if trouble:
-            text = f"the starters' fingerprints cannot be stored: {trouble}"
-            self._publish("", "identities_away", Severity.WARNING, text, {})
+            self._publish("", EventCode.IDENTITIES_AWAY, trouble=trouble)
         else:
-            text = "the starters' fingerprints are stored again"
-            self._publish("", "identities_back", Severity.INFO, text, {})
+            self._publish("", EventCode.IDENTITIES_BACK)
 
 
 def mismatch_in(
@@ -289,24 +291,33 @@ def _mismatch_of(known: Known | None, seen: Fingerprint, model: str | None) -> I
     differing = differences(before, seen)
     accepted_model = None if known is None else known.despite_model
     configured = model if contradicts(model, seen) else None
-    reasons = [f"{name} was {getattr(before, name)}, is {getattr(seen, name)}" for name in differing]
+    reasons = [
+        phrase(
+            EventCode.IDENTITY_CHANGED,
+            "differs",
+            field=name,
+            before=getattr(before, name),
+            now=getattr(seen, name),
+        )
+        for name in differing
+    ]
     contradiction = ""
     if configured is not None and configured != accepted_model:
-        contradiction = f"the configuration says {configured}, it says {_spoken(seen)}"
+        contradiction = phrase(
+            EventCode.IDENTITY_CHANGED, "contradicts", configured=configured, seen=_spoken(seen)
+        )
         reasons.append(contradiction)
     if not reasons:
         return None
-    text = f"another starter than before? {'; '.join(reasons)} (look, then send accept)"
-    return IdentityMismatch(before, seen, configured, text, contradiction)
+    event = event_of(
+        EventCode.IDENTITY_CHANGED,
+        known=before.as_data(),
+        seen=seen.as_data(),
+        configured_model=configured,
+        differences="; ".join(reasons),
+    )
+    return IdentityMismatch(before, seen, configured, event, contradiction)
 
 
 def _spoken(seen: Fingerprint) -> str:
     return ", ".join(filter(None, (seen.model, seen.rated_current)))
-
-
-def _as_data(mismatch: IdentityMismatch) -> dict[str, Any]:
-    return {
-        "known": mismatch.known.as_data(),
-        "seen": mismatch.seen.as_data(),
-        "configured_model": mismatch.configured,
-    }

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from gateway.contract import CommandRequest, LockRecord, Record, RecordWriter, Severity, StateRecord
+from gateway.contract import (
+    CommandRequest,
+    EventCode,
+    LockRecord,
+    Record,
+    RecordWriter,
+    Severity,
+    StateRecord,
+)
 from gateway.errors import DamagedError
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.preconditions import NOTICE, Expectation, Guard
+from gateway.starters.policy.preconditions import Expectation, Guard
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook
@@ -17,7 +25,6 @@ from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
-WEAR_EVENT = "memory_written"
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 
 
@@ -59,8 +66,10 @@ class Policy:
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         self._restore(memory or NoStore(), starters, rights)
         self._restore_write_budget(write_budget_memory or NoStore())
-        if self.watchdogs.damage:
-            self._records.event("", "memory_damaged", Severity.WARNING, self.watchdogs.damage)
+        if damage := self.watchdogs.damage:
+            self._records.event(
+                "", EventCode.MEMORY_DAMAGED, "watchdogs", severity=Severity.WARNING, damage=damage
+            )
 
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
@@ -106,8 +115,9 @@ class Policy:
             memory.set_aside()
             self._unsure = set(starters)
             count = len(self._lock_unsure(rights))
-            text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
-            self._records.event("", "memory_damaged", Severity.ERROR, text)
+            self._records.event(
+                "", EventCode.MEMORY_DAMAGED, "locks", severity=Severity.ERROR, damage=error, count=count
+            )
 
     def _restore_write_budget(self, memory: JsonStore) -> None:
         try:
@@ -116,13 +126,21 @@ class Policy:
                 self.write_budget.restore(document)
         except DamagedError as error:
             memory.set_aside()
-            self._records.event("", "memory_damaged", Severity.WARNING, f"{error}: they begin at 0 again")
+            self._records.event(
+                "", EventCode.MEMORY_DAMAGED, "writes", severity=Severity.WARNING, damage=error
+            )
 
-    def _publish_write_count(self, starter: str, text: str) -> None:
+    def _publish_write_count(self, starter: str, writes: int) -> None:
         """Publish and store how often a starter's memory was written; a lost count is no event."""
         self._write_budget_saver.touch()
-        data = {"last_hour": self.write_budget.last_hour(starter), "total": self.write_budget.total(starter)}
-        self._records.event(starter, WEAR_EVENT, Severity.INFO, text, data)
+        self._records.event(
+            starter,
+            EventCode.MEMORY_WRITTEN,
+            last_hour=self.write_budget.last_hour(starter),
+            total=self.write_budget.total(starter),
+            writes=writes,
+            limit=self.write_budget.most_per_hour,
+        )
 
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
@@ -137,7 +155,6 @@ class Policy:
 
     def _publish_trouble(self, trouble: str) -> None:
         if trouble:
-            text = f"locks and starts cannot be stored: {trouble}"
-            self._records.event("", "memory_away", Severity.ERROR, text)
+            self._records.event("", EventCode.MEMORY_AWAY, "locks", severity=Severity.ERROR, trouble=trouble)
         else:
-            self._records.event("", "memory_back", Severity.INFO, "locks and starts are stored again")
+            self._records.event("", EventCode.MEMORY_BACK, "locks")

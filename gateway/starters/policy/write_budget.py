@@ -22,13 +22,13 @@ WEAR_FILE = "wear.json"  # in state_dir
 class WriteBudget:
     """Counts the writes of every starter, and refuses those that are too many within an hour.
 
-    `on_count` gets each count: the starter, and a text with the totals.
+    `on_count` gets each count: the starter, and how many writes.
     """
 
     def __init__(
-        self, most_per_hour: int = MOST_PER_HOUR, *, on_count: Callable[[str, str], None] | None = None
+        self, most_per_hour: int = MOST_PER_HOUR, *, on_count: Callable[[str, int], None] | None = None
     ) -> None:
-        self._most = most_per_hour
+        self.most_per_hour = most_per_hour
         self._on_count = on_count
         self._times: dict[str, deque[float]] = {}
         self._totals: dict[str, int] = {}
@@ -41,14 +41,14 @@ class WriteBudget:
         times = self._times.setdefault(starter, deque())
         while times and times[0] <= now_s - HOUR_S:
             times.popleft()
-        excess = len(times) + writes - self._most
+        excess = len(times) + writes - self.most_per_hour
         if excess > 0 and writes:
             return times[excess - 1] + HOUR_S - now_s if excess <= len(times) else math.inf
         times.extend([now_s] * writes)
         if writes:
             self._totals[starter] = self.total(starter) + writes
             if self._on_count is not None:
-                self._on_count(starter, self._text(starter, writes))
+                self._on_count(starter, writes)
         return None
 
     def total(self, starter: str) -> int:
@@ -69,15 +69,11 @@ class WriteBudget:
 
     def refusal(self, wait_s: float) -> str:
         """Return in words why a command must wait so long."""
-        limit = f"at most {self._most} writes an hour go to a starter's non-volatile memory, which wears out"
+        most = self.most_per_hour
+        limit = f"at most {most} writes an hour go to a starter's non-volatile memory, which wears out"
         if math.isinf(wait_s):
             return f"{limit}: these are more at once"
         return f"{limit}: try again in {math.ceil(wait_s / 60)} min"
-
-    def _text(self, starter: str, writes: int) -> str:
-        what = "1 write" if writes == 1 else f"{writes} writes"
-        recent, total = self.last_hour(starter), self.total(starter)
-        return f"{what} to its non-volatile memory: {recent} of {self._most} this hour, {total} in all"
 
 
 def totals_in(document: Mapping[str, Any]) -> dict[str, int]:

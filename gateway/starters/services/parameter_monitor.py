@@ -8,7 +8,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from gateway.contract import Severity
+from gateway.contract import Event, EventCode, event_of
 from gateway.errors import CommandError, PortLostError
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
@@ -19,11 +19,8 @@ from gateway.line.scheduler.requests import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.telemetry.transitions import Change
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.supervised import SupervisedTask
-
-EVENT = "parameter_changed"
 
 
 @once_per_profile
@@ -63,7 +60,7 @@ class ParameterChanges:
         """Record rows as they were read in an earlier run, as far as nothing newer is known."""
         self._known = {code: words for code, words in rows.items() if code in self._watched} | self._known
 
-    def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Change, ...]:
+    def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Event, ...]:
         """Record settings that were just read and return what somebody else has changed."""
         found = []
         for code, words in rows.items():
@@ -76,15 +73,21 @@ class ParameterChanges:
                 self._settled.discard(code)
                 del self._ours[code]
             if before not in (None, words) and ours != words:
-                found.append(self._change(variant, code, before or (), words))
+                found.append(self._changed(variant, code, before or (), words))
         return tuple(found)
 
-    def _change(self, variant: Variant, code: str, before: tuple[int, ...], after: tuple[int, ...]) -> Change:
+    def _changed(self, variant: Variant, code: str, before: tuple[int, ...], after: tuple[int, ...]) -> Event:
         old = entries_of(self._profile, variant, {code: before})[code]
         new = entries_of(self._profile, variant, {code: after})[code]
-        text = f"{code} {old.name} was changed at the starter: {old.shown} -> {new.shown}"
-        data = {"parameter": code, "name": old.name, "before": _as_data(old), "after": _as_data(new)}
-        return Change(EVENT, Severity.WARNING, text, data)
+        return event_of(
+            EventCode.PARAMETER_CHANGED,
+            parameter=code,
+            name=old.name,
+            before=_as_data(old),
+            after=_as_data(new),
+            old=old.shown,
+            new=new.shown,
+        )
 
 
 def rows_set(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
@@ -143,7 +146,8 @@ class ParameterMonitor:
         """Publish which of these settings, just read, were changed at the starter; return whether any was."""
         starter = self._starter
         changes = self._watch.note_reading(starter.variant, rows)
-        starter.emitter.put(*map(starter.emitter.change, changes))
+        for event in changes:
+            starter.emitter.event(event)
         return bool(changes)
 
     async def _walk(self) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from gateway.contract import Severity
+from gateway.contract import EventCode, Severity, phrase
 from gateway.errors import CommandError, PortLostError
 from gateway.families.devices.findings import Finding, Weight
 from gateway.families.diagnosis.identify import slot_trouble
@@ -29,7 +29,6 @@ from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
 
-EVENT = "readiness"
 PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read the settings
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
@@ -76,8 +75,11 @@ class ReadinessService:
             for code, why in found.refused.items()
             if code in watchdog_codes(profile) and profile.parameters[code].is_sure
         }
-        why = "; ".join(f"{code} is refused ({reason})" for code, reason in missing.items())
-        self._starter.set_trouble(WATCHDOG_TOPIC, f"its watchdog is not known: {why}" if why else "")
+        rows = "; ".join(
+            phrase(EventCode.DEGRADED, "row_refused", code=code, why=why) for code, why in missing.items()
+        )
+        trouble = phrase(EventCode.DEGRADED, "watchdog_unknown", rows=rows) if rows else ""
+        self._starter.set_trouble(WATCHDOG_TOPIC, trouble)
         return bool(missing)
 
     async def _read(self) -> BulkReading:
@@ -99,22 +101,18 @@ class ReadinessService:
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._news.is_new(said):
             return
-        data = {
-            "would_refuse_start": refuses_start(findings),
-            "findings": [_as_data(finding) for finding in findings],
-            "watchdogs": [
+        problems = "; ".join(each.text for each in findings if each.weight is not Weight.NOTE)
+        starter.emitter.event(
+            EventCode.READINESS,
+            severity=_SEVERITIES[findings[0].weight],  # errors come first
+            would_refuse_start=refuses_start(findings),
+            findings=[_as_data(finding) for finding in findings],
+            watchdogs=[
                 {"parameter": each.code, "after_s": each.after_s, "does": each.does}
                 for each in watchdogs(starter.profile, starter.variant, rows)
             ],
-        }
-        severity = _SEVERITIES[findings[0].weight]  # errors come first
-        starter.emitter.event(EVENT, severity, summary(findings), data)
-
-
-def summary(findings: Iterable[Finding]) -> str:
-    """Return in one line the findings above a note, or that there is none."""
-    problems = [finding.text for finding in findings if finding.weight is not Weight.NOTE]
-    return "; ".join(problems) if problems else "ready for remote control"
+            problems=problems or phrase(EventCode.READINESS, "ready"),
+        )
 
 
 def _as_data(finding: Finding) -> dict[str, Any]:

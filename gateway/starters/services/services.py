@@ -6,14 +6,12 @@ from collections.abc import Coroutine
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.contract import AuditRecord, EventRecord, Record
+from gateway.contract import AuditRecord, EventCode, EventRecord, Record
 from gateway.families.diagnosis.readiness import readiness_codes
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-
-FAULT_EVENT = "fault"  # two readings have shown it
 
 
 @dataclass(slots=True)
@@ -83,7 +81,7 @@ class StarterServices:
 
     def put(self, record: Record) -> None:
         """Remember what a command sets; ask a starter that has tripped for what it says of it."""
-        if isinstance(record, EventRecord) and record.code == FAULT_EVENT:
+        if isinstance(record, EventRecord) and record.code == EventCode.FAULT:
             tripped = self._services.get(record.starter)
             if tripped is not None and tripped.past is not None:
                 tripped.past.read_fault()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from gateway.contract import Severity
+from gateway.contract import EventCode
 from gateway.starters.telemetry.reporting import Emitter
 
 
@@ -42,9 +42,9 @@ class Availability:
         if self.is_online:
             self._publish()
         if reason:
-            self._emitter.event("degraded", Severity.WARNING, reason, {"topic": topic})
+            self._emitter.event(EventCode.DEGRADED, topic=topic, reason=reason)
         elif not self._troubles:
-            self._emitter.event("recovered", Severity.INFO, "the starter can be read whole again")
+            self._emitter.event(EventCode.RECOVERED)
         self.on_trouble("; ".join(self._troubles.values()))
 
     def come_online(self) -> None:
@@ -52,7 +52,7 @@ class Availability:
         self.is_online, self.lost_reason = True, ""
         self._publish()
         if self.was_lost:
-            self._emitter.event("answers_again", Severity.INFO, "the starter answers again")
+            self._emitter.event(EventCode.ANSWERS_AGAIN)
 
     def go_offline(self, reason: str, frames: Sequence[str]) -> None:
         """Publish that it went silent; everything is asked again once it answers."""
@@ -60,8 +60,7 @@ class Availability:
         self._troubles.clear()
         self.on_trouble("")
         self._emitter.availability("offline", reason=reason)
-        data = {"reason": reason, "frames": list(frames)}
-        self._emitter.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
+        self._emitter.event(EventCode.WENT_SILENT, reason=reason, frames=list(frames))
 
     def note_never_answered(self, reason: str) -> None:
         """Publish why a starter that has not answered yet does not, when that is news."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 
-from gateway.contract import Severity
+from gateway.contract import EventCode
 from gateway.errors import CommandError
 from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import slot_trouble, stop_profile, why_not
@@ -106,20 +106,26 @@ class IdentityCheck:
             return
         self._slot_said = self.seen.slot
         if self._slot_trouble:
-            data = {"configured": self.setup.variant.slot, "seen": self.seen.slot}
-            text = f"commands are held: {self._slot_trouble}"
-            self._emitter.event("slot_mismatch", Severity.ERROR, text, data)
+            self._emitter.event(
+                EventCode.SLOT_MISMATCH,
+                configured=self.setup.variant.slot,
+                seen=self.seen.slot,
+                reason=self._slot_trouble,
+            )
 
     def _publish_held(self) -> None:
         """Publish that commands are held: another device answers, or it is not known which one does."""
-        text = f"commands are held: {self.reason}"
         if self.is_mismatched:
-            family = self.setup.profile.family
             stop_profile(self.setup.profile, self.seen)  # loaded now, so that a stop need not wait for it
-            data = {"expected": family, "seen": self.seen.family_seen, "model": self.seen.model}
-            self._emitter.event("identity_mismatch", Severity.ERROR, text, data)
+            self._emitter.event(
+                EventCode.IDENTITY_MISMATCH,
+                expected=self.setup.profile.family,
+                seen=self.seen.family_seen,
+                model=self.seen.model,
+                reason=self.reason,
+            )
         else:
-            self._emitter.event("identity_unknown", Severity.WARNING, text)
+            self._emitter.event(EventCode.IDENTITY_UNKNOWN, reason=self.reason)
 
 
 class Withheld:

@@ -219,11 +219,11 @@ class KnownWatchdogs:
                 self._known[name] = _Known(_rows_in(stored["rows"]), _rows_in(stored["written"]))
         except DamagedError as error:
             memory.set_aside()
-            return f"{error}: watchdogs are not known until they are read"
+            return str(error)
         except (AttributeError, KeyError, TypeError, ValueError):
             self._known.clear()
             memory.set_aside()
-            return "the file of the watchdogs is damaged: they are not known until they are read"
+            return "the file of the watchdogs is damaged"
         return ""
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import inf
 
+from gateway.contract import EventCode, phrase
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block, plan_blocks, rows_of_points, split
@@ -372,7 +373,9 @@ class PollLoss:
         self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
         if self._is_poor is was_poor:
             return None
-        return f"{self._lost} of its last {self._count} polls had no right reply" if self._is_poor else ""
+        if not self._is_poor:
+            return ""
+        return phrase(EventCode.DEGRADED, "polls_lost", lost=self._lost, count=self._count)
 
     def clear(self) -> None:
         """Count anew: the starter itself was lost."""

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
+    Event,
+    EventCode,
     EventRecord,
     LockRecord,
     Presence,
@@ -27,7 +29,7 @@ from gateway.contract import (
     ValueRecord,
 )
 from gateway.starters.telemetry.snapshot import Reading, Value
-from gateway.starters.telemetry.transitions import AlarmStatus, Change
+from gateway.starters.telemetry.transitions import AlarmStatus
 from gateway.system.clock import Clock
 
 TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes up once for many of them
@@ -163,6 +165,7 @@ class Emitter:
     ) -> None:
         self.starter = starter
         self._lock_of = lock_of
+        self._records = records
         self._sink = records.sink
         self._clock = records.clock
         self._sequence = records.sequence
@@ -173,9 +176,11 @@ class Emitter:
         for record in records:
             self._sink.put(record)
 
-    def event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
-        """Publish something that happened now."""
-        self.put(self.change(Change(code, severity, text, data or {})))
+    def event(
+        self, event: EventCode | Event, case: str = "", /, *, severity: Severity | None = None, **fields: Any
+    ) -> None:
+        """Publish something that happened now, as `event_of` makes it."""
+        self._records.event(self.starter, event, case, severity=severity, **fields)
 
     def availability(self, state: Presence, *, reason: str | None) -> None:
         """Publish that the starter is online, offline or disabled from now on."""
@@ -245,17 +250,9 @@ class Emitter:
             boot=self._boot,
         )
 
-    def change(
-        self, change: Change, *, time_s: float | None = None, more: Mapping[str, Any] | None = None
+    def dated(
+        self, event: Event, *, time_s: float | None = None, before: Sequence[Mapping[str, Any]] | None = None
     ) -> EventRecord:
-        """Return something that happened, now or at `time_s`, with what else is known of it."""
-        return EventRecord(
-            starter=self.starter,
-            code=change.code,
-            severity=change.severity,
-            text=change.text,
-            time_s=self._clock.utc_s() if time_s is None else time_s,
-            seq=self._sequence.take(),
-            boot=self._boot,
-            data={**change.data, **(more or {})},
-        )
+        """Return the record of an event, of now or `time_s`, with the values of the seconds before it."""
+        known = event if before is None else replace(event, data={**event.data, "before": before})
+        return self._records.dated(self.starter, known, time_s=time_s)

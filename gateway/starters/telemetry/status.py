@@ -23,7 +23,7 @@ from gateway.starters.telemetry.transitions import (
     PublishedFaults,
     Settled,
     Watch,
-    alarm_change,
+    alarm_event,
 )
 
 STATE_EVERY_S = 30.0 - TICK_S  # the timer may run out a tick late
@@ -33,6 +33,8 @@ NONE_FOR_S = 2.0  # a starter that gives 0 as the number for so long has none to
 FAULT, FAULT_CODE = "fault", "fault_code"
 STATE = "state"  # among what settles; no point has this name
 SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms are known at all
+
+Values = Sequence[Mapping[str, Any]]  # of the seconds before an event, the oldest first
 
 
 @once_per_profile
@@ -53,8 +55,8 @@ class Status:
         self._settled = Settled()
         self._settled_alarms = AlarmBook()
         self._state_since_s: float | None = None
-        self._first_seen: tuple[float, dict[str, Any]] | None = None  # UTC, and the values before
-        self._held: tuple[float, dict[str, Any]] | None = None  # the same of a fault without its number
+        self._first_seen: tuple[float, Values] | None = None  # UTC, and the values before
+        self._held: tuple[float, Values] | None = None  # the same of a fault without its number
         self._announced: set[str] = set()  # faults of which an event was published
         self._fault_published_s: float | None = None
         self._flags = flags_of(profile)
@@ -139,7 +141,7 @@ class Status:
 
     def _note_readings(
         self, snapshot: Snapshot, values: Mapping[str, Value], *, now_s: float, utc_s: float
-    ) -> tuple[float, dict[str, Any]] | None:
+    ) -> tuple[float, Values] | None:
         """Record the readings that decide; return since when news waits, and the values before it."""
         deciding = (*self._flags, *self._numbers)
         all_readings = snapshot.readings
@@ -163,7 +165,7 @@ class Status:
         state: str,
         remote: bool | None,  # noqa: FBT001 - a reading, not an option
         time_s: float,
-        before: dict[str, Any] | None,
+        before: Values | None,
         *,
         now_s: float,
     ) -> None:
@@ -174,20 +176,20 @@ class Status:
         faults = self._settled_alarms.active("fault")
         codes = tuple(each.alarm.code for each in faults)
         was_in_fault = self._watch.is_in_fault
-        for change in self._watch.note(
+        for event in self._watch.note(
             state,
             remote=remote,
             time_s=time_s,
             is_known=self._published.has(self._emitter.starter, codes),
             faults=faults,
         ):
-            more = self._values_before(now_s) if before is None else before
-            self._records.append(self._emitter.change(change, time_s=time_s, more=more))
+            values = self._values_before(now_s) if before is None else before
+            self._records.append(self._emitter.dated(event, time_s=time_s, before=values))
         if not self._watch.is_in_fault:
             return
         for standing in faults:
             if was_in_fault and standing.alarm.code not in self._announced:
-                self._records.append(self._emitter.change(alarm_change(standing), time_s=standing.raised_s))
+                self._records.append(self._emitter.dated(alarm_event(standing), time_s=standing.raised_s))
         self._announced = set(codes)
 
     def _settle_alarms(
@@ -214,9 +216,9 @@ class Status:
                 continue
             if not standing.is_active and alarm.severity == "fault" and alarm.code not in self._announced:
                 passed = replace(standing, is_active=True)  # gone before the whole state was read twice
-                self._records.append(self._emitter.change(alarm_change(passed), time_s=standing.raised_s))
+                self._records.append(self._emitter.dated(alarm_event(passed), time_s=standing.raised_s))
             if standing.is_active or alarm.severity not in came:
-                self._records.append(self._emitter.change(alarm_change(standing), time_s=utc_s))
+                self._records.append(self._emitter.dated(alarm_event(standing), time_s=utc_s))
             self._announced.discard(alarm.code)
 
     def _active(self, points: Mapping[str, Value], *, is_awaited: bool) -> list[Alarm]:
@@ -327,17 +329,13 @@ class Status:
             return True
         return number.at_s >= self._fault_since_s
 
-    def _values_before(self, now_s: float) -> dict[str, Any]:
-        return {
-            "before": [
-                {
-                    "seconds_before": round(now_s - at_s, 3),
-                    "values": {
-                        name: value
-                        for name, value in zip(self._points, values, strict=True)
-                        if value is not None
-                    },
-                }
-                for at_s, values in self._before
-            ]
-        }
+    def _values_before(self, now_s: float) -> Values:
+        return [
+            {
+                "seconds_before": round(now_s - at_s, 3),
+                "values": {
+                    name: value for name, value in zip(self._points, values, strict=True) if value is not None
+                },
+            }
+            for at_s, values in self._before
+        ]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from gateway.contract import RecordWriter
+from gateway.contract import EventCode, RecordWriter, phrase
 from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block
@@ -325,10 +325,9 @@ class StarterTelemetry:
         codes = self._polling.refused_vital()
         before = self.availability.trouble(REFUSED_TOPIC)
         if codes or before:
-            text = f"{', '.join(codes)} refused ({why}), asked again at least every {LONGEST_PAUSE_S:g} s"
-            reason = before if codes == self._refused else text
+            reason = before if codes == self._refused else ""
             self._refused = codes
-            self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
+            self.set_trouble(REFUSED_TOPIC, (reason or _refusal(codes, why)) if codes else "")
 
     def _come_online(self) -> None:
         if self.availability.is_online:
@@ -384,7 +383,7 @@ class StarterTelemetry:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
         reason = self.contradiction
         is_new = self.snapshot.distrust(reason)
-        self.set_trouble(IDENTITY_TOPIC, f"values are not usable: {reason}" if reason else "")
+        self.set_trouble(IDENTITY_TOPIC, phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else "")
         if not is_new:
             return
         if not reason:
@@ -424,3 +423,11 @@ class StarterTelemetry:
         self.emitter.values(self._report.take_due(now_s))
         overdue_s = self._polling.next_overdue_s()
         self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
+
+
+def _refusal(codes: Sequence[str], why: str) -> str:
+    """Return which rows a starter refuses, and why as far as that is known."""
+    named = ", ".join(codes)
+    if not why:
+        return phrase(EventCode.DEGRADED, "rows_refused", codes=named, seconds=LONGEST_PAUSE_S)
+    return phrase(EventCode.DEGRADED, "rows_refused_for", codes=named, why=why, seconds=LONGEST_PAUSE_S)

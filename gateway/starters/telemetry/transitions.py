@@ -11,10 +11,10 @@ publishes it once more.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from gateway.contract import Severity
+from gateway.contract import Event, EventCode, Severity, event_of, phrase
 from gateway.errors import DamagedError
 from gateway.families.profile.rows import Alarm
 from gateway.storage.json_file import JsonStore, NoStore, Saver
@@ -23,16 +23,6 @@ UNKNOWN = "unknown"
 STARTED = frozenset({"starting", "running"})
 TURNING = STARTED | {"stopping"}
 AT_REST = frozenset({"ready", "not_ready"})
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """Something that happened to a starter."""
-
-    code: str
-    severity: Severity
-    text: str
-    data: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Settled:
@@ -105,15 +95,15 @@ class Watch:
         time_s: float,
         is_known: bool = False,
         faults: Sequence[AlarmStatus] = (),
-    ) -> tuple[Change, ...]:
+    ) -> tuple[Event, ...]:
         """Record a status read at `time_s` (UTC) and return what happened since the last one.
 
         `faults` are those that make the state `fault`: its event names them.
         """
-        changes = [*self._of_remote(remote), *self._of_state(state, time_s, is_known=is_known, faults=faults)]
+        events = [*self._of_remote(remote), *self._of_state(state, time_s, is_known=is_known, faults=faults)]
         self._remote = self._remote if remote is None else remote
         self._state = self._state if state == UNKNOWN else state
-        return tuple(changes)
+        return tuple(events)
 
     @property
     def is_in_fault(self) -> bool:
@@ -122,37 +112,35 @@ class Watch:
 
     def _of_state(
         self, state: str, time_s: float, *, is_known: bool, faults: Sequence[AlarmStatus]
-    ) -> list[Change]:
+    ) -> list[Event]:
         before = self._state
         if before is None and state in STARTED and self._first in AT_REST:
             before = self._first
         if before is None and state == "fault" and not is_known:
-            text = f"{_named(faults)}, found at the first reading"
-            return [Change("fault", Severity.ERROR, text, {"from": None, "to": state} | _as_data(faults))]
+            return [
+                _trip(faults, phrase(EventCode.FAULT, "found", named=_named(faults)), before=None, to=state)
+            ]
         if before is None or state in (before, UNKNOWN):
             return []
-        data: dict[str, Any] = {"from": before, "to": state}
         if state == "fault":
-            data |= self._duration(time_s) | _as_data(faults)
-            return [Change("fault", Severity.ERROR, _named(faults), data)]
+            return [_trip(faults, _named(faults), before=before, to=state, run_s=self._duration_s(time_s))]
         if state in STARTED and before not in STARTED:
             self._started_s = time_s
-            return [Change("started", Severity.INFO, f"the motor was started, was {before}", data)]
+            return [event_of(EventCode.STARTED, from_=before, to=state)]
         if state in AT_REST and before in TURNING:
-            return [Change("stopped", Severity.INFO, "the motor has stopped", data | self._duration(time_s))]
+            run_s = self._duration_s(time_s)
+            return [event_of(EventCode.STOPPED, from_=before, to=state, run_s=run_s)]
         return []
 
-    def _duration(self, time_s: float) -> dict[str, Any]:
+    def _duration_s(self, time_s: float) -> float | None:
         """Return how long the motor has been on, once per start that was seen."""
         started_s, self._started_s = self._started_s, None
-        return {} if started_s is None else {"run_s": round(time_s - started_s, 3)}
+        return None if started_s is None else round(time_s - started_s, 3)
 
-    def _of_remote(self, remote: bool | None) -> list[Change]:  # noqa: FBT001 - a reading, not an option
+    def _of_remote(self, remote: bool | None) -> list[Event]:  # noqa: FBT001 - a reading, not an option
         if self._remote is None or remote is None or remote is self._remote:
             return []
-        if remote:
-            return [Change("remote_operation", Severity.INFO, "the starter takes commands from remote again")]
-        return [Change("local_operation", Severity.INFO, "the starter was switched to local operation")]
+        return [event_of(EventCode.REMOTE_OPERATION if remote else EventCode.LOCAL_OPERATION)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,29 +154,45 @@ class AlarmStatus:
     count: int  # how often it came
 
 
-def alarm_change(standing: AlarmStatus) -> Change:
+def alarm_event(standing: AlarmStatus) -> Event:
     """Return the event of an alarm, or of a further fault, that came or went."""
-    alarm = standing.alarm
-    data = {"alarm": alarm.code, "severity": alarm.severity, "count": standing.count}
-    if standing.is_active:
-        severity = Severity.ERROR if alarm.severity == "fault" else Severity.WARNING
-        return Change("alarm", severity, _named([standing]), data)
-    return Change("cleared", Severity.INFO, f"cleared: {alarm.title}", data)
+    alarm, count = standing.alarm, standing.count
+    if not standing.is_active:
+        return event_of(
+            EventCode.CLEARED, alarm=alarm.code, severity_=alarm.severity, count=count, title=alarm.title
+        )
+    return event_of(
+        EventCode.ALARM,
+        severity=Severity.ERROR if alarm.severity == "fault" else Severity.WARNING,
+        alarm=alarm.code,
+        severity_=alarm.severity,
+        count=count,
+        title=_named([standing]),
+    )
 
 
 def _named(standings: Sequence[AlarmStatus]) -> str:
     """Return faults, or an alarm, in words: fault E05 Motor overload."""
     if not standings:
-        return "fault, its number is not known"  # it was over, or the starter lost, before it was read
+        return phrase(EventCode.FAULT, "unnumbered")
     titles, kind = ", ".join(standing.alarm.title for standing in standings), standings[0].alarm.severity
     return kind + titles[len(kind) :] if titles.lower().startswith(kind) else f"{kind} {titles}"
 
 
-def _as_data(faults: Sequence[AlarmStatus]) -> dict[str, Any]:
-    """Return the faults of one trip for its event, the first one also as in an alarm's event."""
-    listed = [{"code": each.alarm.code, "text": each.alarm.text, "count": each.count} for each in faults]
-    first = {"alarm": listed[0]["code"], "severity": "fault"} if listed else {}
-    return {**first, "faults": listed}
+def _trip(
+    faults: Sequence[AlarmStatus], named: str, *, before: str | None, to: str, run_s: float | None = None
+) -> Event:
+    """Return the event of a trip with all its faults, the first one also as in an alarm's event."""
+    return event_of(
+        EventCode.FAULT,
+        from_=before,
+        to=to,
+        run_s=run_s,
+        alarm=faults[0].alarm.code if faults else None,
+        severity_="fault" if faults else None,
+        faults=[{"code": each.alarm.code, "text": each.alarm.text, "count": each.count} for each in faults],
+        named=named,
+    )
 
 
 class AlarmBook:

@@ -207,7 +207,7 @@ async def _way() -> _Way:
     unit = watching_unit("ssw07", 1, 0)
     bus.add(unit)
     plant = Plant(
-        publish_event=lambda *_: None,
+        publish_event=lambda *_, **__: None,
         forget=lambda _: None,
         policy=policy,
         services=services,

@@ -149,7 +149,7 @@ OTHERS = [
         "a broker that closes three young connections without a reason may have another client with this id",
         given=SSW07,
         at={5.0 + 3 * n: "broker drops" for n in range(5)},
-        then={40.0: seen("gateway/event", code="client_id_taken", text=re.compile("perhaps"), times=1)},
+        then={40.0: seen("gateway/event", code="client_id_taken", text=re.compile("may be using"), times=1)},
     ),
     row(
         "another gateway under one base is an event, once, and keeps what it retains",

@@ -423,7 +423,11 @@ PARAMETERS = [
         at={12.0: ["end", ran(SAVED), OTHER_P314, changed("state/identities.json", r"1\.40", "1.30")]},
         then={
             12.0: [
-                cli(RESTORE, code=1, err=("identity_changed: ", "firmware was 1.30, is 1.40", "send accept")),
+                cli(
+                    RESTORE,
+                    code=1,
+                    err=("identity_changed: ", "firmware was 1.30, is now 1.40", "send accept"),
+                ),
                 cli(
                     "doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*commands would be held")
                 ),

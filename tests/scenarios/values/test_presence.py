@@ -251,7 +251,7 @@ REFUSALS = [
         at={3: answers("pump", _every(10))},
         then={
             300: [
-                msg(PUMP + "availability", state="degraded", reason=re.compile("had no right reply")),
+                msg(PUMP + "availability", state="degraded", reason=re.compile("had no valid reply")),
                 never(PUMP + "availability", since=5, state="offline"),
             ]
         },

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 from gateway.contract import (
+    EventCode,
     InfoRecord,
     Quality,
     Record,
-    Severity,
     StartRecord,
     StateRecord,
     TripRecord,
@@ -28,7 +28,6 @@ KIND = "counters"  # of the rows on disk, one for each run whose sums are not in
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
 UNCHANGED_EVERY_S = 86_400.0
 MOST_RUNS = 8  # runs in a row that could not read the disk, and so have counted from 0
-ONE_LEFT = "one_start_left"  # event
 LOOK_EVERY_S = 1.0  # between two looks at what is due; a change of state is looked at without delay
 OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
@@ -243,8 +242,7 @@ class CountersPart(HistoryPart):
         """Publish once that one start is left, when it was more."""
         before, self._left = self._left, left
         if left == 1 and before is not None and before > 1:
-            text = "one start is left in this hour: after it the motor must wait"
-            self._records.event(self._name, ONE_LEFT, Severity.WARNING, text)
+            self._records.event(self._name, EventCode.ONE_START_LEFT)
 
 
 def _hours(seconds: float | None) -> float | None:

@@ -20,13 +20,13 @@ from typing import Any
 
 from gateway.contract import (
     AvailabilityRecord,
+    EventCode,
     EventRecord,
     InfoRecord,
     PublishEvent,
     Record,
     RecordWriter,
     ResultRecord,
-    Severity,
     StateRecord,
 )
 from gateway.errors import CommandError, StoreError
@@ -230,12 +230,11 @@ class HistoryService:
             case News.OPEN:
                 log.info("history %s", text)
                 if self._is_away:
-                    self._publish_event("history_available", Severity.INFO, "the history is stored again")
+                    self._publish_event(EventCode.HISTORY_AVAILABLE)
                 self._is_away = False
                 self._load(tuple(self._unread))
             case News.AWAY:
                 self._is_away = True
-                text = f"the motors' history cannot be stored, the newest of it waits in memory: {text}"
-                self._publish_event("history_unavailable", Severity.WARNING, text)
+                self._publish_event(EventCode.HISTORY_UNAVAILABLE, trouble=text)
             case News.LOST:
-                self._publish_event("history_lost", Severity.WARNING, f"the motors' history was lost: {text}")
+                self._publish_event(EventCode.HISTORY_LOST, trouble=text)

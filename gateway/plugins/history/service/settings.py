@@ -6,9 +6,8 @@ read for it. What commands have changed is in the audit.
 
 from __future__ import annotations
 
-from gateway.contract import EventRecord, Record, rfc3339
+from gateway.contract import EventCode, EventRecord, Record, rfc3339
 from gateway.plugins.history.service.part import HistoryPart
-from gateway.starters.services.parameter_monitor import EVENT
 
 KIND = "setting"  # of the rows on disk
 STORED = 100  # of each starter
@@ -19,6 +18,6 @@ class SettingsPart(HistoryPart):
 
     def take_record(self, record: Record) -> None:
         """Store a changed setting within a few seconds."""
-        if isinstance(record, EventRecord) and record.code == EVENT:
+        if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
             data = {"time": rfc3339(record.time_s), **record.data}
             self._put(KIND, f"{self._here.boot}-{record.seq}", data, limit=STORED)

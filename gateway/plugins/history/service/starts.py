@@ -12,11 +12,11 @@ from typing import Any
 from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
+    EventCode,
     InfoRecord,
     Phase,
     Record,
     ResultRecord,
-    Severity,
     StartRecord,
     StateRecord,
 )
@@ -201,16 +201,16 @@ class StartHistory(HistoryPart):
             super()._put(kind, id_, data, limit=limit, is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, summary: StartSummary) -> None:
-        data = {"start": summary.id, "drift": summary.to_dict().get("drift", {})}
+        start, drift = summary.id, summary.to_dict().get("drift", {})
         if verdict.raised:
             self._alarm_count += 1
             self._raised_s = self._records.clock.utc_s()
-            text = f"the motor starts otherwise than at its baseline: {verdict.raised}"
-            self._records.event(self._name, DRIFT, Severity.WARNING, text, data)
+            self._records.event(
+                self._name, EventCode.START_DRIFT, start=start, drift=drift, changes=verdict.raised
+            )
             self._put_alarm()
         elif verdict.is_over:
-            text = "the motor starts as at its baseline again"
-            self._records.event(self._name, f"{DRIFT}_over", Severity.INFO, text, data)
+            self._records.event(self._name, EventCode.START_DRIFT_OVER, start=start, drift=drift)
             self._put_alarm()
 
     def _put_alarm(self) -> None:

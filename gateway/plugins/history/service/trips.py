@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.contract import EventRecord, Record, TripRecord, rfc3339
+from gateway.contract import EventCode, EventRecord, Record, TripRecord, rfc3339
 from gateway.plugins.history.service.part import HistoryPart, Surroundings
 from gateway.plugins.history.trip_record import STORED, TripSnapshot
 from gateway.plugins.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
@@ -34,10 +34,10 @@ class TripPart(HistoryPart):
         """Begin a record at a fault; remember which faults are active."""
         if not isinstance(record, EventRecord):
             return
-        if record.code in ("alarm", "cleared") and record.data.get("severity") == "fault":
+        if record.code in (EventCode.ALARM, EventCode.CLEARED) and record.data.get("severity") == "fault":
             code = str(record.data.get("alarm"))
-            self._recorder.note_alarm(code, record.text, is_active=record.code == "alarm")
-        elif record.code == "fault":
+            self._recorder.note_alarm(code, record.text, is_active=record.code == EventCode.ALARM)
+        elif record.code == EventCode.FAULT:
             self._begin(record)
 
     def note_fault_data(
