@@ -6,8 +6,16 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from gateway.contract import CommandAddress, CommandRequest, PublishEvent, Severity, Topics, shortened
-from gateway.mqtt.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
+from gateway.contract import (
+    CommandAddress,
+    CommandError,
+    CommandRequest,
+    PublishEvent,
+    Severity,
+    Topics,
+    shortened,
+)
+from gateway.mqtt.commands import CommandParser, Incoming, Rejection
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import Moment, Tokens
 from gateway.system.clock import Clock, ClockWatch
@@ -17,6 +25,7 @@ from gateway.system.stalls import SuspendWatch
 
 log = logging.getLogger(__name__)
 
+MALFORMED_TOPIC = "malformed_topic"
 MALFORMED_EVERY_S = 1.0  # events of one kind
 
 
@@ -62,23 +71,23 @@ class IncomingCommands:
             return
         request = verdict.request if isinstance(verdict, Rejection) else verdict
         if isinstance(verdict, Rejection) and verdict.problem:
-            self._refuse_malformed(incoming, request, verdict.problem, verdict.code, verdict.text)
+            self._refuse_malformed(incoming, request, verdict.problem, verdict.error)
             return
         unknown = self._dispatcher.verb_error(request.starter, request.verb)
         if unknown is not None:
-            self._refuse_malformed(incoming, request, unknown.code, unknown.code, unknown.text)
+            self._refuse_malformed(incoming, request, unknown.code, unknown)
         elif isinstance(verdict, Rejection):
-            self._dispatcher.reject(request, verdict.code, verdict.text)
+            self._dispatcher.reject(request, verdict.error)
         else:
             self._dispatcher.submit(request)
 
     def _refuse_malformed(
-        self, incoming: Incoming, request: CommandRequest, problem: str, code: str, text: str
+        self, incoming: Incoming, request: CommandRequest, problem: str, error: CommandError
     ) -> None:
         """Reject what came on a topic that names no command: mistyped, or with an unknown verb."""
-        self._dispatcher.reject(request, code, text)
+        self._dispatcher.reject(request, error)
         self._malformed.put(
-            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text}
+            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": error.text}
         )
 
     def _publish_malformed(self, malformed: Mapping[str, Any], count: int) -> None:

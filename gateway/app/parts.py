@@ -254,7 +254,7 @@ class Parts:
                 host,
                 latest=self.latest.records,
                 take=self._inbox.put,
-                reject=lambda each: self.dispatcher.reject(each.request, each.code, each.text),
+                reject=lambda each: self.dispatcher.reject(each.request, each.error),
                 facts=uplink.facts,
                 since_s=self._started_s,
             ),

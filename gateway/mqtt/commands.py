@@ -13,14 +13,16 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 from gateway.contract import (
     STOP,
     CommandAddress,
+    CommandError,
     CommandRequest,
     Malformed,
+    Note,
+    ResultCode,
     ResultRecord,
     Topics,
     read_object,
     shortened,
 )
-from gateway.errors import CommandError
 from gateway.starters.policy.freshness import (
     BY_TOKEN,
     DEFAULT_TTL_S,
@@ -34,9 +36,8 @@ from gateway.starters.policy.freshness import (
 )
 from gateway.system.value_demands import demand_of
 
-MALFORMED_TOPIC = "malformed_topic"
 MAX_PAYLOAD_BYTES = 4096
-RETAINED_STOP = "it had the retain flag, with which every command but a live stop is refused"
+RETAINED_STOP = Note("retained_stop")
 
 _INSTANT = re.compile(  # RFC 3339 5.6
     r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
@@ -70,8 +71,7 @@ class Rejection:
     """A command that is not carried out: as far as it is legible, and which rule refuses it."""
 
     request: CommandRequest
-    code: str
-    text: str
+    error: CommandError
     problem: str = ""  # of a malformed topic, in a word
 
 
@@ -141,12 +141,11 @@ class CommandParser:
             return None
         lenient = _read_leniently(incoming.payload)
         if isinstance(address, Malformed):
-            error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
+            error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
             return _rejected(address, lenient, incoming, error)
         try:
             if incoming.is_retained and not (address.verb == STOP and incoming.is_live):
-                text = "a retained command is never acted on; send it without retain"
-                raise CommandError("retained", text)  # noqa: TRY301 - as for the others
+                raise CommandError(ResultCode.RETAINED)  # noqa: TRY301 - as for the others
             if address.verb == STOP:
                 return self._request(address, incoming, body=lenient, received_s=received_s)
             body, decision = self._proven(address, incoming, moment)
@@ -162,7 +161,7 @@ class CommandParser:
         """Return the body of a command to act on, and when it was decided upon; CommandError for others."""
         body = _read_strictly(incoming.payload)
         if incoming.expiry_s == 0:
-            raise CommandError("expired", "the message's own expiry has passed")
+            raise CommandError(ResultCode.EXPIRED, "message")
         decision = decision_of(
             _proof(body),
             verb=address.verb,
@@ -195,7 +194,7 @@ class CommandParser:
             expect=body.expect,
             select=body.select,
             source=incoming.source,
-            remark=RETAINED_STOP if incoming.is_retained else "",
+            remark=RETAINED_STOP.text if incoming.is_retained else "",
         )
 
     def _proofs_of(self, address: CommandAddress, incoming: Incoming) -> Collection[str]:
@@ -222,23 +221,25 @@ def _rejected(
         source=incoming.source,
     )
     problem = address.problem if isinstance(address, Malformed) else ""
-    return Rejection(request, code=error.code, text=error.text, problem=problem)
+    return Rejection(request, error, problem=problem)
 
 
 def _read_strictly(payload: bytes) -> _Body:
     """Return the payload of a command that must be right in every detail."""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise CommandError("too_big", f"{len(payload)} bytes of payload, at most {MAX_PAYLOAD_BYTES}")
+        raise CommandError(ResultCode.TOO_BIG, "payload", size=len(payload), most=MAX_PAYLOAD_BYTES)
     try:
         fields = read_object(payload)
     except ValueError as error:
-        raise CommandError("bad_json", shortened(str(error), 200)) from error
+        raise CommandError(ResultCode.BAD_JSON, why=shortened(str(error), 200)) from error
     try:
         body = _Body.model_validate(fields)
     except ValidationError as error:
-        raise CommandError("bad_payload", shortened(_explained(error), 200)) from error
+        raise CommandError(
+            ResultCode.BAD_PAYLOAD, "fields", mistakes=shortened(_explained(error), 200)
+        ) from error
     if body.id is None:
-        raise CommandError("no_id", "every command but stop needs an id")
+        raise CommandError(ResultCode.NO_ID)
     return body
 
 

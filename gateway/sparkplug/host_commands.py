@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.contract import PublishEvent, Severity, shortened
+from gateway.contract import CommandError, Note, PublishEvent, Reason, ResultCode, Severity, shortened
 from gateway.mqtt.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
 from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
@@ -25,7 +25,6 @@ MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
 DECODED = Rate(20.0, 100)  # as the gateway's own topics take of one client
 SHORT_BYTES = 512  # a stop alone has some 50; what is longer takes too long for as many as may come
 REFUSED_EVERY_S = 1.0
-UNKNOWN = "unknown_starter"
 
 _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
@@ -36,8 +35,7 @@ class _Unread:
     """Why a DCMD for a starter was not looked into, or not to its end."""
 
     starter: str
-    code: str
-    text: str
+    reason: Reason
 
 
 class HostCommands:
@@ -69,12 +67,12 @@ class HostCommands:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
         payload = incoming.payload
         if len(payload) > MOST_BYTES:
-            self._put(starter, "too_big", f"more than {MOST_BYTES} bytes, which are not read")
+            self._put(starter, Reason(ResultCode.TOO_BIG, "dcmd", most=MOST_BYTES))
             return
         is_paid = self._decoded.take(self._clock.now_s())
         if not is_paid and (_STOP not in payload or len(payload) > SHORT_BYTES):
-            text = f"more than {DECODED.per_s:g} a second; a stop of at most {SHORT_BYTES} bytes is taken"
-            self._put(starter, "too_many", text)
+            rate = DECODED.per_s
+            self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
             return
         command = decoded_command(payload, salvaged=_STOP)
         asked = DeviceCommand(starter, command, incoming.is_retained, self._clock.utc_s(), born_utc_s)
@@ -87,8 +85,8 @@ class HostCommands:
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
-        text = "this gateway has no such starter"
-        self._unread.put(UNKNOWN, _Unread(shortened(device), UNKNOWN, text))
+        reason = Reason(ResultCode.UNKNOWN_STARTER)
+        self._unread.put(reason.code, _Unread(shortened(device), reason))
 
     def _take_stop(self, asked: DeviceCommand) -> None:
         """Take the stop of a DCMD of which nothing else may act."""
@@ -96,12 +94,10 @@ class HostCommands:
         if stop is not None:
             self._take(stop)
         if asked.command.is_broken:
-            done = "nothing of it acts" if stop is None else "its stop is taken, nothing else of it acts"
-            self._put(asked.starter, "bad_payload", f"it cannot be read as a whole: {done}")
+            case = "broken" if stop is None else "broken_stop"
+            self._put(asked.starter, Reason(ResultCode.BAD_PAYLOAD, case))
         elif stop is None or len(asked.command.metrics) > 1:
-            self._put(
-                asked.starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken"
-            )
+            self._put(asked.starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
 
     def _pass_on(self, judgement: Incoming | Rejection) -> None:
         if isinstance(judgement, Rejection):
@@ -109,14 +105,16 @@ class HostCommands:
         else:
             self._take(judgement)
 
-    def _put(self, starter: str, code: str, text: str) -> None:
-        self._unread.put((starter, code), _Unread(starter, code, text))
+    def _put(self, starter: str, reason: Reason) -> None:
+        self._unread.put((starter, reason.code), _Unread(starter, reason))
 
     def _refuse(self, unread: _Unread, count: int) -> None:
-        text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
-        data = {"starter": unread.starter, "code": unread.code, "count": max(count, 1)}
+        text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.reason.text}"
+        data = {"starter": unread.starter, "code": unread.reason.code, "count": max(count, 1)}
         self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
-        if unread.code == UNKNOWN:
+        if unread.reason.code == ResultCode.UNKNOWN_STARTER:
             return  # no metric and no topic of such a starter could show a result
-        self._reject(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
+        more = Note("more_dcmds", count=count) if count else None
+        error = CommandError(unread.reason.noted(more))
+        self._reject(self._mapper.unread(unread.starter, self._clock.utc_s(), error))
         self._show_done(unread.starter, COMMANDS)

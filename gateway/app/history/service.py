@@ -26,16 +26,18 @@ from gateway.app.history.starts import StartHistory
 from gateway.app.history.trips import TripPart
 from gateway.contract import (
     AvailabilityRecord,
+    CommandError,
     EventRecord,
     InfoRecord,
     PublishEvent,
     Record,
     RecordWriter,
+    ResultCode,
     ResultRecord,
     Severity,
     StateRecord,
 )
-from gateway.errors import CommandError, StoreError
+from gateway.errors import StoreError
 from gateway.history.readings import Readings
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
@@ -161,7 +163,7 @@ class HistoryService:
         for part in () if history is None else history.parts:
             if isinstance(part, StartHistory):
                 return part.choose_baseline(id_, client=client).to_dict()
-        raise CommandError("no_start", "no starts of this starter are recorded")
+        raise CommandError(ResultCode.NO_START, "none")
 
     async def loaded(self) -> None:
         """Return when everything that earlier runs have stored was read, or could not be."""

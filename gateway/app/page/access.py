@@ -21,11 +21,12 @@ from gateway.contract import (
     OWN_VERBS,
     UNLOCK,
     AuditRecord,
+    CommandError,
     CommandRequest,
     RecordWriter,
     rfc3339,
 )
-from gateway.errors import CommandError, StoreError
+from gateway.errors import StoreError
 from gateway.families.command.build import verbs
 from gateway.mqtt.commands import Incoming
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -38,7 +39,7 @@ from gateway.web.interface import MetricsAccess
 log = logging.getLogger(__name__)
 
 WEB = "web"
-LOGIN = CommandError("login", "log in to operate")
+LOGIN = ("login", "log in to operate")  # the code and text why nothing may be commanded without a login
 
 _OFFERS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("start", {}),
@@ -114,9 +115,10 @@ class WebAccess:
         for verb, args in _OFFERS:
             if verb not in (*verbs(view.profile), *OWN_VERBS):
                 continue
-            error = LOGIN if client is None else self._objection(view, client, verb, args)
-            offer = {"verb": verb, "args": args, "permitted": error is None, "two_step": verb in two_step}
-            offers.append({**offer, "code": error.code if error else "", "text": error.text if error else ""})
+            error = None if client is None else self._objection(view, client, verb, args)
+            code, text = LOGIN if client is None else (error.code, error.text) if error else ("", "")
+            offer = {"verb": verb, "args": args, "permitted": not code, "two_step": verb in two_step}
+            offers.append({**offer, "code": code, "text": text})
         return offers
 
     def submit(

@@ -106,7 +106,7 @@ class Policy:
             memory.set_aside()
             self._unsure = set(starters)
             count = len(self._lock_unsure(rights))
-            text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
+            text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE.text})"
             self._records.event("", "memory_damaged", Severity.ERROR, text)
 
     def _restore_write_budget(self, memory: JsonStore) -> None:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from gateway.contract import Severity
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError, Severity
+from gateway.errors import PortLostError
 from gateway.families.devices.findings import Finding, Weight
 from gateway.families.diagnosis.identify import slot_trouble
 from gateway.families.diagnosis.readiness import (
