@@ -94,8 +94,8 @@ class HostCommands:
         if stop is not None:
             self._take(stop)
         if asked.command.is_broken:
-            case = "broken" if stop is None else "broken_stop"
-            self._put(asked.starter, Reason(ResultCode.BAD_PAYLOAD, case))
+            reason = Reason(ResultCode.BAD_PAYLOAD, "broken" if stop is None else "broken_stop")
+            self._put(asked.starter, reason)
         elif stop is None or len(asked.command.metrics) > 1:
             self._put(asked.starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.starters.commands.result_codes import CODES
+from gateway.contract import ResultCode
+from gateway.contract.results import result_meanings, result_notes
 from tests.reference.event_codes import EVENTS
 from tests.reference.topics import TOPICS
 
@@ -20,14 +21,15 @@ ROWS = [
     if line.startswith("| ") and not line.startswith("| it says")
 ]
 EVENT_CODES = {code for events in EVENTS.values() for code in events}
-RESULT_CODES = {code for codes in CODES.values() for code in codes}
+RESULT_CODES = set(ResultCode)
 WORDS = {"scan", "stale", "bad", "garbled", "unconfirmed", "uart_errors", "B/gateway/line/{line}"}
 
 
 @functools.cache
 def texts() -> str:
     """Return every text of the source, what is filled in as …."""
-    found = []
+    found = [*result_notes().values()]
+    found += [text for means in result_meanings().values() for text in means.templates.values()]
     for path in sorted((ROOT / "gateway").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
