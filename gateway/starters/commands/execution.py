@@ -159,9 +159,8 @@ class CommandExecution:
     def _cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
-            is_left = reason.code in (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)
-            is_left = is_left and self.report.request.verb in TAKEN_BACK
-            later = MAY_ACT_LATER if is_left else None
+            is_pending = reason.code in (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)
+            later = MAY_ACT_LATER if is_pending and self.report.request.verb in TAKEN_BACK else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self._outlook, later))
         if reason.code == ResultCode.INTERNAL:
             return Final(Phase.FAILED, reason)
