@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.contract import CommandError, ResultCode
+from gateway.contract import CommandError, Reason, ResultCode
 from gateway.families.profile.procedure import Seen
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
@@ -44,7 +44,12 @@ def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) ->
     """Raise CommandError, with the first broken rule's code, unless all these rules hold on these points."""
     refusals = check(profile, rules, points)
     if refusals:
-        first, *others = (refusal.reason for refusal in refusals)
+        reasons: dict[str, Reason] = {}
+        for refusal in refusals:
+            # The state may say once more what a rule has said; each unknown reading is another one.
+            is_unknown = refusal.code == ResultCode.STATE_UNKNOWN
+            reasons.setdefault(refusal.text if is_unknown else refusal.code, refusal.reason)
+        first, *others = reasons.values()
         raise CommandError(first.noted(*others))
 
 
