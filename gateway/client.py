@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config.values import split_url
-from gateway.contract import Phase, Topics, is_level
+from gateway.contract import Phase, Topics, is_level, meaning_of
 from gateway.errors import NoResultError, UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
-from gateway.starters.commands.result_codes import explain
 
 WITHIN_S = 30.0
 
@@ -51,7 +50,7 @@ class Result:
     @property
     def what_to_do(self) -> str:
         """Return what an operator should do about it."""
-        return explain(self.code).hint
+        return meaning_of(self.code).remedy
 
 
 class Client:

@@ -12,7 +12,7 @@ GatewayError
 │   ├── BadFrameError    wrong CRC, too short, too long
 │   ├── BadReplyError    a valid frame that does not answer this request
 │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
-├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
+├── CommandError         a command that cannot be carried out as asked, with a code: in gateway/contract
 ├── StoreError           nothing can be stored on the disk (now): report, continue without, retry
 │   ├── DamagedError     the file is not what was written: set it aside, begin with a new one
 │   ├── NewerError       a later version has written the file: leave it as it is, exit 78
@@ -111,15 +111,6 @@ class BadRequestError(CodecError):
     def __init__(self, reason: str, exception_code: int) -> None:
         self.exception_code = exception_code
         super().__init__(reason)
-
-
-class CommandError(GatewayError):
-    """A command that cannot be carried out as asked; `code` is a word of the closed list of result codes."""
-
-    def __init__(self, code: str, text: str) -> None:
-        self.code = code
-        self.text = text
-        super().__init__(f"{code}: {text}")
 
 
 class StoreError(GatewayError):

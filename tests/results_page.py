@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 
-from gateway.starters.commands.result_codes import CODES
+from gateway.contract import ResultCode, result_meanings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end of codes -->\n"
@@ -13,12 +14,16 @@ BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end
 def tables() -> str:
     """Return the codes as Markdown."""
     parts = []
-    for title, codes in CODES.items():
-        rows = [f"| `{name}` | {code.sentence} | {code.hint} |" for name, code in codes.items()]
+    for title, codes in groupby(result_meanings().items(), key=lambda each: each[1].title):
+        rows = [f"| `{_shown(code)}` | {means.sentence} | {means.remedy} |" for code, means in codes]
         parts.append(
             "\n".join([f"### {title}", "", "| code | what it says | what to do |", "|---|---|---|", *rows])
         )
     return "\n\n".join(parts)
+
+
+def _shown(code: str) -> str:
+    return "exception_N" if code == ResultCode.EXCEPTION else code
 
 
 def page(text: str) -> str:

@@ -43,7 +43,7 @@ PHRASES = {
 }
 ALLOWED = {  # what does not count, and why
     r"[\"`]mend[\"`]": "a key of `check --json`: keys do not change",
-    r"\bnot_kept\b": "a result code: codes do not change",
+    r"\b(?:not_kept|NOT_KEPT)\b": "a result code: codes do not change",
     r"SESSION_TAKEN_OVER|[Ss]ession taken over": "the name of MQTT's reason code 0x8E",
     r"\b[Mm]ath\.floor\b": "the function of mathematics",
     r"\b(?:motor|shaft|which|it)\s+turns\b(?!\s+(?:to|into|out))": "a motor turns",

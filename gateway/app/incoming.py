@@ -6,8 +6,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.contract import EventCode, PublishEvent, Topics, shortened
-from gateway.errors import CommandError
+from gateway.contract import CommandError, EventCode, PublishEvent, Topics, shortened
 from gateway.mqtt.commands import Incoming, Rejection, command_in
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
@@ -16,6 +15,7 @@ from gateway.system.rate_limits import Damped
 
 log = logging.getLogger(__name__)
 
+MALFORMED_TOPIC = "malformed_topic"
 MALFORMED_EVERY_S = 1.0  # events of one kind
 
 
@@ -49,20 +49,20 @@ class IncomingCommands:
         request = said.request if isinstance(said, Rejection) else said
         unknown = self._dispatcher.verb_error(request.starter, request.verb)
         if isinstance(said, Rejection) and said.problem:
-            self._commands.reject(request, CommandError(said.code, said.text))
-            self._note_malformed(incoming, said.problem, said.text)
+            self._commands.reject(request, said.error)
+            self._note_malformed(incoming, said.problem, said.error)
         elif unknown is not None:
             self._commands.reject(request, unknown)
-            self._note_malformed(incoming, unknown.code, unknown.text)
+            self._note_malformed(incoming, unknown.code, unknown)
         elif isinstance(said, Rejection):
-            self._commands.reject(request, CommandError(said.code, said.text))
+            self._commands.reject(request, said.error)
         else:
             self._commands.submit(said)
 
-    def _note_malformed(self, incoming: Incoming, problem: str, text: str) -> None:
+    def _note_malformed(self, incoming: Incoming, problem: str, error: CommandError) -> None:
         """Tell of what came on a topic that names no command: mistyped, or with an unknown verb."""
         self._malformed.put(
-            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text}
+            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": error.text}
         )
 
     def _publish_malformed(self, malformed: Mapping[str, Any], count: int) -> None:

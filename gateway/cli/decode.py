@@ -6,7 +6,8 @@ import argparse
 import json
 
 from gateway.cli.command import whole_number
-from gateway.errors import CommandError, UsageError
+from gateway.contract import CommandError
+from gateway.errors import UsageError
 from gateway.families.profile.decode import decode_words
 from gateway.families.profile.load import ENGLISH, FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.parameters import find

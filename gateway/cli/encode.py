@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from gateway.cli.command import arguments, whole_number
-from gateway.errors import CommandError, UsageError
+from gateway.contract import CommandError
+from gateway.errors import UsageError
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Profile, Variant

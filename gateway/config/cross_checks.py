@@ -29,7 +29,7 @@ from gateway.config.mistakes import (
 from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.schema import Profile

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gateway.contract.results import CommandError, ResultCode
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import shortened
-from gateway.errors import CommandError
 from gateway.system.value_demands import demand_of
 
 DEFAULT_TTL_S, MAX_TTL_S = 5.0, 60.0  # so long a token is remembered
@@ -120,17 +120,19 @@ _REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
 def read_body(payload: bytes) -> CommandBody:
     """Return the payload of a command that must be right in every detail; CommandError."""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise CommandError("too_big", f"{len(payload)} bytes of payload, at most {MAX_PAYLOAD_BYTES}")
+        raise CommandError(ResultCode.TOO_BIG, "payload", size=len(payload), most=MAX_PAYLOAD_BYTES)
     try:
         fields = read_object(payload)
     except ValueError as error:
-        raise CommandError("bad_json", shortened(str(error), 200)) from error
+        raise CommandError(ResultCode.BAD_JSON, why=shortened(str(error), 200)) from error
     try:
         body = CommandBody.model_validate(fields)
     except ValidationError as error:
-        raise CommandError("bad_payload", shortened(_explained(error), 200)) from error
+        raise CommandError(
+            ResultCode.BAD_PAYLOAD, "fields", mistakes=shortened(_explained(error), 200)
+        ) from error
     if body.id is None:
-        raise CommandError("no_id", "every command but stop needs an id")
+        raise CommandError(ResultCode.NO_ID)
     return body
 
 

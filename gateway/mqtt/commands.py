@@ -8,17 +8,18 @@ from gateway.contract import (
     STOP,
     CommandAddress,
     CommandBody,
+    CommandError,
     CommandRequest,
     Malformed,
+    Note,
+    ResultCode,
     ResultRecord,
     Topics,
     read_body,
     read_leniently,
 )
-from gateway.errors import CommandError
 
-MALFORMED_TOPIC = "malformed_topic"
-RETAINED_STOP = "it had the retain flag, with which every command but a live stop is refused"
+RETAINED_STOP = Note("retained_stop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,7 @@ class Rejection:
     """A command that is not carried out: as far as it is legible, and which rule refuses it."""
 
     request: CommandRequest
-    code: str
-    text: str
+    error: CommandError
     problem: str = ""  # of a malformed topic, in a word
 
 
@@ -61,22 +61,21 @@ def command_in(topics: Topics, incoming: Incoming, received_s: float) -> Command
     lenient = read_leniently(incoming.payload)
     if isinstance(address, Malformed):
         request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-        text = f"nothing was done: {address.text}"
-        return Rejection(request, MALFORMED_TOPIC, text, address.problem)
+        error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
+        return Rejection(request, error, problem=address.problem)
     try:
         if incoming.is_retained and not (address.verb == STOP and incoming.is_live):
-            text = "a retained command is never acted on; send it without retain"
-            raise CommandError("retained", text)  # noqa: TRY301 - as for the others
+            raise CommandError(ResultCode.RETAINED)  # noqa: TRY301 - as for the others
         if address.verb == STOP:
             request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-            remark = RETAINED_STOP if incoming.is_retained else ""
+            remark = RETAINED_STOP.text if incoming.is_retained else ""
             return replace(request, args={}, remark=remark)  # nothing in a payload may hold up a stop
         body = read_body(incoming.payload)
         if incoming.expiry_s == 0:
-            raise CommandError("expired", "the message's own expiry has passed")  # noqa: TRY301
+            raise CommandError(ResultCode.EXPIRED, "message")  # noqa: TRY301 - as for the others
     except CommandError as error:
         request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-        return Rejection(request, code=error.code, text=error.text)
+        return Rejection(request, error)
     request = _request(topics, address, incoming, body=body, received_s=received_s)
     expires_s = None if incoming.expiry_s is None else received_s + incoming.expiry_s
     return replace(request, expires_s=expires_s)

@@ -7,7 +7,8 @@ from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
 from typing import assert_never
 
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError, ResultCode
+from gateway.errors import PortLostError
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile
 from gateway.families.reading import halves, rows_in
@@ -77,7 +78,7 @@ async def _answered(ask: Ask, read: Read, *, tries: int) -> Answered | Refused:
                 reason = outcome.reason
             case _:
                 assert_never(outcome)
-    raise CommandError("no_answer", f"the starter does not answer a read of {_span(read)}: {reason}")
+    raise CommandError(ResultCode.NO_ANSWER, "rows", rows=_span(read), reason=reason)
 
 
 def _span(read: Read) -> str:

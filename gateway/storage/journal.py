@@ -8,8 +8,6 @@ from typing import Protocol
 
 from gateway.contract import ResultRecord
 
-UNAVAILABLE = "ledger_unavailable"  # the code of a command that is refused because of it
-
 
 @dataclass(frozen=True, slots=True)
 class Remembered:

@@ -11,10 +11,10 @@ from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 
-from gateway.contract import STOP, Phase, ResultRecord
-from gateway.errors import CommandError, DamagedError, StoreError, UnstorableError
+from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
+from gateway.errors import DamagedError, StoreError, UnstorableError
 from gateway.storage.database import Connection
-from gateway.storage.journal import UNAVAILABLE, Journal, Remembered
+from gateway.storage.journal import Journal, Remembered
 from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable
 from gateway.storage.worker import Store
 from gateway.system.clock import Clock
@@ -101,11 +101,11 @@ class StoredJournal(Journal):
             async with asyncio.timeout(INTEND_WITHIN_S):
                 await asyncio.wrap_future(self._put(row))
         except TimeoutError:
-            text = f"the disk took more than {INTEND_WITHIN_S:g} s to note the command"
+            slow = CommandError(ResultCode.LEDGER_UNAVAILABLE, "slow", within_s=INTEND_WITHIN_S)
             self._on_slow(INTEND_WITHIN_S)
-            raise CommandError(UNAVAILABLE, text) from None
+            raise slow from None
         except StoreError as error:
-            raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error
+            raise CommandError(ResultCode.LEDGER_UNAVAILABLE, "failed", error=error) from error
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
         """Delete these commands, many at a time; those that a crash leaves are deleted by the next run."""

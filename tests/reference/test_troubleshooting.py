@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.contract import EVENTS, EventCode
-from gateway.starters.commands.result_codes import CODES
+from gateway.contract import EVENTS, EventCode, ResultCode
+from gateway.contract.results import result_meanings, result_notes
 from tests.reference.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
@@ -20,16 +20,18 @@ ROWS = [
     if line.startswith("| ") and not line.startswith("| it says")
 ]
 EVENT_CODES = set(EventCode)
-RESULT_CODES = {code for codes in CODES.values() for code in codes}
+RESULT_CODES = set(ResultCode)
 WORDS = {"scan", "stale", "bad", "garbled", "unconfirmed", "uart_errors", "B/gateway/line/{line}"}
 
 
 @functools.cache
 def texts() -> str:
     """Return every text of the source, what is filled in as …."""
-    templates = (
+    templates = [
         text for event in EVENTS.values() for text in (*event.texts.values(), *event.phrases.values())
-    )
+    ]
+    templates += [*result_notes().values()]
+    templates += [text for means in result_meanings().values() for text in means.templates.values()]
     found = [re.sub(r"\{[^}]*\}", "…", template) for template in templates]
     for path in sorted((ROOT / "gateway").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):

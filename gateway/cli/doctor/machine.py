@@ -80,7 +80,7 @@ def dated_remark(
     doubt = ClockWatch(config.gateway.clock, ask=ask).doubt()
     if not clients or doubt is None:
         return None
-    return DoctorFinding(f"operator {', '.join(clients)}", dated_alone(doubt), Weight.WARNING)
+    return DoctorFinding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
 
 
 def wear_remarks(folder: Path) -> list[DoctorFinding]:

@@ -11,7 +11,8 @@ from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
-from gateway.errors import BrokerError, CommandError, PortError, PortLostError
+from gateway.contract import CommandError
+from gateway.errors import BrokerError, PortError, PortLostError
 from gateway.families.devices import device_of
 from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Weight

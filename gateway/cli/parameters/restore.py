@@ -22,7 +22,8 @@ from pathlib import Path
 
 from gateway.cli.command import Progress
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
-from gateway.errors import CommandError, DamagedError, StoreError, UsageError
+from gateway.contract import CommandError, Note, ResultCode
+from gateway.errors import DamagedError, StoreError, UsageError
 from gateway.families.devices.device import Identity
 from gateway.families.reading import bulk_reads
 from gateway.line.port.event_loop import new_precise_loop
@@ -74,8 +75,7 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
         if document is not None:
             logbook.restore(document, now_s=0.0, reading=read_clocks())
     except DamagedError as error:
-        text = f"whether {starter} is locked cannot be read: {error}; run the gateway, look, then unlock"
-        return CommandError("locked", text)
+        return CommandError(ResultCode.LOCKED, "unreadable", starter=starter, error=error)
     lock = logbook.lock_of(starter)
     return None if lock is None else refusal(lock)
 
@@ -125,16 +125,17 @@ async def restore(
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     name, watchdogs = live.setup.name, known_watchdogs(live.state_dir, live.neighbours)
     async with live.bench(watchdogs) as bench:
-        _refuse(lock_trouble(live.state_dir, name), f"{name}: ", is_dry=is_dry)
+        _refuse(lock_trouble(live.state_dir, name), name, is_dry=is_dry)
         changed = identity_trouble(live.state_dir, live.setup, bench.identity)
-        _refuse(CommandError("identity_changed", changed) if changed else None, f"{name}: ", is_dry=is_dry)
+        other = CommandError(ResultCode.IDENTITY_CHANGED, why=changed) if changed else None
+        _refuse(other, name, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
         _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
         watchdogs.note(name, seen)
-        _refuse(await _watchdog_trouble(watchdogs, name, plan), is_dry=is_dry)
+        _refuse(await _watchdog_trouble(watchdogs, name, plan), name, is_dry=is_dry)
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
@@ -151,10 +152,11 @@ async def restore(
         return code
 
 
-def _refuse(trouble: CommandError | None, whose: str = "", *, is_dry: bool) -> None:
+def _refuse(trouble: CommandError | None, starter: str, *, is_dry: bool) -> None:
     """Raise CommandError for what the gateway would refuse; of a restore that writes nothing print it."""
     if trouble is not None and not is_dry:
-        raise CommandError(trouble.code, f"{whose}{trouble.text}; nothing was written") from trouble
+        note = Note("nothing_written_to", starter=starter)
+        raise CommandError(trouble.reason.noted(note)) from trouble
     if trouble is not None:
         print(f"would be refused: {trouble.text}")
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.errors import CommandError, DamagedError
+from gateway.contract import CommandError
+from gateway.errors import DamagedError
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile

@@ -12,7 +12,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from gateway.errors import CommandError, PortError
+from gateway.contract import CommandError
+from gateway.errors import PortError
 from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Watchdog
 from gateway.families.diagnosis.identify import candidates, identify, identify_requests, matches

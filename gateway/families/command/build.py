@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command import run_command
 from gateway.families.command.control_word import (
     command_bit,
@@ -33,7 +34,6 @@ from gateway.families.profile.procedure import (
     Seen,
     TakeBack,
     WriteStep,
-    refused,
 )
 from gateway.families.profile.schema import Command, Profile, Variant
 from gateway.families.reading import reads_for, rows_of_points
@@ -158,7 +158,7 @@ def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, A
 def _check_verb(profile: Profile, verb: str) -> None:
     known = verbs(profile)
     if verb not in known:
-        raise refused("unknown_verb", f"{verb[:40]!r}; there are {', '.join(known)}")
+        raise CommandError(ResultCode.UNKNOWN_VERB, "family", verb=verb[:40], verbs=", ".join(known))
 
 
 def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> str:
@@ -170,7 +170,7 @@ def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any
         name += _OFF
     if not is_known(profile.commands[name].since_firmware, variant):
         since = profile.commands[name].since_firmware
-        raise refused("not_in_firmware", f"{verb} exists from {since}, this is {variant.firmware}")
+        raise CommandError(ResultCode.NOT_IN_FIRMWARE, verb=verb, since=since, firmware=variant.firmware)
     return name
 
 
@@ -202,7 +202,8 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
         WriteStep(request, is_silence_expected=command.restarts and place == last)
         for place, request in enumerate(requests)
     )
-    procedure = Procedure(steps, verify=verification(profile, variant, verb, command), note=command.note)
+    notes = (Note("family", note=command.note),) if command.note else ()
+    procedure = Procedure(steps, verify=verification(profile, variant, verb, command), notes=notes)
     if name not in _RELEASED_BY:
         return procedure
     return replace(procedure, take_back=_take_back(profile, variant, name))
@@ -245,5 +246,10 @@ def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:
         if not is_there or not is_known(ceiling.since_firmware, variant):
             continue
         if code in seen and seen[code][0] > ceiling.most:
-            reading = f"{code} reads {seen[code][0]} {ceiling.unit}, more than {ceiling.most} {ceiling.unit}"
-            raise refused(ceiling.refusal, f"{reading}; {ceiling.remedy}")
+            raise CommandError(
+                ceiling.refusal,
+                row=code,
+                reading=seen[code][0],
+                unit=ceiling.unit,
+                most=ceiling.most,
+            )

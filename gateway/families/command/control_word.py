@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import or_
 
+from gateway.contract import CommandError, ResultCode
 from gateway.families.profile.decode import decode_points
-from gateway.families.profile.procedure import Seen, refused
+from gateway.families.profile.procedure import Seen
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.modbus.pdu import Request
@@ -35,7 +36,7 @@ def run_row(profile: Profile, variant: Variant) -> str:
     """Return the row whose bit 0 is the run command, as far as it can be read back; slot_unknown."""
     codes = word_codes(profile, variant)
     if len(codes) > 1:
-        raise refused("slot_unknown", "configure it, or let the starter be identified")
+        raise CommandError(ResultCode.SLOT_UNKNOWN)
     if codes:
         return codes[0]
     address = profile.commands["start"].writes[0].coil or 0
@@ -64,7 +65,7 @@ def command_requests(
     code = run_row(profile, variant)
     word = word_in_force(profile, code, seen)
     if word is None:
-        raise refused("word_unknown", "read the starter first, or give the last word")
+        raise CommandError(ResultCode.WORD_UNKNOWN, "command")
     return _requests(profile, writes, code=code, word=word)
 
 

@@ -3,71 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-from gateway.errors import CommandError
-from gateway.families.profile.procedure import Seen, refused
+from gateway.contract import CommandError, Reason, ResultCode
+from gateway.families.profile.procedure import Seen
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
 
-
-class Rule(NamedTuple):
-    """What must hold, and what a broken rule means for the operator."""
-
-    holds: str
-    code: str  # of the result: what is wrong, never what would have been right
-    wrong: str
-    remedy: str
-
-
-UNKNOWN_CODE = "state_unknown"
-
-RULES: dict[str, Rule] = {
-    "remote": Rule(
-        "the starter is in remote mode", "in_local", "the starter is in local mode", "switch it to remote"
-    ),
-    "serial_controls": Rule(
-        "neither USB nor the parallel input controls the starter",
-        "controlled_elsewhere",
-        "USB or the parallel input controls the starter",
-        "give control back to the serial line",
-    ),
-    "general_enabled": Rule(
-        "the starter is generally enabled",
-        "not_enabled",
-        "the starter is not generally enabled",
-        "enable it (general_enable, or its enable input)",
-    ),
-    "no_fault": Rule("no fault is active", "fault_active", "a fault is active", "find its cause, then reset"),
-    "has_fault": Rule(
-        "a fault is active", "no_fault_to_reset", "no fault is active", "there is nothing to reset"
-    ),
-    "is_ready": Rule(
-        "the starter is ready for a start",
-        "not_ready",
-        "the starter is not ready for a start",
-        "see the state and the alarms of the starter",
-    ),
-    "configured": Rule(
-        "the configuration of the starter is complete",
-        "not_configured",
-        "the configuration of the starter is not complete",
-        "send configure first",
-    ),
-    "is_stopped": Rule("the motor is stopped", "motor_running", "the motor is not stopped", "stop it first"),
-    "power_present": Rule(
-        "the power section is supplied",
-        "no_power",
-        "the power section is not supplied",
-        "switch its supply on",
-    ),
+RULES: dict[str, ResultCode] = {  # what is wrong where one does not hold, never what would have been right
+    "remote": ResultCode.IN_LOCAL,
+    "serial_controls": ResultCode.CONTROLLED_ELSEWHERE,
+    "general_enabled": ResultCode.NOT_ENABLED,
+    "no_fault": ResultCode.FAULT_ACTIVE,
+    "has_fault": ResultCode.NO_FAULT_TO_RESET,
+    "is_ready": ResultCode.NOT_READY,
+    "configured": ResultCode.NOT_CONFIGURED,
+    "is_stopped": ResultCode.MOTOR_RUNNING,
+    "power_present": ResultCode.NO_POWER,
 }
 
 _STATE_CODES = {  # of `is_ready`, where the state says more
-    "fault": "fault_active",
-    "starting": "motor_running",
-    "running": "motor_running",
-    "stopping": "motor_running",
+    "fault": ResultCode.FAULT_ACTIVE,
+    "starting": ResultCode.MOTOR_RUNNING,
+    "running": ResultCode.MOTOR_RUNNING,
+    "stopping": ResultCode.MOTOR_RUNNING,
 }
 
 
@@ -85,7 +44,13 @@ def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) ->
     """Raise CommandError, with the first broken rule's code, unless all these rules hold on these points."""
     refusals = check(profile, rules, points)
     if refusals:
-        raise CommandError(refusals[0].code, "; ".join(refusal.text for refusal in refusals))
+        reasons: dict[str, Reason] = {}
+        for refusal in refusals:
+            # The state may say once more what a rule has said; each unknown reading is another one.
+            is_unknown = refusal.code == ResultCode.STATE_UNKNOWN
+            reasons.setdefault(refusal.text if is_unknown else refusal.code, refusal.reason)
+        first, *others = reasons.values()
+        raise CommandError(first.noted(*others))
 
 
 def check_set_to_serial(profile: Profile, needs: Mapping[str, tuple[int, ...]], seen: Seen) -> None:
@@ -95,17 +60,14 @@ def check_set_to_serial(profile: Profile, needs: Mapping[str, tuple[int, ...]], 
             labels = profile.enums[profile.parameters[code].enum]
             wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
             found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
-            raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")
+            raise CommandError(ResultCode.NOT_SET_TO_SERIAL, row=code, found=found, wanted=wanted)
 
 
 def _refusal(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> CommandError:
-    broken = RULES[rule]
     state = state_of(profile, points) if rule == "is_ready" else ""
     if reading.endswith(IS_UNKNOWN) or state == "unknown":
-        text = f"it is not known whether {broken.holds} ({reading}); look at the starter and its line"
-        return CommandError(UNKNOWN_CODE, text)
-    code = _STATE_CODES.get(state, broken.code)
-    return CommandError(code, f"{broken.wrong} ({reading}); {broken.remedy}")
+        return CommandError(ResultCode.STATE_UNKNOWN, rule, reading=reading)
+    return CommandError(_STATE_CODES.get(state, RULES[rule]), reading=reading)
 
 
 def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:

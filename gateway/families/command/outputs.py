@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from decimal import Decimal
 from typing import Any
 
+from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command.interlock import check_set_to_serial
 from gateway.families.profile.arguments import check_names, choice, to_switch
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Output, Profile
 from gateway.families.profile.word_types import of_percent
 from gateway.families.reading import SET_WITHIN_S, read_of, reads_for
@@ -35,15 +36,15 @@ def build_output(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Pr
     wanted = _number(name, output, args["value"])
     if output.option is not None:
         check_set_to_serial(profile, {output.function: (output.option,)}, seen)
-    note = _note(profile, name, output, seen)
+    notes = _notes(profile, name, output, seen)
     mask = 0xFFFF if output.bit is None else 1 << output.bit
     last = seen.get(output.word)
     if last is not None and last[0] & mask == wanted:
-        return Procedure((), is_unchanged=True, subject=output.word, note=note)
+        return Procedure((), is_unchanged=True, subject=output.word, notes=notes)
     request = _request(profile, output, wanted, last=last)
     reads = (read_of(profile, output.word),)
     shown = Expect(reads, output.word, is_one_of=((wanted,),), within_s=SET_WITHIN_S, mask=mask)
-    return Procedure((WriteStep(request),), verify=shown, subject=output.word, note=note)
+    return Procedure((WriteStep(request),), verify=shown, subject=output.word, notes=notes)
 
 
 def _output(profile: Profile, args: Mapping[str, Any]) -> tuple[str, Output]:
@@ -57,24 +58,33 @@ def _number(name: str, output: Output, value: object) -> int:
     if output.bit is not None:
         is_on = to_switch(value)
         if is_on is None:
-            raise refused("bad_value", f"{name} is a relay: true or false")
+            raise CommandError(ResultCode.BAD_VALUE, "relay", output=name)
         return int(is_on) << output.bit
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise refused("bad_value", f"{name} is an analog output: 0..100 %")
+        raise CommandError(ResultCode.BAD_VALUE, "analog", output=name)
     if not 0 <= value <= 100:
-        raise refused("out_of_range", f"{name} takes 0..100 %")
+        raise CommandError(ResultCode.OUT_OF_RANGE, "output", output=name)
     return of_percent(Decimal(str(value)), output.full_scale or 0)
 
 
-def _note(profile: Profile, name: str, output: Output, seen: Seen) -> str:
+def _notes(profile: Profile, name: str, output: Output, seen: Seen) -> tuple[Note, ...]:
+    """Return what a read-back does not prove: that the output follows the word."""
     if output.option is not None:
-        return ""
+        return ()
     row = profile.parameters[output.function]
-    found = f", which reads {seen[row.code][0]}" if row.code in seen else ""
-    return (
-        f"{name} follows {output.word} only if {row.code} ({row.name}) is set to Serial{found}; "
-        "the manual does not print the number of that option"
-    )
+    if row.code not in seen:
+        note = Note("output_function", output=name, word=output.word, row=row.code, name=row.name)
+    else:
+        reading = seen[row.code][0]
+        note = Note(
+            "output_function_read",
+            output=name,
+            word=output.word,
+            row=row.code,
+            name=row.name,
+            reading=reading,
+        )
+    return (note,)
 
 
 def _request(profile: Profile, output: Output, wanted: int, *, last: tuple[int, ...] | None) -> Request:
@@ -85,6 +95,6 @@ def _request(profile: Profile, output: Output, wanted: int, *, last: tuple[int, 
     if Function.MASK_WRITE_REGISTER in profile.limits.functions:
         return MaskWriteRegister(row.address, and_mask=0xFFFF & ~mask, or_mask=wanted)
     if last is None:
-        raise refused("word_unknown", f"read {row.code} first, or give the last word")
+        raise CommandError(ResultCode.WORD_UNKNOWN, "output", row=row.code)
     others = last[0] & (row.raw_max or 0) & ~mask
     return WriteRegister(row.address, others | wanted)

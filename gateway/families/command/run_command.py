@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command.control_word import (
     flags_of,
     has_plain_word,
@@ -28,13 +29,12 @@ from gateway.families.command.control_word import (
 )
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.decode import is_known
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
 
 STANDSTILL = "is_stopped"
-CLEARED = "run = 0 was written first, so that no run command given earlier could start the motor"
 CLEARED_WITHIN_S = 1.0  # until the run command reads 0
 
 # Entries of a profile's commands that ask for motion, or for its end. All others may let a command act that
@@ -71,7 +71,7 @@ def with_run_cleared(
     `is_source`: it chooses who commands the motor.
     """
     if flags_of(profile, seen).get("moving"):
-        raise refused("motor_running", "run = 0 would stop it; stop it first")
+        raise CommandError(ResultCode.MOTOR_RUNNING, "clearing")
     off = _run_off(profile, _scope(variant, is_source=is_source), seen)
     # The SSW900 resets the run command of a source that is not active (S5.2); a whole word would choose
     # local or remote once more.
@@ -82,7 +82,7 @@ def with_run_cleared(
         steps=(*off, *procedure.steps, *again),
         verify=_and_standing(profile, procedure.verify),
         abandon=(*procedure.abandon, *(step.request for step in off)),
-        note="; ".join(filter(None, (CLEARED, procedure.note))),
+        notes=(Note("run_cleared"), *procedure.notes),
         is_run_cleared=True,
         is_source=is_source,
     )

@@ -7,11 +7,12 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+from gateway.contract import CommandError, ResultCode
 from gateway.families.command.interlock import points_needed
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import asked_codes, asked_values
 from gateway.families.profile.parameters import RowWords, find, is_volatile, settable_words, writes_for
-from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep, refused
+from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import in_order_of
@@ -117,7 +118,7 @@ def _in_order(row: Parameter, words: tuple[int, ...], seen: Seen) -> tuple[int, 
 def _check_once(wanted: Wanted) -> None:
     for (one, _), (other, _) in pairwise(sorted(wanted, key=lambda pair: pair[0].address)):
         if one.address == other.address:
-            raise refused("bad_arguments", f"{one.code} and {other.code} are the same register")
+            raise CommandError(ResultCode.BAD_ARGUMENTS, "same_register", one=one.code, other=other.code)
 
 
 def _is_configuration(wanted: Wanted) -> bool:
@@ -131,9 +132,9 @@ def _check_timeout(profile: Profile, wanted: Wanted, seen: Seen) -> None:
     mode, time = timeout.mode, timeout.time
     words = {row.code: words for row, words in wanted}
     if any(words.get(mode, ())) and not any(words.get(time, seen.get(time, ()))):
-        raise refused("timeout_unset", f"set {time} above 0 first")
+        raise CommandError(ResultCode.TIMEOUT_UNSET, "time", row=time)
     if time in words and not any(words[time]) and any(seen.get(mode, (1,))):
-        raise refused("timeout_unset", f"set {mode} to 0 first")
+        raise CommandError(ResultCode.TIMEOUT_UNSET, "mode", row=mode)
 
 
 def _steps(profile: Profile, changes: Wanted) -> list[WriteStep]:

@@ -13,9 +13,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from gateway.contract import CommandError, ResultCode
 from gateway.families.devices.findings import Finding, Settings, Watchdog
 from gateway.families.profile.decode import NOT_IN_MANUAL, alarm_code
-from gateway.families.profile.procedure import Preparation, Procedure, Seen, refused
+from gateway.families.profile.procedure import Preparation, Procedure, Seen
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.device_id import ReadDeviceIdentification
@@ -100,13 +101,13 @@ class Device:
 
     def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
         """Return what the verb `configure` reads and demands first; `set` too, of rows `is_configuration`."""
-        raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
+        raise CommandError(ResultCode.UNKNOWN_VERB, "procedure", title=profile.title)
 
     def build_configure(
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
         """Return what it writes: a procedure, not the writes of a profile's entry."""
-        raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
+        raise CommandError(ResultCode.UNKNOWN_VERB, "procedure", title=profile.title)
 
 
 def denied_by_name(seen: Identity) -> Identity:

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from gateway.contract import CommandError, ResultCode
 from gateway.families.devices.device import Device, Identity, Question, alarm, unnumbered
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import find, settable_words, write_request
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.rows import Alarm, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import serial_of, text_of, to_text, version_of
@@ -129,9 +130,9 @@ def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> dict
     for code, value in args.items():
         row = find(profile, code)
         if row.code in wanted:
-            raise refused("bad_arguments", f"{row.code} stands twice")
+            raise CommandError(ResultCode.BAD_ARGUMENTS, "twice", row=row.code)
         if not row.is_configuration:
-            raise refused("bad_arguments", f"{row.code} is no configuration register")
+            raise CommandError(ResultCode.BAD_ARGUMENTS, "not_configuration", row=row.code)
         wanted[row.code] = settable_words(profile, variant, row, value)
     return wanted
 

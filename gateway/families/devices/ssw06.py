@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from gateway.contract import CommandError, ResultCode
 from gateway.families.devices.device import Device, Identity, Question, denied_by_name
 from gateway.families.devices.findings import Finding, Settings, Weight, start
 from gateway.families.devices.ssw07 import MODEL_ADDRESS, SSW06_MODEL, Ssw07Device
 from gateway.families.profile.arguments import check_names, choice
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import read_of, reads_for
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -73,8 +74,8 @@ class Ssw06Device(Ssw07Device):
         mode = _mode(args)
         bit = 1 << _MODES[mode]
         if _SHOWN in seen and not seen[_SHOWN][0] & bit:
-            raise refused(
-                "not_in_that_mode", f"VB06 is {seen[_SHOWN][0]}, without bit {_MODES[mode]} ({mode})"
+            raise CommandError(
+                ResultCode.NOT_IN_THAT_MODE, row=_SHOWN, reading=seen[_SHOWN][0], bit=_MODES[mode], mode=mode
             )
         leave = WriteRegister(profile.parameters[_LEAVING].address, bit)
         within_s = profile.timing.restart_s + _LEFT_WITHIN_S

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from gateway.contract import Note
 from gateway.families.devices import DEVICES, device_of
 from gateway.families.devices.device import Identity, Question
 from gateway.families.profile.decode import rated_current_a
@@ -67,23 +68,21 @@ def stop_profile(configured: Profile, identity: Identity) -> Profile:
     return load_profile(seen) if seen in FAMILIES and seen != configured.family else configured
 
 
-def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> str:
-    """Return what the result of a stop says of its words; empty where nothing contradicts them.
+def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> Note | None:
+    """Return what the result of a stop says of its words; None where nothing contradicts them.
 
     `spoken` names the families in whose words it was sent, in their order.
     """
-    seen = identity.family_seen
-    if seen == configured.family or (seen is None and not identity.model):
-        return ""
-    if seen in FAMILIES:
-        proved = f"the device proved to be {seen}, not {configured.family}"
-        if configured.family not in spoken:
-            return f"{proved}: the stop was sent as {seen} takes it"
-        then = f", then as {seen} takes it" if seen in spoken else ""
-        early = f"before that the stop was sent as {configured.family} takes it{then}"
-        return f"{proved}; {early}: look at the starter, it may be disabled or in local mode"
-    what = f"the device is of no known family ({identity.reason})"
-    return f"{what}: the stop was sent as {configured.family} takes it, as configured"
+    seen, family = identity.family_seen, configured.family
+    if seen == family or (seen is None and not identity.model):
+        return None
+    if seen not in FAMILIES:
+        return Note("stop_to_unknown", reason=identity.reason, configured=family)
+    if family not in spoken:
+        return Note("stop_as_proved", proved=seen, configured=family)
+    if seen in spoken:
+        return Note("stop_changed", proved=seen, configured=family)
+    return Note("stop_as_configured", proved=seen, configured=family)
 
 
 def _from_text(answer: DeviceIdentification | None) -> Identity:

@@ -9,24 +9,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.families.profile.procedure import refused
+from gateway.contract import CommandError, Note, Reason, ResultCode
 
 _SWITCH = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}
 
 
 def check_names(args: Mapping[str, Any], names: Sequence[str], optional: Sequence[str] = ()) -> None:
     """Raise CommandError unless there are exactly the arguments of these names, and at most the optional."""
-    missing = [f"{name} is missing" for name in names if name not in args]
-    strange = [f"{name} is unknown" for name in sorted(set(args) - {*names, *optional})]
+    missing = [Note("argument_missing", name=name) for name in names if name not in args]
+    strange = [Note("argument_unknown", name=name) for name in sorted(set(args) - {*names, *optional})]
     if missing or strange:
-        raise refused("bad_arguments", ", ".join(missing + strange))
+        raise CommandError(Reason(ResultCode.BAD_ARGUMENTS, "names").noted(*missing, *strange))
 
 
 def text(args: Mapping[str, Any], name: str) -> str:
     """Return an argument that is a text."""
     value = args[name]
     if not isinstance(value, str):
-        raise refused("bad_arguments", f"{name} must be a text")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "text", name=name)
     return value
 
 
@@ -34,7 +34,7 @@ def switch(args: Mapping[str, Any], name: str) -> bool:
     """Return an argument that is on or off: true, on, 1 or false, off, 0."""
     is_on = to_switch(args[name])
     if is_on is None:
-        raise refused("bad_arguments", f"{name} must be true or false")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "switch", name=name)
     return is_on
 
 
@@ -49,7 +49,7 @@ def choice(args: Mapping[str, Any], name: str, options: Sequence[str]) -> str:
     for option in options:
         if option.casefold() == wanted:
             return option
-    raise refused("bad_arguments", f"{name} must be one of {', '.join(options)}")
+    raise CommandError(ResultCode.BAD_ARGUMENTS, "choice", name=name, options=", ".join(options))
 
 
 MOST = 64  # rows at once; a larger set is a matter of minutes on a slow line
@@ -64,7 +64,7 @@ def asked_codes(args: Mapping[str, Any]) -> tuple[tuple[str, ...], bool]:
     asked = args[_SEVERAL]
     codes = asked.split(",") if isinstance(asked, str) else asked
     if not isinstance(codes, (list, tuple)) or not all(isinstance(code, str) for code in codes):
-        raise refused("bad_arguments", f"{_SEVERAL} must be a list of codes")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "codes", name=_SEVERAL)
     _check_count(len(codes))
     return tuple(codes), False
 
@@ -78,7 +78,7 @@ def asked_values(args: Mapping[str, Any]) -> tuple[dict[str, Any], bool]:
     asked = args[_SEVERAL]
     values = dict(_pair(part) for part in asked.split(",")) if isinstance(asked, str) else asked
     if not isinstance(values, Mapping):
-        raise refused("bad_arguments", f"{_SEVERAL} must be a table of values by code")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "values", name=_SEVERAL)
     _check_count(len(values))
     return dict(values), False
 
@@ -89,10 +89,10 @@ _SEVERAL = "parameters"
 def _pair(part: str) -> tuple[str, str]:
     code, sign, value = part.partition("=")
     if not sign:
-        raise refused("bad_arguments", f"{part[:40]!r} is not CODE=VALUE")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "pair", part=part[:40])
     return code, value
 
 
 def _check_count(count: int) -> None:
     if not 1 <= count <= MOST:
-        raise refused("bad_arguments", f"{_SEVERAL} takes 1 to {MOST} rows")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "count", name=_SEVERAL, most=MOST)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import TypeVar
 
-from gateway.families.profile.procedure import refused
+from gateway.contract import CommandError, ResultCode
 from gateway.families.profile.rows import OFF, RESERVED, Access, Confidence, Parameter, Table, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
@@ -50,7 +50,7 @@ def find(profile: Profile, code: str) -> Parameter:
     if row is None and register is not None:
         row = _register(profile, register[1], int(register[2]))
     if row is None:
-        raise refused("unknown_parameter", code.strip()[:40])
+        raise CommandError(ResultCode.UNKNOWN_PARAMETER, "code", parameter=code.strip()[:40])
     return row
 
 
@@ -76,8 +76,13 @@ def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
     address = number - _first_number(profile, table)
     function = READS[table].function
     if function not in profile.limits.functions:
-        what = f"{prefix}{number} would be read by Modbus function {function:02d}"
-        raise refused("unknown_parameter", f"{what}, which the manual of the {profile.title} does not give")
+        raise CommandError(
+            ResultCode.UNKNOWN_PARAMETER,
+            "function",
+            parameter=f"{prefix}{number}",
+            function=function,
+            title=profile.title,
+        )
     if not 0 <= address <= _LAST_ADDRESS:
         return None
     rows = profile.rows_at.get((table, address))
@@ -116,7 +121,13 @@ def read_run(table: Table, address: int, count: int) -> Request:
 def read_request(profile: Profile, parameter: Parameter) -> Request:
     """Return the request that reads this row alone; CommandError("not_readable") where it cannot be."""
     if parameter.access is Access.NONE:
-        raise refused("not_readable", f"{profile.title} {parameter.code}: {parameter.note}")
+        raise CommandError(
+            ResultCode.NOT_READABLE,
+            "parameter",
+            title=profile.title,
+            parameter=parameter.code,
+            note=parameter.note,
+        )
     return read_run(parameter.table, parameter.address, parameter.words)
 
 
@@ -126,7 +137,9 @@ def write_request(profile: Profile, parameter: Parameter, words: tuple[int, ...]
     The words are those of `to_words`, or a command's own: nothing is checked here but the access.
     """
     if parameter.access not in (Access.RW, Access.COMMAND):
-        raise refused("not_writable", f"{profile.title} {parameter.code} is read-only")
+        raise CommandError(
+            ResultCode.NOT_WRITABLE, "read_only", title=profile.title, parameter=parameter.code
+        )
     if parameter.table is Table.COIL:
         return WriteCoil(parameter.address, bool(words[0]))
     if len(words) == 1:
@@ -161,13 +174,11 @@ def is_volatile(profile: Profile, row: Parameter) -> bool:
 def settable_words(profile: Profile, variant: Variant, row: Parameter, value: object) -> tuple[int, ...]:
     """Return the words that set a row to a value; CommandError when no `set` may do so."""
     if row.code in profile.protected.connection:
-        raise refused(
-            "would_cut_connection", f"change {row.code} at the starter, together with the line's settings"
-        )
+        raise CommandError(ResultCode.WOULD_CUT_CONNECTION, parameter=row.code)
     if row.code in profile.protected.actions:
-        raise refused("not_writable", f"{row.code} is an action on all parameters: do it at the starter")
+        raise CommandError(ResultCode.NOT_WRITABLE, "action", parameter=row.code)
     if row.table.is_bits or row.access is Access.COMMAND:
-        raise refused("not_writable", f"{row.code} is not written by set, but by the verbs of the family")
+        raise CommandError(ResultCode.NOT_WRITABLE, "verb", parameter=row.code)
     return to_words(profile, row, value, variant=variant)
 
 
@@ -207,13 +218,14 @@ def to_words(
         return _text_words(parameter, value)
     limits = raw_limits(parameter, variant)
     if limits is None:
-        raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(profile, parameter)})")
+        raise _not_settable(profile, parameter)
     members = profile.enums.get(parameter.enum, {})
     raw = _member(parameter, members, value)
     if raw is None:
         raw = _raw_number(parameter, value, members)
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
-        raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits, members)}")
+        accepted = _accepted(parameter, limits, members)
+        raise CommandError(ResultCode.OUT_OF_RANGE, "parameter", parameter=parameter.code, accepted=accepted)
     return to_number_words(parameter, raw)
 
 
@@ -224,8 +236,12 @@ def _text_words(parameter: Parameter, value: object) -> tuple[int, ...]:
             parameter.type, value.strip(), words=parameter.words, longest=parameter.longest or 0
         )
     if words is None:
-        longest = f" of at most {parameter.longest}" if parameter.longest else ""
-        raise refused("bad_value", f"{parameter.code} takes {SPELT[parameter.type]}{longest}")
+        code, form = parameter.code, SPELT[parameter.type]
+        if not parameter.longest:
+            raise CommandError(ResultCode.BAD_VALUE, "spelt", parameter=code, form=form)
+        raise CommandError(
+            ResultCode.BAD_VALUE, "longest", parameter=code, form=form, longest=parameter.longest
+        )
     return words
 
 
@@ -234,20 +250,25 @@ def _may_be(one: str, model: str) -> bool:
     return model.startswith(one) or one.startswith(model)
 
 
-def _why_not(profile: Profile, parameter: Parameter) -> str:
+def _not_settable(profile: Profile, parameter: Parameter) -> CommandError:
+    """Return why no value sets a row."""
+    title, code = profile.title, parameter.code
     if parameter.access is Access.COMMAND:
-        return "only commands write it"
+        return CommandError(ResultCode.NOT_WRITABLE, "command", title=title, parameter=code)
     if parameter.access is Access.NONE:
-        return parameter.note
+        note = parameter.note
+        return CommandError(ResultCode.NOT_WRITABLE, "access", title=title, parameter=code, note=note)
     if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
-        return "the serial manual does not give it: it can be read, but not set over the serial line"
+        return CommandError(ResultCode.NOT_WRITABLE, "not_serial", title=title, parameter=code)
     if parameter.access is not Access.RW:
-        return "read-only"
+        return CommandError(ResultCode.NOT_WRITABLE, "read_only", title=title, parameter=code)
     if parameter.code in profile.protected.password:
-        return "no password is needed over the serial line, and none would be stored"
+        return CommandError(ResultCode.NOT_WRITABLE, "password", title=title, parameter=code)
     if not parameter.is_sure:
-        return "its row is not legible in the manual"
-    return "not used on this model" if parameter.ranges else "its range is not stated"
+        return CommandError(ResultCode.NOT_WRITABLE, "illegible", title=title, parameter=code)
+    if parameter.ranges:
+        return CommandError(ResultCode.NOT_WRITABLE, "other_model", title=title, parameter=code)
+    return CommandError(ResultCode.NOT_WRITABLE, "no_range", title=title, parameter=code)
 
 
 def _member(parameter: Parameter, members: dict[int, str], value: object) -> int | None:
@@ -258,27 +279,33 @@ def _member(parameter: Parameter, members: dict[int, str], value: object) -> int
         return parameter.off
     numbers = [number for number, label in members.items() if label.casefold() == wanted]
     if len(numbers) > 1:
-        raise refused("bad_value", f"{parameter.code} has {value.strip()!r} more than once: give its number")
+        raise CommandError(ResultCode.BAD_VALUE, "ambiguous", parameter=parameter.code, label=value.strip())
     return numbers[0] if numbers else None
 
 
 def _raw_number(parameter: Parameter, value: object, members: dict[int, str]) -> int:
     decimals = parameter.decimals or 0
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise refused("bad_value", f"{parameter.code} takes a number")
+        raise CommandError(ResultCode.BAD_VALUE, "number", parameter=parameter.code)
     try:
         number = Decimal(str(value).strip())
     except InvalidOperation:
-        accepted = f"one of {_listed(members)}" if members else "a number"
-        raise refused("bad_value", f"{parameter.code} takes {accepted}") from None
+        raise _no_number(parameter, members) from None
     if not number.is_finite() or abs(number) >= _LARGEST:
-        raise refused("bad_value", f"{parameter.code} takes a number")
+        raise CommandError(ResultCode.BAD_VALUE, "number", parameter=parameter.code)
     if parameter.full_scale:
         return of_percent(number, parameter.full_scale)
     scaled = number.scaleb(decimals)
     if scaled != scaled.to_integral_value():
-        raise refused("bad_value", f"{parameter.code} takes at most {decimals} decimals")
+        raise CommandError(ResultCode.BAD_VALUE, "decimals", parameter=parameter.code, decimals=decimals)
     return int(scaled)
+
+
+def _no_number(parameter: Parameter, members: dict[int, str]) -> CommandError:
+    if not members:
+        return CommandError(ResultCode.BAD_VALUE, "number", parameter=parameter.code)
+    options = _listed(members)
+    return CommandError(ResultCode.BAD_VALUE, "member", parameter=parameter.code, options=options)
 
 
 def _accepted(parameter: Parameter, limits: tuple[int, int], members: dict[int, str]) -> str:

@@ -12,6 +12,7 @@ from typing import Literal, TypeVar
 
 from pydantic import Field
 
+from gateway.contract import ResultCode
 from gateway.families.profile.rows import Access, Alarm, Model, Parameter, Table
 
 
@@ -178,8 +179,7 @@ class Ceiling(Model):
     unit: str
     models: tuple[str, ...]  # how the names of the models begin that have the reading
     since_firmware: str = ""  # older firmware does not give it
-    refusal: str  # a code of `REFUSALS`, families/profile/procedure.py
-    remedy: str  # what to do
+    refusal: ResultCode  # it says what to do
 
 
 class HistoryRows(Model):

@@ -19,7 +19,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.contract import STOP, CommandRequest, Proof, rfc3339, shortened
+from gateway.contract import STOP, CommandError, CommandRequest, Proof, ResultCode, rfc3339, shortened
 from gateway.mqtt.commands import Rejection
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import HostCommand, HostWrite
@@ -56,8 +56,8 @@ class CommandMapper:
             yield self._judged(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
         if more:
-            text = f"{more} more metrics in the same DCMD: at most {MOST_WRITES}"
-            yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), "too_many", text)
+            error = CommandError(ResultCode.TOO_MANY, "metrics", count=more, most=MOST_WRITES)
+            yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), error)
 
     def stop(self, asked: DeviceCommand) -> CommandRequest | Rejection | None:
         """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
@@ -66,10 +66,10 @@ class CommandMapper:
                 return self._command(asked, write, STOP, _id_of(asked, _issued_s(asked, write), write.name))
         return None
 
-    def unread(self, starter: str, utc_s: float, code: str, text: str) -> Rejection:
+    def unread(self, starter: str, utc_s: float, error: CommandError) -> Rejection:
         """Return the refusal of DCMDs for a starter that were not looked into."""
-        id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{code}"
-        return self._refused(starter, "?", id_, code, text)
+        id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{error.code}"
+        return self._refused(starter, "?", id_, error)
 
     def _judged(
         self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool
@@ -79,27 +79,30 @@ class CommandMapper:
         id_ = _id_of(asked, issued_s, write.name)
         if verb is None:
             name = shortened(write.name, 60) if write.name.isprintable() else "?"
-            text = f"{name!r} is not writable; there is {', '.join(COMMANDS)}"
-            return self._refused(asked.starter, name, id_, "unknown_verb", text)
+            metrics = ", ".join(COMMANDS)
+            error = CommandError(ResultCode.UNKNOWN_VERB, "metric", name=name, metrics=metrics)
+            return self._refused(asked.starter, name, id_, error)
         if not write.is_true:
-            return self._refused(asked.starter, verb, id_, "bad_payload", "only the value true acts")
+            error = CommandError(ResultCode.BAD_PAYLOAD, "not_true")
+            return self._refused(asked.starter, verb, id_, error)
         if verb == STOP:
             return self._command(asked, write, verb, id_)
         if not write.is_plain:
-            text = "only a Boolean acts, with the value true and no other"
-            return self._refused(asked.starter, verb, id_, "bad_payload", text)
+            error = CommandError(ResultCode.BAD_PAYLOAD, "not_boolean")
+            return self._refused(asked.starter, verb, id_, error)
         refusal = _stale(asked, write, issued_s)
         if refusal is not None:
-            return self._refused(asked.starter, verb, id_, *refusal)
+            return self._refused(asked.starter, verb, id_, refusal)
         if has_stop:
-            return self._refused(asked.starter, verb, id_, "bad_payload", "the same DCMD asks for a stop")
+            error = CommandError(ResultCode.BAD_PAYLOAD, "with_stop")
+            return self._refused(asked.starter, verb, id_, error)
         return self._command(asked, write, verb, id_)
 
     def _command(
         self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str
     ) -> CommandRequest | Rejection:
         if asked.is_retained:
-            return self._refused(asked.starter, verb, id_, "retained", "a retained command is never acted on")
+            return self._refused(asked.starter, verb, id_, CommandError(ResultCode.RETAINED))
         issued_s = _issued_s(asked, write)
         return CommandRequest(
             starter=asked.starter,
@@ -111,23 +114,22 @@ class CommandMapper:
             source=SPARKPLUG,
         )
 
-    def _refused(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
-        return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), code, text)
+    def _refused(self, starter: str, verb: str, id_: str, error: CommandError) -> Rejection:
+        return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), error)
 
 
 def _is_stop(write: HostWrite) -> bool:
     return write.name == STOP_METRIC and write.is_true
 
 
-def _stale(asked: DeviceCommand, write: HostWrite, issued_s: float | None) -> tuple[str, str] | None:
+def _stale(asked: DeviceCommand, write: HostWrite, issued_s: float | None) -> CommandError | None:
     """Return why a write is not fresh, as far as the general rule does not say it."""
     if write.is_historical:
-        return "expired", "a historical value is no command"
+        return CommandError(ResultCode.EXPIRED, "historical")
     if issued_s is None or rfc3339(issued_s) is None:
-        return "not_fresh", "the payload has no timestamp; a start needs one [tck-id-topics-dcmd-timestamp]"
+        return CommandError(ResultCode.NOT_FRESH, "no_timestamp")
     if asked.born_utc_s is None or issued_s - MAX_AHEAD_S < asked.born_utc_s:
-        text = "perhaps written before this connection's birth; decide again, then write again"
-        return "before_connection", text
+        return CommandError(ResultCode.BEFORE_CONNECTION, "birth")
     return None
 
 

@@ -13,8 +13,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, EventCode, PublishEvent, shortened
-from gateway.errors import CommandError
+from gateway.contract import (
+    MAX_PAYLOAD_BYTES,
+    CommandError,
+    CommandRequest,
+    EventCode,
+    Note,
+    PublishEvent,
+    Reason,
+    ResultCode,
+    shortened,
+)
 from gateway.mqtt.commands import Incoming, Rejection
 from gateway.plugins.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.plugins.sparkplug.metrics import COMMANDS, STOP_METRIC
@@ -27,7 +36,6 @@ MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
 DECODED = Rate(20.0, 100)  # as the gateway's own topics take of one client
 SHORT_BYTES = 512  # a stop alone has some 50; what is longer takes too long for as many as may come
 REFUSED_EVERY_S = 1.0
-UNKNOWN = "unknown_starter"
 
 _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
@@ -38,8 +46,7 @@ class _Unread:
     """Why a DCMD for a starter was not looked into, or not to its end."""
 
     starter: str
-    code: str
-    text: str
+    reason: Reason
 
 
 class HostCommands:
@@ -69,12 +76,12 @@ class HostCommands:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
         payload = incoming.payload
         if len(payload) > MOST_BYTES:
-            self._put(starter, "too_big", f"more than {MOST_BYTES} bytes, which are not read")
+            self._put(starter, Reason(ResultCode.TOO_BIG, "dcmd", most=MOST_BYTES))
             return
         is_paid = self._decoded.take(self._clock.now_s())
         if not is_paid and (_STOP not in payload or len(payload) > SHORT_BYTES):
-            text = f"more than {DECODED.per_s:g} a second; a stop of at most {SHORT_BYTES} bytes is taken"
-            self._put(starter, "too_many", text)
+            rate = DECODED.per_s
+            self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
             return
         command = decoded_command(payload, salvaged=_STOP)
         asked = DeviceCommand(
@@ -89,8 +96,8 @@ class HostCommands:
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
-        text = "this gateway has no such starter"
-        self._unread.put(UNKNOWN, _Unread(shortened(device), UNKNOWN, text))
+        reason = Reason(ResultCode.UNKNOWN_STARTER)
+        self._unread.put(reason.code, _Unread(shortened(device), reason))
 
     def _take_stop(self, asked: DeviceCommand) -> None:
         """Take the stop of a DCMD of which nothing else may act."""
@@ -98,33 +105,32 @@ class HostCommands:
         if stop is not None:
             self._pass_on(stop)
         if asked.command.is_broken:
-            done = "nothing of it acts" if stop is None else "its stop is taken, nothing else of it acts"
-            self._put(asked.starter, "bad_payload", f"it cannot be read as a whole: {done}")
+            reason = Reason(ResultCode.BAD_PAYLOAD, "broken" if stop is None else "broken_stop")
+            self._put(asked.starter, reason)
         elif stop is None or len(asked.command.metrics) > 1:
-            self._put(
-                asked.starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken"
-            )
+            self._put(asked.starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
 
     def _pass_on(self, judgement: CommandRequest | Rejection) -> None:
         if isinstance(judgement, Rejection):
-            self._commands.reject(judgement.request, CommandError(judgement.code, judgement.text))
+            self._commands.reject(judgement.request, judgement.error)
         else:
             self._commands.submit(judgement)
 
-    def _put(self, starter: str, code: str, text: str) -> None:
-        self._unread.put((starter, code), _Unread(starter, code, text))
+    def _put(self, starter: str, reason: Reason) -> None:
+        self._unread.put((starter, reason.code), _Unread(starter, reason))
 
     def _refuse(self, unread: _Unread, count: int) -> None:
-        text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
         self._publish_event(
             EventCode.DCMD_REFUSED,
             "several" if count else "one",
             starter=unread.starter,
-            code=unread.code,
+            code=unread.reason.code,
             count=max(count, 1),
-            why=unread.text,
+            why=unread.reason.text,
         )
-        if unread.code == UNKNOWN:
+        if unread.reason.code == ResultCode.UNKNOWN_STARTER:
             return  # no metric and no topic of such a starter could show a result
-        self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
+        more = Note("more_dcmds", count=count) if count else None
+        error = CommandError(unread.reason.noted(more))
+        self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), error))
         self._show_done(unread.starter, COMMANDS)

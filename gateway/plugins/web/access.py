@@ -18,12 +18,13 @@ from gateway.contract import (
     STOP,
     UNLOCK,
     AuditRecord,
+    CommandError,
     CommandRequest,
     read_body,
     read_leniently,
     rfc3339,
 )
-from gateway.errors import CommandError, StoreError
+from gateway.errors import StoreError
 from gateway.families.command.build import verbs
 from gateway.plugins.interface import Gateway, PluginSite
 from gateway.plugins.web.interface import MetricsAccess
@@ -36,7 +37,7 @@ from gateway.starters.telemetry.view import StarterControlView
 log = logging.getLogger(__name__)
 
 WEB = "web"
-LOGIN = CommandError("login", "log in to operate")
+LOGIN = ("login", "log in to operate")  # the code and text why nothing may be commanded without a login
 
 _OFFERS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("start", {}),
@@ -102,9 +103,10 @@ class WebAccess:
         for verb, args in _OFFERS:
             if verb not in (*verbs(view.profile), *OWN_VERBS):
                 continue
-            error = LOGIN if client is None else self._objection(view, client, verb, args)
-            offer = {"verb": verb, "args": args, "permitted": error is None, "two_step": verb in two_step}
-            offers.append({**offer, "code": error.code if error else "", "text": error.text if error else ""})
+            error = None if client is None else self._objection(view, client, verb, args)
+            code, text = LOGIN if client is None else (error.code, error.text) if error else ("", "")
+            offer = {"verb": verb, "args": args, "permitted": not code, "two_step": verb in two_step}
+            offers.append({**offer, "code": code, "text": text})
         return offers
 
     def submit(self, starter: str, verb: str, payload: bytes, *, client: str, user: str) -> Results:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.command.build import prepare
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import raw_limits, settable_words

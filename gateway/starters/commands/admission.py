@@ -5,25 +5,35 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
-from gateway.contract import CANCEL, OWN_VERBS, READ, SELECT, STOP, CommandRequest, Phase
-from gateway.errors import CommandError
+from gateway.contract import (
+    CANCEL,
+    OWN_VERBS,
+    READ,
+    SELECT,
+    STOP,
+    CommandError,
+    CommandRequest,
+    Note,
+    Phase,
+    Reason,
+    ResultCode,
+)
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
 from gateway.families.reading import reads_for
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
-from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.identity.first_contact import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.rights import Rights
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.storage.journal import UNAVAILABLE, Journal
+from gateway.storage.journal import Journal
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
-LEDGER_FULL = "ledger_full"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,19 +79,20 @@ class Admission:
             return
         starter = self._starters.get(request.starter)
         if starter is None:
-            raise CommandError("unknown_starter", "this gateway has no such starter")
+            raise CommandError(ResultCode.UNKNOWN_STARTER)
         self.check_verb(request.starter, request.verb)
         if not self._may(request):
-            text = f"{request.client} has no right to {request.verb} {request.starter}"
-            raise CommandError("not_allowed", text)
+            raise no_right(request)
         if not request.id and request.verb != STOP:
-            raise CommandError("no_id", "every command but stop needs an id")
+            raise CommandError(ResultCode.NO_ID)
 
     def check_verb(self, name: str, verb: str) -> None:
         """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
         starter = self._starters.get(name)
         if starter is not None and verb not in (*verbs(starter.profile), *OWN_VERBS):
-            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {verb[:40]!r}")
+            raise CommandError(
+                ResultCode.UNKNOWN_VERB, "starter", title=starter.profile.title, verb=verb[:40]
+            )
 
     def may_stop(self, client: str, starter: str) -> bool:
         """Return whether a client may stop a starter."""
@@ -90,11 +101,9 @@ class Admission:
     def check_journal(self) -> None:
         """Demand a ledger that can be written and has room."""
         if self._journal.trouble:
-            text = f"commands are not taken without the ledger: {self._journal.trouble}"
-            raise CommandError(UNAVAILABLE, text)
+            raise CommandError(ResultCode.LEDGER_UNAVAILABLE, "trouble", trouble=self._journal.trouble)
         if not self._ledger.has_room(self._clock.now_s()):
-            text = f"{len(self._ledger)} commands could still be repeated; wait a minute, then send a new one"
-            raise CommandError(LEDGER_FULL, text)
+            raise CommandError(ResultCode.LEDGER_FULL, count=len(self._ledger))
 
     def check(
         self, request: CommandRequest, starter: StarterControlView, load: Load
@@ -121,9 +130,9 @@ class Admission:
         """Demand what can be judged without reading, whether or not the command was selected."""
         preparation = self.check_target(request, starter)
         if load.is_busy:
-            raise CommandError("busy", "another command for this starter is under way")
+            raise CommandError(ResultCode.BUSY, "command")
         if load.is_leaving:
-            raise CommandError("busy", "the starter's configuration is about to change; send it again then")
+            raise CommandError(ResultCode.BUSY, "reload")
         self._check_room(request, load)
         return preparation
 
@@ -135,12 +144,12 @@ class Admission:
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)
         if not starter.is_answering:
-            raise CommandError("offline", "the starter does not answer")
+            raise CommandError(ResultCode.OFFLINE, "starter")
         standing = starter.identity_standing
         if request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT):
             return preparation  # of one that contradicts the configuration its raw words are all that is said
         if standing is not IdentityStatus.MATCHING:
-            raise CommandError(standing.value, starter.identity_reason)
+            raise not_matching(standing, starter.identity_reason)
         return preparation
 
     def _check_room(self, request: CommandRequest, load: Load) -> None:
@@ -148,20 +157,15 @@ class Admission:
         limits = self._policy.settings.limits
         if load.on_line >= limits.under_way_on_line:
             most = limits.under_way_on_line
-            raise CommandError(
-                "too_many", f"{load.on_line} commands are under way on this line, at most {most}"
-            )
+            raise CommandError(ResultCode.TOO_MANY, "line", count=load.on_line, most=most)
         if request.verb in CAN_WAIT and load.parameters_on_line >= limits.parameters_on_line:
-            text = (
-                f"{load.parameters_on_line} reads and settings are under way on this line, as many as may be"
-            )
-            raise CommandError("too_many", text)
+            raise CommandError(ResultCode.TOO_MANY, "parameters", count=load.parameters_on_line)
 
     def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
         """Use up the selection of a command in two steps; return that the state must be the one seen then."""
         if request.select is None:
             if request.verb in self._policy.rulebook.of(request.starter).two_step:
-                raise CommandError("select_first", f"{request.verb} takes two steps here: select it first")
+                raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
             return ()
         selection = self._policy.selections.take(
             request.starter,
@@ -171,14 +175,13 @@ class Admission:
             args=request.args,
             now_s=self._clock.now_s(),
         )
-        return (Expectation(starter.profile, {STATE: selection.state}, code="state_changed"),)
+        return (Expectation(starter.profile, {STATE: selection.state}, code=ResultCode.STATE_CHANGED),)
 
     def _check_group_sender(self, request: CommandRequest) -> None:
         if request.verb != STOP:
-            raise CommandError("group_only_stop", f"{request.starter} is a group: it can only be stopped")
+            raise CommandError(ResultCode.GROUP_ONLY_STOP, group=request.starter)
         if not any(self.may_stop(request.client, member) for member in self._groups[request.starter]):
-            text = f"{request.client} has no right to stop any member of {request.starter}"
-            raise CommandError("not_allowed", text)
+            raise CommandError(ResultCode.NOT_ALLOWED, "group", client=request.client, group=request.starter)
 
     def _may(self, request: CommandRequest) -> bool:
         """Return whether the client has the right; who may do something may also select it, and cancel."""
@@ -190,7 +193,15 @@ class Admission:
         return self._rights.is_allowed(client, verb=verb, starter=starter)
 
 
-TOO_MANY = "too_many"
+def no_right(request: CommandRequest) -> CommandError:
+    """Return the refusal of a command to which its client has no right."""
+    return CommandError(
+        ResultCode.NOT_ALLOWED,
+        "starter",
+        client=request.client,
+        verb=request.verb,
+        starter=request.starter,
+    )
 
 
 class OverloadRefusals:
@@ -217,21 +228,21 @@ class OverloadRefusals:
         self._stops.close()
 
     def _refuse(self, request: CommandRequest, count: int) -> None:
-        text = "too many commands at once; send fewer"
+        reason = Reason(ResultCode.TOO_MANY, "client")
         if count:
             request = replace(request, id=None, correlation=None, response_topic=None)
-            text = f"{count} more refused: too many commands at once"
-        end = Final(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
+            reason = Reason(ResultCode.TOO_MANY, "client_more", count=count)
+        end = Final(Phase.REJECTED, reason, values={"count": count} if count else {})
         CommandReport(request, self._reporting).refuse(end)
 
     def _answer_stop(self, request: CommandRequest, count: int) -> None:
         """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
+        reason = Reason(ResultCode.TOO_MANY, "stop")
         if count:
             request = replace(request, id=None, correlation=None, response_topic=None)
-        which = f"{count} more stops were" if count else "it was"
-        text = f"{which} sent with those that came before, and not followed up: see their results"
+            reason = Reason(ResultCode.TOO_MANY, "stop_more", count=count)
         report = CommandReport(request, self._reporting, is_stored=False)
         report.accept()
         report.write()
         values = {"count": count} if count else {}
-        report.finish(Final(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))
+        report.finish(Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_turning")), values=values))

@@ -15,19 +15,20 @@ from gateway.contract import (
     READ,
     SELECT,
     STOP,
+    CommandError,
     CommandRequest,
     Phase,
+    Reason,
     RecordWriter,
+    ResultCode,
     ResultRecord,
 )
-from gateway.errors import CommandError
 from gateway.starters.commands.admission import (
     CAN_WAIT,
-    LEDGER_FULL,
-    TOO_MANY,
     Admission,
     Load,
     OverloadRefusals,
+    no_right,
 )
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.group_stop import GroupStop
@@ -35,28 +36,36 @@ from gateway.starters.commands.ledger import PROVABLE_S, Ledger, as_repetition, 
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting, audit
 from gateway.starters.commands.local_verbs import LocalVerbs, SetBaseline, no_history, target_of
 from gateway.starters.commands.recovery import Recovery
-from gateway.starters.commands.result_codes import UNFIT
-from gateway.starters.commands.starter_io import HALTED
 from gateway.starters.commands.stop import Stopping
+from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
+from gateway.storage.journal import Journal, NoJournal, Remembered
 
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
 AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
-STOPPED_FIRST = "stopped_first"
-_DECIDED_BEFORE: Mapping[str, str] = {  # by what shows when a command was decided upon
-    "token": "a stop came after this command's token was given: look, decide again, take a new token",
-    "issued_at": "a stop came before this command was surely issued (without a token it must be dated 2 s "
-    "after the stop, since clocks differ): look, decide again, then send it again",
-}
 _Work = TypeVar("_Work", CommandExecution, Stopping)
-NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
+NOT_TAKEN = (  # without the ledger, what it has may say something else
+    ResultCode.LEDGER_UNAVAILABLE,
+    ResultCode.LEDGER_FULL,
+    ResultCode.TOO_MANY,
+)
+UNFIT = (  # of what is refused however often it comes: its id is free for a fit command
+    ResultCode.BAD_JSON,
+    ResultCode.BAD_PAYLOAD,
+    ResultCode.BEFORE_CONNECTION,
+    ResultCode.EXPIRED,
+    ResultCode.MALFORMED_TOPIC,
+    ResultCode.NO_ID,
+    ResultCode.RETAINED,
+    ResultCode.TOO_BIG,
+    ResultCode.UNKNOWN_VERB,
+)
 
 
 class Dispatcher:
@@ -132,7 +141,7 @@ class Dispatcher:
         except CommandError as refusal:
             self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
 
-    def reject(self, request: CommandRequest, code: str, text: str) -> None:
+    def reject(self, request: CommandRequest, error: CommandError) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
         if not self._admits(request):
             self._overload_refusals.refuse(self._key(request), request)
@@ -141,7 +150,7 @@ class Dispatcher:
         if earlier is not None and is_same(request, earlier):
             self._repeat(request, earlier)
         else:
-            self._refuse(request, CommandError(code, text), is_stored=False)
+            self._refuse(request, error, is_stored=False)
 
     def verb_error(self, starter: str, verb: str) -> CommandError | None:
         """Return what is wrong with a verb for a starter; None when nothing is."""
@@ -201,9 +210,9 @@ class Dispatcher:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
         self._is_closing = True
         for execution in self._executions.values():
-            execution.halt("shutting_down")
+            execution.halt(Reason(ResultCode.SHUTTING_DOWN))
         for stopping in self._stops.values():
-            stopping.halt("shutting_down")
+            stopping.halt(Reason(ResultCode.SHUTTING_DOWN))
         for recovery in self._recoveries:
             recovery.hurry()
         if self._tasks:
@@ -224,7 +233,7 @@ class Dispatcher:
 
     def _demand_open(self) -> None:
         if self._is_closing:
-            raise CommandError("shutting_down", HALTED["shutting_down"])
+            raise CommandError(ResultCode.SHUTTING_DOWN)
 
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
@@ -239,8 +248,8 @@ class Dispatcher:
     def _repeat(self, request: CommandRequest, earlier: ResultRecord) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
         if not is_same(request, earlier):
-            text = f"this id was used for {earlier.verb} of {earlier.starter}"
-            self._refuse(request, CommandError("id_reused", text), is_stored=False)
+            error = CommandError(ResultCode.ID_REUSED, verb=earlier.verb, starter=earlier.starter)
+            self._refuse(request, error, is_stored=False)
             return
         self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
@@ -249,7 +258,7 @@ class Dispatcher:
         """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
         is_known = self._ledger.find(request.client, request.id) is not None
         report = CommandReport(request, self._reporting, is_repeat=is_known)
-        end = Final(Phase.REJECTED, error.code, error.text)
+        end = Final(Phase.REJECTED, error.reason)
         if is_known or is_stored or error.code in UNFIT:
             report.finish(end, is_stored=is_stored and not is_known)
         else:
@@ -294,11 +303,13 @@ class Dispatcher:
         """
         stopped_s = self._stopped_s.get(request.starter, -inf)
         if request.received_s <= stopped_s:
-            raise CommandError(STOPPED_FIRST, "a stop that came later was taken first")
+            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
         if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
             return
         if request.decided_s is not None and request.decided_s < stopped_s:
-            raise CommandError(STOPPED_FIRST, _DECIDED_BEFORE[request.decided_by])
+            if request.decided_by == BY_TOKEN:
+                raise CommandError(ResultCode.STOPPED_FIRST, "token")
+            raise CommandError(ResultCode.STOPPED_FIRST, "issued_at", ahead_s=MAX_AHEAD_S)
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
@@ -327,8 +338,7 @@ class Dispatcher:
                 member.accept()
                 self._stops[name].join(member)
             else:
-                text = f"{request.client} has no right to stop {name}"
-                member.finish(Final(Phase.REJECTED, "not_allowed", text))
+                member.finish(Final(Phase.REJECTED, no_right(member.request).reason))
 
     def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
@@ -336,7 +346,7 @@ class Dispatcher:
         self._policy.selections.end(name)  # what was decided upon before the stop is decided anew
         execution = self._executions.get(name)
         if execution is not None:
-            execution.halt(STOPPED_FIRST)
+            execution.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
@@ -375,7 +385,7 @@ class Dispatcher:
         if execution is None or execution.report.life.is_written:
             return
         if is_forbidden(execution.report.request.verb, execution.report.request.args):
-            execution.halt("locked")
+            execution.halt(Reason(ResultCode.LOCKED, "cut"))
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)

@@ -9,8 +9,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, TypeVar, assert_never
 
-from gateway.contract import Phase
-from gateway.errors import CommandError
+from gateway.contract import CommandError, Note, Phase, Reason, ResultCode
 from gateway.families.command.build import TAKEN_BACK, build, release
 from gateway.families.command.interlock import demand
 from gateway.families.profile.decode import decode_row
@@ -49,9 +48,9 @@ ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, 
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
 LEFT_SAFE_WITHIN_S = 3.0  # after its deadline a start is taken back, or the starter left safe
 MOST_TAKE_BACKS = 3  # each after new readings of a motor that stands
-MAY_BE_TURNING = "the motor may be turning"
-MAY_STAND = "the command may also stand in the starter and act later: send a stop"
-LOOK = "look at the starter"
+MAY_BE_TURNING = Note("may_be_turning")
+MAY_ACT_LATER = Note("may_act_later")
+LOOK = Note("look")
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
     ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -62,13 +61,6 @@ _MAY_ACT = (  # a motion that is refused so may begin all the same
     ExceptionCode.GATEWAY_PATH_UNAVAILABLE,
     ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND,
 )
-
-_IS_TAKEN_BACK = "then it was seen to stand, and run = 0 was written so that it cannot start later"
-_IS_NOT_TAKEN_BACK = (
-    "then it was seen to stand, but run = 0 was not seen to be taken in remote mode: the command may stand, "
-    "and start the motor later; send a stop once the starter is in remote mode"
-)
-_NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
 
 
 class _OutdatedError(Exception):
@@ -109,9 +101,9 @@ class CommandExecution:
         """The name of its starter's line."""
         return self._starter.setup.line
 
-    def halt(self, code: str) -> None:
+    def halt(self, reason: Reason) -> None:
         """Let nothing more of this command go out."""
-        self._starter_io.halt(code)
+        self._starter_io.halt(reason)
 
     async def run(self) -> None:
         """Carry the command out; never raises."""
@@ -119,7 +111,7 @@ class CommandExecution:
             end = await self._ended()
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
-            end = self._cut("internal", "an error inside the gateway; see its log")
+            end = self._cut(Reason(ResultCode.INTERNAL))
         self._leave_gate()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
@@ -143,17 +135,17 @@ class CommandExecution:
                     if not procedure.steps:
                         return self._unwritten(procedure, rows)
         except CommandError as error:
-            return self._cut(error.code, error.text)
+            return self._cut(error.reason)
         except RefusedError as error:
-            return Final(Phase.FAILED, error.code, str(error))
+            return Final(Phase.FAILED, error.reason)
         except OverdueError:
             if self._procedure is None or self._procedure.take_back is None:  # a start is taken back only
                 await self._leave_safe()  # once the motor is seen to stand
             return self._expired()
         except HaltedError as error:
-            if error.code != "shutting_down":  # nothing is written at shut-down
+            if error.reason.code != ResultCode.SHUTTING_DOWN:  # nothing is written at shut-down
                 await self._leave_safe()
-            return self._cut(error.code, error.text)
+            return self._cut(error.reason)
 
     async def _intend(self, procedure: Procedure) -> float:
         """Have it admitted and stored that something is about to be written; return how long that took."""
@@ -164,15 +156,15 @@ class CommandExecution:
             await self._starter_io.wait_for(self._guard.admit())
         return self.report.now_s() - began_s
 
-    def _cut(self, code: str, text: str) -> Final:
+    def _cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
-            is_left = code in ("shutting_down", "not_seen") and self.report.request.verb in TAKEN_BACK
-            outlook = f"{self._outlook}; {MAY_STAND}" if is_left else self._outlook
-            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {outlook}")
-        if code == "internal":
-            return Final(Phase.FAILED, code, text)
-        return Final(Phase.REJECTED, code, f"{text}; nothing was written")
+            is_pending = reason.code in (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)
+            later = MAY_ACT_LATER if is_pending and self.report.request.verb in TAKEN_BACK else None
+            return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self._outlook, later))
+        if reason.code == ResultCode.INTERNAL:
+            return Final(Phase.FAILED, reason)
+        return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
 
     async def _decide(self) -> tuple[Rows, Procedure]:
         """Return what to do, once two readings in a row allow it and lead to the same steps."""
@@ -185,7 +177,7 @@ class CommandExecution:
             if is_enough or procedure == earlier:
                 return rows, procedure
             earlier = procedure
-        raise CommandError("readings_disagree", "no two readings in a row of the starter agree")
+        raise CommandError(ResultCode.READINGS_DISAGREE)
 
     async def _insist(self, ask: Callable[[], Coroutine[Any, Any, T]]) -> T:
         """Ask until that is answered, as long as the starter is online."""
@@ -193,7 +185,7 @@ class CommandExecution:
             try:
                 return await ask()
             except CommandError as error:
-                if error.code != "no_answer" or not self._starter.is_answering:
+                if error.code != ResultCode.NO_ANSWER or not self._starter.is_answering:
                     raise
             await self._starter_io.pause(ASKED_AGAIN_S)
 
@@ -236,14 +228,13 @@ class CommandExecution:
                 is_left = step.is_run_off or procedure.take_back is not None
                 return end if is_left else await self._abandoned(end)
         if procedure.verify is None:
-            text = f"written, but it cannot be read back: {self._outlook}"
-            return Final(Phase.UNCONFIRMED, "not_readable", text)
+            return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self._outlook))
         values = await self._starter_io.see(procedure.verify)
         if values is None:
             end = self._not_seen(procedure.verify)
             if procedure.take_back is not None:
                 return await self._taken_back(end, self.report.request.verb, procedure.take_back)
-            return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
+            return await self._abandoned(end.noted(*procedure.notes))
         await self._prove_again()
         return self._confirmed(procedure, values)
 
@@ -258,7 +249,7 @@ class CommandExecution:
         except OverdueError:
             pass
         except CommandError as error:
-            if error.code != "no_answer":
+            if error.code != ResultCode.NO_ANSWER:
                 raise
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> Final | None:
@@ -274,51 +265,50 @@ class CommandExecution:
             return None if await self._starter_io.see(step.then) is not None else self._not_seen(step.then)
         if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
             return None
-        return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
+        return self._cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
 
     async def _run_off(
         self, step: WriteStep, outcome: Outcome, end: Final | None, *, is_excused: bool
     ) -> Final | None:
         """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
         if isinstance(outcome, Refused) and end is not None:
-            text = (
-                f"the starter refused run = 0 ({exception_name(outcome.code)}): a run command may stand in it"
-            )
-            return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+            exception = exception_name(outcome.code)
+            reason = Reason(ResultCode.RUN_NOT_CLEARED, "refused", exception=exception)
+            return Final(Phase.FAILED, reason.noted(Note("nothing_else")))
         if end is not None:
             return end
         self._cleared_s = min(self._cleared_s, self._starter_io.seen_s)
         if not is_excused and not isinstance(outcome, (Answered, Refused)):
-            text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
-            return Final(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
+            reason = Reason(ResultCode.NO_ANSWER, "run_off", reason=outcome.reason)
+            return Final(Phase.UNCONFIRMED, reason.noted(Note("nothing_else")))
         if step.then is None or await self._starter_io.see(step.then) is not None:
             return None
         if isinstance(outcome, Answered) and await self._starter_io.is_refused(step.then.reads, _NOT_SET_UP):
             rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
             demand(self._starter.profile, self._preparation.requires, self._points(rows))
             return None
-        seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
-        text = f"run = 0 was written, but {seen}"
-        return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+        point, within_s = step.then.name, step.then.within_s
+        reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
+        return Final(Phase.FAILED, reason.noted(Note("nothing_else")))
 
     @property
-    def _outlook(self) -> str:
+    def _outlook(self) -> Note:
         """What may be the case once something was written and not seen to act."""
         wakes = self._procedure is not None and self._procedure.is_run_cleared
         return MAY_BE_TURNING if wakes or not self.can_wait else LOOK
 
     def _not_seen(self, expect: Expect) -> Final:
-        within = f"within {expect.within_s:g} s"
+        point, within_s = expect.name, expect.within_s
         if self._outlook is LOOK:
-            text = f"{expect.name} does not read as written {within}: it did not follow; {LOOK}"
-            return Final(Phase.UNCONFIRMED, "not_followed", text)
+            reason = Reason(ResultCode.NOT_FOLLOWED, "reading", point=point, within_s=within_s)
+            return Final(Phase.UNCONFIRMED, reason.noted(LOOK))
         if self._procedure is not None and self._procedure.is_run_cleared:
-            text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
-            return Final(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
-        text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
+            reason = Reason(ResultCode.NOT_SEEN, "standstill", point=point, within_s=within_s)
+            return Final(Phase.UNCONFIRMED, reason.noted(Note("run_off_again"), MAY_BE_TURNING))
+        reason = Reason(ResultCode.NOT_SEEN, "motion", point=point, within_s=within_s)
         if self._refusal is not None:
-            return Final(Phase.UNCONFIRMED, self._refusal.code, f"{self._refusal}; {text}")
-        return Final(Phase.UNCONFIRMED, "not_seen", text)
+            return Final(Phase.UNCONFIRMED, self._refusal.reason.noted(reason, MAY_BE_TURNING))
+        return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
 
     async def _write(self, step: WriteStep) -> Outcome:
         """Send one write, once."""
@@ -372,7 +362,7 @@ class CommandExecution:
         return seen_s + LATER_STEP_S * (len(steps) - 1) + LAST_READING_S
 
     def _taken(self, outcome: Outcome) -> Final | None:
-        """Record what became of a write; return the end when it did not go out or was refused."""
+        """Record the outcome of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
@@ -383,11 +373,11 @@ class CommandExecution:
                     self._refusal = refusal
                     self.report.write()
                     return None
-                return Final(Phase.FAILED, refusal.code, str(refusal))
+                return Final(Phase.FAILED, refusal.reason)
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
                 return self._expired()
             case Silent(is_sent=False) | Garbled(is_sent=False):
-                return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
+                return self._cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
             case Silent() | Garbled():
                 self.report.write()
                 return None  # whether it acted is for the read-back to say
@@ -398,25 +388,24 @@ class CommandExecution:
         """Return the end of a command whose time was over before all of it was written."""
         request = self.report.request
         if self.report.life.is_written:
-            code = "not_followed" if self._outlook is LOOK else "not_seen"
-            return self._cut(code, "its time was over before the rest could be written and seen")
-        text = f"its time was over {request.until_s - request.received_s:.1f} s after it came"
-        return self._cut(
-            "expired", f"{text}: the line was full, the starter did not answer, or the disk is slow"
-        )
+            if self._outlook is LOOK:
+                return self._cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
+            return self._cut(Reason(ResultCode.NOT_SEEN, "overdue"))
+        age_s = request.until_s - request.received_s
+        return self._cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
 
     def _unwritten(self, procedure: Procedure, rows: Rows) -> Final:
         """Return the end of a command that has nothing to write."""
         values = self._subject(procedure, rows)
         if procedure.is_unchanged:
-            text = _noted("the starter holds this value already", procedure)
-            return Final(Phase.CONFIRMED, "unchanged", text, values)
-        return Final(Phase.CONFIRMED, "ok", "read", values)
+            return Final(Phase.CONFIRMED, Reason(ResultCode.UNCHANGED).noted(*procedure.notes), values)
+        return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "read"), values)
 
     def _confirmed(self, procedure: Procedure, values: dict[str, Any]) -> Final:
         subject = self._subject(procedure, values)
         points = {name: value for name, value in values.items() if not isinstance(value, tuple)}
-        return Final(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
+        reason = Reason(ResultCode.OK, "read_back").noted(*procedure.notes)
+        return Final(Phase.CONFIRMED, reason, subject, points)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""
@@ -445,15 +434,15 @@ class CommandExecution:
     async def _taken_back(self, end: Final, verb: str, take_back: TakeBack) -> Final:
         """Take back a start that is seen not to have acted: nothing is to let it act later."""
         self._starter_io.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
-        text = f"; {MAY_STAND}"
+        note = MAY_ACT_LATER
         for _ in range(MOST_TAKE_BACKS):
             if await self._starter_io.see(take_back.at_rest) is None:
                 break
             if await self._is_released(verb, take_back.released):
                 phase = end.phase if self._refusal is None else Phase.FAILED
-                return replace(end, phase=phase, text=f"{end.text}; {_IS_TAKEN_BACK}")
-            text = f"; {_IS_NOT_TAKEN_BACK}"
-        return replace(end, text=end.text + text)
+                return replace(end.noted(Note("taken_back")), phase=phase)
+            note = Note("not_taken_back")
+        return end.noted(note)
 
     async def _is_released(self, verb: str, released: Expect) -> bool:
         """Take a start back in words that follow from what was just read, and return whether that shows."""
@@ -473,7 +462,7 @@ class CommandExecution:
         """Return the end of a command that failed after its first write, once the starter is left safe."""
         if await self._leave_safe() or end.phase is not Phase.FAILED:
             return end
-        return Final(Phase.UNCONFIRMED, end.code, f"{end.text}; and it could not be left as it was")
+        return Final(Phase.UNCONFIRMED, end.reason.noted(Note("not_left_safe")))
 
     async def _leave_safe(self) -> bool:
         """Write what the procedure names for this case, if it was begun; return whether that was taken."""
@@ -488,7 +477,7 @@ class CommandExecution:
         try:
             await wire.wait_for(self._starter.prove(lane=Priority.COMMAND))
         except CommandError as error:
-            if error.code != "no_answer":
+            if error.code != ResultCode.NO_ANSWER:
                 return False  # another device answers now: these are not its words
         except OverdueError:
             return False
@@ -501,8 +490,3 @@ class CommandExecution:
 
 def _only_reads(procedure: Procedure) -> bool:
     return not procedure.steps and not procedure.is_unchanged
-
-
-def _noted(text: str, procedure: Procedure) -> str:
-    """Return a result's text with what the operator must know besides."""
-    return f"{text}; {procedure.note}" if procedure.note else text

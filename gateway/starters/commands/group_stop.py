@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from gateway.contract import CommandRequest, Phase
+from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 
 
@@ -39,11 +39,12 @@ class GroupStop:
         values = {"members": {n: {"phase": self._ends[n].phase, "code": self._ends[n].code} for n in names}}
         others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
         if not others:
-            return Final(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
+            return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "group", count=len(names)), values)
         causes = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
-        more = f"; and {len(others) - 5} more" if len(others) > 5 else ""
-        text = f"{len(others)} of {len(names)} not confirmed: {causes}{more}"
-        return Final(self._phase(others), "not_all", text, values)
+        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(names), causes=causes)
+        if len(others) > 5:
+            reason = reason.noted(Note("more_members", count=len(others) - 5))
+        return Final(self._phase(others), reason, values)
 
     def _phase(self, others: Collection[str]) -> Phase:
         """Return the whole's phase when not all are confirmed: rejected only when nothing was written."""

@@ -18,7 +18,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from gateway.contract import CommandRequest, Phase, ResultRecord
+from gateway.contract import CommandRequest, Note, Phase, ResultRecord, joined
 
 MOST_ENTRIES = 10_000
 LONGEST_S = 7 * 24 * 3600.0
@@ -116,7 +116,7 @@ def _is_acted_on(result: ResultRecord) -> bool:
     return result.phase is not Phase.REJECTED and result.verb not in _REPEATABLE
 
 
-STAYS_REFUSED = "this id stays refused; look, decide again, then send it with a new id"
+STAYS_REFUSED = Note("stays_refused")
 
 
 def is_same(request: CommandRequest, earlier: ResultRecord) -> bool:
@@ -129,7 +129,7 @@ def as_repetition(earlier: ResultRecord, request: CommandRequest) -> ResultRecor
     is_refused = earlier.phase is Phase.REJECTED
     return replace(
         earlier,
-        text=f"{earlier.text}; {STAYS_REFUSED}" if is_refused else earlier.text,
+        text=joined(earlier.text, STAYS_REFUSED.text) if is_refused else earlier.text,
         is_duplicate=True,
         correlation=request.correlation,
         response_topic=request.response_topic,

@@ -8,8 +8,18 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from gateway.contract import STOP, AuditRecord, CommandRequest, Phase, RecordWriter, ResultRecord
-from gateway.errors import CommandError
+from gateway.contract import (
+    STOP,
+    AuditRecord,
+    CommandRequest,
+    Note,
+    Phase,
+    Reason,
+    RecordWriter,
+    ResultCode,
+    ResultRecord,
+    joined,
+)
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.storage.journal import Journal, NoJournal
@@ -51,10 +61,23 @@ class Final:
     """How a command ends."""
 
     phase: Phase
-    code: str
-    text: str
+    reason: Reason
     values: Mapping[str, Any] = field(default_factory=dict)  # of the result
     after: Mapping[str, Any] = field(default_factory=dict)  # what was read back, for the audit
+
+    @property
+    def code(self) -> str:
+        """Return the code of its reason."""
+        return self.reason.code
+
+    @property
+    def text(self) -> str:
+        """Return its reason in words."""
+        return self.reason.text
+
+    def noted(self, *more: Note | Reason | None) -> Final:
+        """Return the same end with more to say."""
+        return replace(self, reason=self.reason.noted(*more))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +124,11 @@ class CommandReport:
             return
         wait_s = self._reporting.write_budget.take(self.request.starter, writes, now_s=self.now_s())
         if wait_s is not None:
-            raise CommandError("wear_limit", self._reporting.write_budget.refusal(wait_s))
+            raise self._reporting.write_budget.refusal(wait_s)
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
-        end = Final(Phase.ACCEPTED, "ok", "accepted")
+        end = Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted"))
         self._report(end, is_stored=True)
         self._audit(end)
 
@@ -117,7 +140,7 @@ class CommandReport:
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
         if not self.life.is_written:
-            self._report(Final(Phase.WRITTEN, "ok", "written; being read back"), is_stored=True)
+            self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")), is_stored=True)
 
     def finish(self, end: Final, *, is_stored: bool = True) -> None:
         """Give the final result; without `is_stored` a repetition of the command is judged anew."""
@@ -133,7 +156,7 @@ class CommandReport:
         self._reporting.ledger.store(self.result(end), now_s=self.now_s())
 
     def inform(self, client: str, end: Final) -> None:
-        """Publish to another client what this command did to what is his; a result without an id."""
+        """Publish to another client what this command changed for that client; a result without an id."""
         result = self.result(end)
         self._reporting.records.put(
             replace(result, client=client, id=None, correlation=None, response_topic=None, ticket=0)
@@ -149,7 +172,7 @@ class CommandReport:
             verb=request.verb,
             phase=end.phase,
             code=end.code,
-            text=f"{end.text}; {request.remark}" if request.remark else end.text,
+            text=joined(end.text, request.remark),
             time_s=self._reporting.records.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,

@@ -14,13 +14,16 @@ from gateway.contract import (
     LOCK,
     SELECT,
     STOP,
+    CommandError,
     CommandRequest,
     EventCode,
     LockRecord,
+    Note,
     Phase,
+    Reason,
+    ResultCode,
     Severity,
 )
-from gateway.errors import CommandError
 from gateway.families.command.build import verbs
 from gateway.families.profile.state import state_of
 from gateway.starters.commands.admission import Admission
@@ -41,7 +44,7 @@ SetBaseline = Callable[[str, str | None, str], Mapping[str, Any]]
 
 def no_history(_starter: str, _start: str | None, _client: str) -> Mapping[str, Any]:
     """Refuse: no starts are recorded here."""
-    raise CommandError("no_start", "no starts of this starter are recorded")
+    raise CommandError(ResultCode.NO_START, "none")
 
 
 class LocalVerbs:
@@ -84,7 +87,7 @@ class LocalVerbs:
         else:
             _require_names(request.args, ("reason",))
             if lock is None:
-                raise CommandError("not_locked", "the starter is not locked")
+                raise CommandError(ResultCode.NOT_LOCKED)
 
     def act(self, report: CommandReport, starter: StarterControlView) -> Coroutine[Any, Any, None] | None:
         """Do what was checked, at once; what is returned must be run, and ends the command."""
@@ -94,7 +97,7 @@ class LocalVerbs:
             return None
         if request.verb == CANCEL:
             self._selections.end(name)
-            report.finish(Final(Phase.CONFIRMED, "ok", "the selection is cancelled"))
+            report.finish(Final(Phase.CONFIRMED, Reason(ResultCode.OK, "cancelled")))
             return None
         if request.verb == BASELINE:
             report.finish(self._baseline(request))
@@ -122,27 +125,22 @@ class LocalVerbs:
         """Give the result once it is on the disk; an unlocking that cannot be stored is undone."""
         request, is_lock = report.request, report.request.verb == LOCK
         if await self._saver.saved(within_s=SAVED_WITHIN_S):
-            code, more = ("locked", f"; {NOTICE}") if is_lock else ("unlocked", "")
+            notes = [NOTICE] if is_lock else []
             why = request.args.get("reason", request.reason)
             owner = None if is_lock or before is None or before.by == request.client else before
             if owner is not None:
-                more = f"; the lock was {owner_of(owner)}'s: {owner.reason}"
+                notes = [Note("lock_was", owner=owner_of(owner), reason=owner.reason)]
             self._publish_lock(request, starter, owner, is_lock=is_lock)
-            report.finish(Final(Phase.CONFIRMED, "ok", f"{code}{more}"))
+            done = Reason(ResultCode.OK, "locked") if is_lock else Reason(ResultCode.OK, "unlocked")
+            report.finish(Final(Phase.CONFIRMED, done.noted(*notes)))
             if owner is not None and owner.by != GATEWAY:
-                who = f"{request.client} ({request.operator})" if request.operator else request.client
-                text = f"your lock was removed by {who}: {why or 'no reason given'}; it was: {owner.reason}"
-                report.inform(
-                    owner.by, Final(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
-                )
+                removed = _removal(request, why, owner)
+                report.inform(owner.by, Final(Phase.CONFIRMED, removed, values={"by": request.client}))
         elif is_lock:
-            text = "locked until this gateway ends: the lock could not be stored on disk"
-            report.finish(Final(Phase.FAILED, "not_kept", text))
+            report.finish(Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "lock")))
         else:
             self._set_lock(starter, before)
-            report.finish(
-                Final(Phase.FAILED, "not_kept", "still locked: the unlocking could not be stored on disk")
-            )
+            report.finish(Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "unlock")))
 
     def _publish_lock(
         self,
@@ -185,19 +183,18 @@ class LocalVerbs:
         try:
             start = self._set_baseline(request.starter, _chosen_start(request), request.client)
         except CommandError as error:
-            return Final(Phase.REJECTED, error.code, error.text)
-        text = f"the start of {start['time']} is the baseline that later starts are compared with"
-        return Final(Phase.CONFIRMED, "ok", text, {"start": start["id"]}, {"start": start})
+            return Final(Phase.REJECTED, error.reason)
+        reason = Reason(ResultCode.OK, "baseline", time=start["time"])
+        return Final(Phase.CONFIRMED, reason, {"start": start["id"]}, {"start": start})
 
     async def _accepted(self, report: CommandReport, mismatch: IdentityMismatch) -> None:
         """Give the result of an acceptance once it is on the disk."""
         report.before = mismatch.known.as_data()
         seen = mismatch.seen.as_data()
         if await self._identities.saved():
-            end = Final(Phase.CONFIRMED, "ok", "the present identity is accepted", seen, seen)
+            end = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "identity"), seen, seen)
         else:
-            text = "accepted until this gateway ends: it could not be stored on disk"
-            end = Final(Phase.FAILED, "not_kept", text, seen, seen)
+            end = Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)
         report.finish(end)
 
     def _set_lock(self, starter: StarterControlView, lock: LockRecord | None) -> None:
@@ -208,10 +205,10 @@ class LocalVerbs:
     def _check_select(self, request: CommandRequest, starter: StarterControlView) -> None:
         target = target_of(request)
         if target.verb == STOP or target.verb not in verbs(starter.profile):
-            raise CommandError("bad_arguments", f"{target.verb[:40]!r} cannot be selected")
+            raise CommandError(ResultCode.BAD_ARGUMENTS, "not_selectable", verb=target.verb[:40])
         self._admission.check_target(target, starter)
         if _state(starter) == "unknown":
-            raise CommandError("state_unknown", "the starter's state is not known now: nothing to decide by")
+            raise CommandError(ResultCode.STATE_UNKNOWN, "select")
         self._selections.check_free(request.starter, request.client, now_s=self._clock.now_s())
 
     def _select(self, request: CommandRequest, starter: StarterControlView) -> Final:
@@ -222,8 +219,16 @@ class LocalVerbs:
         )
         self._selections.set(request.starter, selection)
         values = {"select": selection.token, "valid_s": VALID_S, "state": state}
-        text = f"selected while {state}; send {target.verb} with this token within {VALID_S:g} s"
-        return Final(Phase.CONFIRMED, "ok", text, values=values)
+        reason = Reason(ResultCode.OK, "selected", state=state, verb=target.verb, valid_s=VALID_S)
+        return Final(Phase.CONFIRMED, reason, values=values)
+
+
+def _removal(request: CommandRequest, why: str | None, lock: LockRecord) -> Reason:
+    """Return what the owner of a lock reads when another client has removed it."""
+    who = f"{request.client} ({request.operator})" if request.operator else request.client
+    if not why:
+        return Reason(ResultCode.LOCK_REMOVED, "no_reason", who=who, reason=lock.reason)
+    return Reason(ResultCode.LOCK_REMOVED, "reason", who=who, why=why, reason=lock.reason)
 
 
 def _lock_data(lock: LockRecord) -> Mapping[str, Any]:
@@ -235,7 +240,7 @@ def _chosen_start(request: CommandRequest) -> str | None:
     _require_names(request.args, ("start",))
     start = request.args.get("start")
     if start is not None and not isinstance(start, str):
-        raise CommandError("bad_arguments", "start is the id of a start, as its record has it")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "start")
     return start
 
 
@@ -244,7 +249,7 @@ def target_of(request: CommandRequest) -> CommandRequest:
     _require_names(request.args, ("verb", "args"))
     verb, args = request.args.get("verb"), request.args.get("args", {})
     if not isinstance(verb, str) or not isinstance(args, dict):
-        raise CommandError("bad_arguments", "name the verb, and its args as an object")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "target")
     return replace(request, verb=verb, args=args)
 
 
@@ -255,4 +260,4 @@ def _state(starter: StarterControlView) -> str:
 def _require_names(args: Mapping[str, Any], names: Sequence[str]) -> None:
     strange = sorted(set(args) - set(names))
     if strange:
-        raise CommandError("bad_arguments", f"{strange[0][:40]!r} is unknown")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "unknown", name=strange[0][:40])

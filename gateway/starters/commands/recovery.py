@@ -6,16 +6,15 @@ import asyncio
 from contextlib import suppress
 from dataclasses import replace
 
-from gateway.contract import CommandRequest, EventCode, Phase, ResultRecord
+from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode, ResultRecord
 from gateway.families.command.build import TAKEN_BACK
 from gateway.families.profile.state import state_of
-from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING, MAY_STAND
+from gateway.starters.commands.execution import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import Reporting, audit
 from gateway.starters.telemetry.transitions import UNKNOWN
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import Remembered
 
-CRASHED = "crashed"
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 STATUS_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.25
@@ -38,21 +37,20 @@ class Recovery:
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it is known now."""
-        text = "the gateway ended while this command was under way"
+        verb, state = self._remembered.result.verb, self._state()
         if self._remembered.may_be_written:
-            outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING
-            text += f"; it was written, or about to be: {outlook}"
-            text += f"; {MAY_STAND}" if self._remembered.result.verb in TAKEN_BACK else ""
+            outlook = LOOK if verb in STILL else MAY_BE_TURNING
+            notes = [Note("may_be_written"), outlook, MAY_ACT_LATER if verb in TAKEN_BACK else None]
             phase = Phase.UNCONFIRMED
         else:
-            text += "; nothing was written"
+            notes = [Note("nothing_written")]
             phase = Phase.REJECTED
-        state = self._state()
-        text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
+        now = Note("state_unknown") if state == UNKNOWN else Note("state_now", state=state)
+        reason = Reason(ResultCode.CRASHED).noted(*notes, now)
         earlier = self._remembered.result
         values = {} if state == UNKNOWN else {"state": state}
         now_s = self._reporting.records.clock.utc_s()
-        return replace(earlier, phase=phase, code=CRASHED, text=text, time_s=now_s, values=values)
+        return replace(earlier, phase=phase, code=reason.code, text=reason.text, time_s=now_s, values=values)
 
     async def publish(self) -> None:
         """Wait a while for the starter's status, then publish the result, its audit record and an event."""
@@ -82,7 +80,7 @@ class Recovery:
     def _is_superseded(self) -> bool:
         """Return whether the id stands for something newer by now: a stop that was done again."""
         latest = self._reporting.ledger.find(self._remembered.result.client, self._remembered.result.id)
-        return latest is not None and latest.code != CRASHED
+        return latest is not None and latest.code != ResultCode.CRASHED
 
     def _state(self) -> str:
         if self._starter is None:

@@ -8,13 +8,14 @@ from contextlib import suppress
 from math import inf
 from typing import Any, TypeVar, assert_never
 
-from gateway.errors import CommandError, GatewayError
+from gateway.contract import CommandError, Reason, ResultCode
+from gateway.errors import GatewayError
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.procedure import Expect, Read
 from gateway.families.reading import rows_in
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.modbus.codes import exception_name
+from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
 from gateway.starters.telemetry.view import StarterAccess
 
@@ -28,19 +29,27 @@ EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in 
 Rows = dict[str, tuple[int, ...]]
 
 
-HALTED = {
-    "stopped_first": "a stop came first",
-    "locked": "a maintenance lock came first",
-    "shutting_down": "the gateway is shutting down",
+_EXCEPTIONS: Mapping[int, ResultCode] = {
+    ExceptionCode.ILLEGAL_FUNCTION: ResultCode.ILLEGAL_FUNCTION,
+    ExceptionCode.ILLEGAL_DATA_ADDRESS: ResultCode.ILLEGAL_DATA_ADDRESS,
+    ExceptionCode.ILLEGAL_DATA_VALUE: ResultCode.ILLEGAL_DATA_VALUE,
+    ExceptionCode.SERVER_DEVICE_FAILURE: ResultCode.SERVER_DEVICE_FAILURE,
+    ExceptionCode.ACKNOWLEDGE: ResultCode.ACKNOWLEDGE,
+    ExceptionCode.SERVER_DEVICE_BUSY: ResultCode.SERVER_DEVICE_BUSY,
+    ExceptionCode.MEMORY_PARITY_ERROR: ResultCode.MEMORY_PARITY_ERROR,
+    ExceptionCode.GATEWAY_PATH_UNAVAILABLE: ResultCode.GATEWAY_PATH_UNAVAILABLE,
+    ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND: (
+        ResultCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
+    ),
 }
 
 
 class HaltedError(GatewayError):
-    """The command was cut short; `code` says by what, `text` in words."""
+    """The command was cut short; `reason` says why."""
 
-    def __init__(self, code: str) -> None:
-        self.code, self.text = code, HALTED.get(code, code)
-        super().__init__(code)
+    def __init__(self, reason: Reason) -> None:
+        self.reason = reason
+        super().__init__(reason.text)
 
 
 class OverdueError(GatewayError):
@@ -51,9 +60,12 @@ class RefusedError(GatewayError):
     """The starter refused a request with a Modbus exception."""
 
     def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
-        self.code = exception_code_word(number)
-        named = ", ".join(codes)
-        super().__init__(f"the starter refused{named and f' {named}'}: {exception_name(number)}")
+        code, rows = _EXCEPTIONS.get(number, ResultCode.EXCEPTION), ", ".join(codes)
+        if rows:
+            self.reason = Reason(code, "read", number=number, rows=rows)
+        else:
+            self.reason = Reason(code, "write", number=number)
+        super().__init__(self.reason.text)
 
 
 class StarterIo:
@@ -62,18 +74,18 @@ class StarterIo:
     def __init__(self, starter: StarterAccess, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
-        self._halted: str | None = None
+        self._halted: Reason | None = None
         self._handed_over: set[asyncio.Future[Outcome]] = set()
         self._inner: asyncio.Future[Any] | None = None
         self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
         self.until_s = inf  # nothing is waited for any longer, whatever the line does
 
-    def halt(self, code: str) -> None:
+    def halt(self, reason: Reason) -> None:
         """Let nothing more go out.
 
         What waits for the line is withdrawn before anything that the caller hands to the line from now on.
         """
-        self._halted = self._halted or code
+        self._halted = self._halted or reason
         for asked in tuple(self._handed_over):
             asked.cancel()
         if self._inner is not None:
@@ -168,9 +180,9 @@ class StarterIo:
             case Refused():
                 raise RefusedError(outcome.code, read.codes)
             case Silent(is_sent=False) | Garbled(is_sent=False):
-                raise CommandError("line_down", f"the starter cannot be asked: {outcome.reason}")
+                raise CommandError(ResultCode.LINE_DOWN, "read", reason=outcome.reason)
             case Silent() | Garbled():
-                raise CommandError("no_answer", f"the starter's status could not be read: {outcome.reason}")
+                raise CommandError(ResultCode.NO_ANSWER, "status", reason=outcome.reason)
             case _:
                 assert_never(outcome)
 
@@ -185,18 +197,11 @@ class StarterIo:
             self._inner = None
             inner.cancel()  # does nothing to what is done; else it is overdue, or we are cancelled
         await asyncio.wait((inner,))
-        if inner.cancelled() and self._halted is None:
-            raise OverdueError
         if inner.cancelled():
-            raise HaltedError(self._halted or "")
+            raise OverdueError if self._halted is None else HaltedError(self._halted)
         return inner.result()
 
 
 def _asked_s(answer: Answered) -> float:
     """Return when an answer was asked for (its request's end), however late it was taken from the port."""
     return answer.at_s - answer.response_time_s
-
-
-def exception_code_word(number: int) -> str:
-    """Return a Modbus exception as a result code, e.g. illegal_data_value."""
-    return exception_name(number).replace(" ", "_")

@@ -19,11 +19,11 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from typing import Any, assert_never
 
-from gateway.contract import STOP, CommandRequest, EventCode, Phase
+from gateway.contract import STOP, CommandRequest, EventCode, Note, Phase, Reason, ResultCode
 from gateway.families.command.build import build
 from gateway.families.profile.procedure import Procedure, Read, WriteStep
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
@@ -144,21 +144,21 @@ class Stopping:
         """Return how many stop commands have joined."""
         return len(self._orders)
 
-    def halt(self, code: str) -> None:
+    def halt(self, reason: Reason) -> None:
         """Let nothing more go out."""
-        self._starter_io.halt(code)
+        self._starter_io.halt(reason)
 
     async def run(self) -> None:
         """Stop the motor; never raises, and always ends every stop command that has joined."""
         try:
             await self._read_on()
         except HaltedError as error:
-            self._cut_all(error.code, error.text)
+            self._cut_all(error.reason)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
-            self._cut_all("internal", "an error inside the gateway; see its log")
+            self._cut_all(Reason(ResultCode.INTERNAL))
         finally:
-            self._starter_io.halt("shutting_down")
+            self._starter_io.halt(Reason(ResultCode.SHUTTING_DOWN))
             if self._timer is not None:
                 self._timer.cancel()
 
@@ -298,8 +298,8 @@ class Stopping:
         for order in self._all():
             is_over = self._time() >= order.until_s
             if self._is_seen_to_stop(order) and (order.is_taken or is_over):
-                text = f"read back from the starter{self._over_babble()}"
-                ends.append((order, Final(Phase.CONFIRMED, "ok", text, after=_points(self._shown))))
+                reason = Reason(ResultCode.OK, "read_back").noted(self._over_babble())
+                ends.append((order, Final(Phase.CONFIRMED, reason, after=_points(self._shown))))
             elif is_over and not is_seen:
                 ends.append((order, self._unseen(order)))
         self._end(ends)
@@ -318,8 +318,7 @@ class Stopping:
     def _end(self, ends: Collection[tuple[_StopOrder, Final]]) -> None:
         """Give messages their ends; one event is published for all that are not confirmed."""
         note = self._starter.note(self._spoken)
-        if note:
-            ends = [(order, replace(end, text=f"{end.text}; {note}")) for order, end in ends]
+        ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
             self._publish_unconfirmed(end)
         for order, end in ends:
@@ -330,37 +329,34 @@ class Stopping:
             if order.report is not None:
                 order.report.finish(end)
 
-    def _cut_all(self, code: str, text: str) -> None:
+    def _cut_all(self, reason: Reason) -> None:
         if self._under_way:
             self._note_written(self._handed, -inf)  # it may have been on its way already
-        self._end([(order, self._cut(order, code, text)) for order in self._all()])
+        self._end([(order, self._cut(order, reason)) for order in self._all()])
 
     def _unseen(self, order: _StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
         if order.is_written and not self._is_answered and not self._is_over_babble:
-            text = f"the starter did not answer for {DEADLINE_S:g} s, neither the stop nor a reading"
-            noise = "; what came instead cannot be read: noise, or something else that sends"
-            text += noise if self._is_garbled else ""
-            return Final(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
+            noise = Note("noise") if self._is_garbled else None
+            reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
+            return Final(Phase.UNCONFIRMED, reason.noted(noise, MAY_BE_TURNING))
+        refusal = None if self._refusal is None else self._refusal.reason
         if order.is_written:
-            text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"
-            text += f"; {self._refusal}" if self._refusal is not None else ""
-            return Final(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
-        if self._refusal is not None:
-            return Final(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
-        return self._cut(order, "line_down", "the stop could not be sent")
+            reason = Reason(ResultCode.NOT_SEEN, "stop", within_s=DEADLINE_S)
+            return Final(Phase.UNCONFIRMED, reason.noted(self._over_babble(), refusal, MAY_BE_TURNING))
+        if refusal is not None:
+            return Final(Phase.FAILED, refusal.noted(MAY_BE_TURNING))
+        return self._cut(order, Reason(ResultCode.LINE_DOWN, "stop"))
 
-    def _cut(self, order: _StopOrder, code: str, text: str) -> Final:
+    def _cut(self, order: _StopOrder, reason: Reason) -> Final:
         if order.is_written:
-            return Final(Phase.UNCONFIRMED, code, f"{text}; a stop was written before: {MAY_BE_TURNING}")
-        phase = Phase.FAILED if code == "internal" else Phase.REJECTED
-        return Final(phase, code, f"{text}: {MAY_BE_TURNING}")
+            return Final(Phase.UNCONFIRMED, reason.noted(Note("stop_written_before"), MAY_BE_TURNING))
+        phase = Phase.FAILED if reason.code == ResultCode.INTERNAL else Phase.REJECTED
+        return Final(phase, reason.noted(MAY_BE_TURNING))
 
-    def _over_babble(self) -> str:
+    def _over_babble(self) -> Note | None:
         """Return what a result says of a line that was never quiet."""
-        if not self._is_over_babble:
-            return ""
-        return "; something sends on the line without end, and the stop was written over it"
+        return Note("over_babble") if self._is_over_babble else None
 
     def _publish_unconfirmed(self, end: Final) -> None:
         self._starter.emitter.event(

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from math import inf
 
+from gateway.contract import Note
 from gateway.families.diagnosis.identify import stop_note, stop_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.scheduler.requests import Priority
@@ -28,7 +29,7 @@ class StopAddressee:
         self._starter = starter
         self._rows = Snapshot({})  # what was read in another family's words: not for publishing
 
-    def note(self, spoken: Collection[str]) -> str:
+    def note(self, spoken: Collection[str]) -> Note | None:
         """Return what the result says of the words of a stop, sent in those of these families."""
         return stop_note(self._starter.profile, self._starter.identity, spoken)
 

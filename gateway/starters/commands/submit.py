@@ -12,8 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from weakref import WeakValueDictionary
 
-from gateway.contract import STOP, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
-from gateway.errors import CommandError
+from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
 from gateway.system.clock import Clock, ClockWatch
@@ -83,13 +82,13 @@ class Commands:
         try:
             self._dispatcher.submit(request if request.verb == STOP else self._decided(request))
         except CommandError as error:
-            self._dispatcher.reject(request, error.code, error.text)
+            self._dispatcher.reject(request, error)
         return results
 
     def reject(self, request: CommandRequest, error: CommandError) -> Results:
         """Reject a command that is not fit to be judged; a repetition gets the first one's result."""
         request, results = self._followed_up(request)
-        self._dispatcher.reject(request, error.code, error.text)
+        self._dispatcher.reject(request, error)
         return results
 
     def put(self, record: Record) -> None:

@@ -17,7 +17,8 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError, ResultCode
+from gateway.errors import PortLostError
 from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.diagnosis.readiness import time_codes
@@ -52,11 +53,18 @@ GIVEN_UP_ROUNDS = 3  # after which a device counts as one that does not answer s
 class IdentityStatus(enum.Enum):
     """What is known of who answers; commands need `MATCHING`, else the value is their result's code."""
 
-    UNKNOWN = "identity_unknown"
+    UNKNOWN = ResultCode.IDENTITY_UNKNOWN
     MATCHING = "matching"
-    MISMATCHED = "identity_mismatch"
-    OTHER_SLOT = "slot_mismatch"  # its accessory sits elsewhere than configured; it can be read
-    CHANGED = "identity_changed"  # the family matches, but it is another than before; see `IdentityRegistry`
+    MISMATCHED = ResultCode.IDENTITY_MISMATCH
+    OTHER_SLOT = ResultCode.SLOT_MISMATCH  # its accessory sits elsewhere than configured; it can be read
+    CHANGED = (
+        ResultCode.IDENTITY_CHANGED
+    )  # the family matches, but it is another than before; see `IdentityRegistry`
+
+
+def not_matching(standing: IdentityStatus, why: str) -> CommandError:
+    """Return the refusal of a command to a device that has not proved to be the configured one."""
+    return CommandError(ResultCode(standing.value), why=why)
 
 
 def standing_of(setup: StarterSetup, identity: Identity) -> IdentityStatus:
@@ -106,7 +114,7 @@ class FirstContact:
         self._task.cancel()
         for each in self._waiting:
             if not each.done():
-                each.set_exception(CommandError("offline", "the starter does not answer"))
+                each.set_exception(CommandError(ResultCode.OFFLINE, "starter"))
         self._waiting.clear()
 
     def note_silence(self) -> None:

@@ -8,8 +8,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from gateway.contract import Event, EventCode, RecordWriter, Severity, event_of, phrase
-from gateway.errors import CommandError, DamagedError
+from gateway.contract import (
+    CommandError,
+    Event,
+    EventCode,
+    RecordWriter,
+    ResultCode,
+    Severity,
+    event_of,
+    phrase,
+)
+from gateway.errors import DamagedError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
 from gateway.starters.setup import StarterSetup
@@ -208,7 +217,7 @@ class IdentityRegistry:
         """Return which change waits to be accepted; CommandError when none does."""
         mismatch = self._published.get(starter)
         if mismatch is None or mismatch != self._mismatches.get(starter):
-            raise CommandError("nothing_to_accept", "no change of the starter's identity waits for that")
+            raise CommandError(ResultCode.NOTHING_TO_ACCEPT)
         return mismatch
 
     def accept(self, starter: str) -> IdentityMismatch:

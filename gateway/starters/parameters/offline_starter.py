@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from math import inf
 
-from gateway.contract import Record, RecordWriter
-from gateway.errors import CommandError
+from gateway.contract import CommandError, Record, RecordWriter, ResultCode
 from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.profile.procedure import Read
@@ -17,7 +16,7 @@ from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.identity.first_contact import IdentityStatus, standing_of
+from gateway.starters.identity.first_contact import IdentityStatus, not_matching, standing_of
 from gateway.starters.identity.recognition import Recognition
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -70,15 +69,14 @@ class OfflineStarter:
         outcomes = {q: await self._put(q) for q in identify_requests(self.profile)}
         self.is_answering = any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
         if not self.is_answering:
-            raise CommandError(
-                "offline", f"{self.setup.name} does not answer at address {self.setup.address}"
-            )
+            name, address = self.setup.name, self.setup.address
+            raise CommandError(ResultCode.OFFLINE, "address", starter=name, address=address)
         self._recognition.note(outcomes)
         answers = {q.tag: out.value if isinstance(out, Answered) else None for q, out in outcomes.items()}
         self.identity = identify(self.profile, answers)
         standing = self.identity_standing
         if standing is not IdentityStatus.MATCHING:
-            raise CommandError(standing.value, self.identity_reason)
+            raise not_matching(standing, self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
 
     async def prove(self, *, lane: Priority) -> None:

@@ -6,8 +6,16 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from gateway.contract import CommandRequest, Phase, Record, RecordWriter, ResultRecord
-from gateway.families.command.run_command import CLEARED
+from gateway.contract import (
+    CommandRequest,
+    Note,
+    Phase,
+    Reason,
+    Record,
+    RecordWriter,
+    ResultCode,
+    ResultRecord,
+)
 from gateway.families.profile.decode import Value
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.ledger import Ledger
@@ -18,7 +26,7 @@ from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
 
 CLIENT = "parameters"
-INTERRUPTED = "interrupted"
+CLEARED = Note("run_cleared").text
 NO_LIMIT = 1_000_000  # writes an hour: a person restores what a person chose, each row once
 
 
@@ -58,7 +66,7 @@ class Restore:
         """Write nothing more, but leave the starter safe."""
         self._is_interrupted = True
         if self._execution is not None:
-            self._execution.halt(INTERRUPTED)
+            self._execution.halt(Reason(ResultCode.INTERRUPTED))
 
     async def run(self, on_begin: Callable[[tuple[PlannedWrite, ...]], None]) -> RestoreEnd:
         """Write the changes in their order; `on_begin` gets each group before it is written."""

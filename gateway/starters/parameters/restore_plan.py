@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError, ResultCode
 from gateway.families.command.build import prepare
 from gateway.families.command.run_command import with_standstill
 from gateway.families.profile.decode import Value
@@ -102,11 +102,11 @@ def _change(
     if entry.raw == now.raw and entry.value in (None, now.value):
         return None  # also of a row that can never be set
     if entry.raw is not None and len(entry.raw) != row.words:
-        raise CommandError("bad_value", f"it has {row.words} words, the file gives {len(entry.raw)}")
+        raise CommandError(ResultCode.BAD_VALUE, "words", words=row.words, given=len(entry.raw))
     value = _value(row, entry)
     words = settable_words(profile, variant, row, value)
     if entry.value is not None and settable_words(profile, variant, row, entry.value) != words:
-        raise CommandError("bad_value", "value and raw of the file disagree: leave one of them out")
+        raise CommandError(ResultCode.BAD_VALUE, "file")
     if holds(row, words, seen):
         return None
     after = entries_of(profile, variant, {row.code: words})[row.code]

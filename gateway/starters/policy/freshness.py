@@ -23,8 +23,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import islice
 
-from gateway.contract import MAX_TTL_S, READ, Proof
-from gateway.errors import CommandError
+from gateway.contract import MAX_TTL_S, READ, CommandError, Proof, ResultCode
 
 
 class RunToken:
@@ -77,7 +76,6 @@ EVERY_S = 1.0  # between two tokens
 BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
 
 _TOKEN_BYTES = 12
-_AGAIN = "read B/gateway/fresh and send it again with a new id"
 
 
 def _draw() -> str:
@@ -137,7 +135,7 @@ def decision_of(
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
     if proof.boot not in (None, tokens.boot.token):
-        raise CommandError("wrong_boot", f"boot is not the one in gateway/status; {_AGAIN} and its token")
+        raise CommandError(ResultCode.WRONG_BOOT)
     made_s = None if proof.token is None else tokens.made_s(proof.token)
     issued_age_s = None
     if proof.issued_s is not None and moment.clock_doubt is None:
@@ -174,11 +172,9 @@ def _require_time_left(
 ) -> None:
     """Raise CommandError when a command's own time has run out, by whichever proof says so."""
     if made_s is not None and moment.now_s - made_s > proof.ttl_s:
-        text = f"its token is {moment.now_s - made_s:.1f} s old, valid for {proof.ttl_s:g} s"
-        raise CommandError("expired", f"{text}: the command or the token was held up; {_AGAIN}")
+        raise CommandError(ResultCode.EXPIRED, "token", age_s=moment.now_s - made_s, ttl_s=proof.ttl_s)
     if issued_age_s is not None and issued_age_s > proof.ttl_s:
-        text = f"issued {issued_age_s:.1f} s ago, valid for {proof.ttl_s:g} s"
-        raise CommandError("expired", f"{text}: it was held up on its way; decide again, then send again")
+        raise CommandError(ResultCode.EXPIRED, "issued_at", age_s=issued_age_s, ttl_s=proof.ttl_s)
 
 
 def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) -> CommandError | None:
@@ -186,7 +182,7 @@ def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) 
     if issued_age_s is None:
         return None
     if issued_age_s < -MAX_AHEAD_S:
-        return CommandError("not_fresh", f"issued_at is {-issued_age_s:.1f} s in the future; set the clock")
+        return CommandError(ResultCode.NOT_FRESH, "ahead", ahead_s=-issued_age_s)
     if tokens.boot.is_before_connection(moment.now_s - issued_age_s - MAX_AHEAD_S):
         return before_connection()
     return None
@@ -194,27 +190,22 @@ def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) 
 
 def before_connection() -> CommandError:
     """Return the refusal of what may have been issued while no gateway was there to take a stop."""
-    text = "perhaps issued before this gateway was connected to its broker; decide again, then send again"
-    return CommandError("before_connection", text)
+    return CommandError(ResultCode.BEFORE_CONNECTION, "broker")
 
 
-def dated_alone(doubt: str | None) -> str:
+def dated_alone(doubt: str | None) -> CommandError:
     """Return what commands of `freshness = "issued_at"` lack; `doubt` is of the gateway's clock."""
-    need = "commands need issued_at" + ("; send it" if doubt is None else f", but {doubt}")
-    return f'{need}; or, without a bridge, give the operator freshness = "token"'
+    if doubt is None:
+        return CommandError(ResultCode.NOT_FRESH, "needs_issued_at")
+    return CommandError(ResultCode.NOT_FRESH, "clock_in_doubt", doubt=doubt)
 
 
 def _unproven(proof: Proof, freshness: Collection[str], moment: Moment) -> CommandError:
     """Return what is missing, of a command with no proof that can be taken."""
     if set(freshness) == {BY_ISSUED_AT}:
-        return CommandError("not_fresh", f"this operator's {dated_alone(moment.clock_doubt)}")
+        return dated_alone(moment.clock_doubt)
     if proof.token is not None:
-        text = (
-            "its token is not known: older than 60 s, or of before the gateway lost its broker or stood still"
-        )
-        return CommandError("not_fresh", f"{text}; {_AGAIN}")
+        return CommandError(ResultCode.NOT_FRESH, "token_unknown", longest_s=MAX_TTL_S)
     if proof.issued_s is not None:
-        return CommandError("not_fresh", f"{moment.clock_doubt}; send the token of B/gateway/fresh instead")
-    return CommandError(
-        "not_fresh", "neither token nor issued_at is given; send the token of B/gateway/fresh"
-    )
+        return CommandError(ResultCode.NOT_FRESH, "issued_at_in_doubt", doubt=moment.clock_doubt)
+    return CommandError(ResultCode.NOT_FRESH, "no_proof")

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.contract import CommandRequest, LockRecord
-from gateway.errors import CommandError
+from gateway.contract import CommandError, CommandRequest, LockRecord, Note, Reason, ResultCode
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
@@ -25,14 +24,14 @@ STATE = "state"
 class Expectation:
     """A state, or the values of points, that must still be so; `code` is that of a refusal."""
 
-    def __init__(self, profile: Profile, wanted: Mapping[str, Any], *, code: str = "not_as_expected") -> None:
+    def __init__(
+        self, profile: Profile, wanted: Mapping[str, Any], *, code: ResultCode = ResultCode.NOT_AS_EXPECTED
+    ) -> None:
         for name, value in wanted.items():
             if name != STATE and name not in profile.points:
-                raise CommandError(
-                    "bad_expect", f"{profile.title} has no {name[:40]!r} to expect anything of"
-                )
+                raise CommandError(ResultCode.BAD_EXPECT, "point", title=profile.title, name=name[:40])
             if name == STATE and value not in STATES:
-                raise CommandError("bad_expect", f"a state is one of {', '.join(STATES)}")
+                raise CommandError(ResultCode.BAD_EXPECT, "state", states=", ".join(STATES))
         self._profile = profile
         self._wanted = wanted
         self._code = code
@@ -50,8 +49,7 @@ class Expectation:
         for name, wanted in self._wanted.items():
             value = state_of(self._profile, points) if name == STATE else points.get(name)
             if not _is_equal(value, wanted):
-                text = f"{name}: expected {_word(wanted)}, but it is {_word(value)}; look, then decide again"
-                raise CommandError(self._code, text)
+                raise CommandError(self._code, name=name, value=_word(value), wanted=_word(wanted))
 
 
 def _is_equal(value: object, wanted: object) -> bool:
@@ -64,7 +62,7 @@ def _word(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-NOTICE = "this replaces no physical lock"
+NOTICE = Note("no_physical_lock")
 LONGEST_REASON = 256
 
 _HARMLESS = frozenset({"read", "reset", "stop"})  # a reset takes a standing run command back first
@@ -77,7 +75,8 @@ def is_forbidden(verb: str, args: Mapping[str, Any]) -> bool:
 
 def refusal(lock: LockRecord) -> CommandError:
     """Return why a command is refused while this lock stands."""
-    return CommandError("locked", f"locked for maintenance by {owner_of(lock)}: {lock.reason}; {NOTICE}")
+    reason = Reason(ResultCode.LOCKED, "lock", owner=owner_of(lock), reason=lock.reason)
+    return CommandError(reason.noted(NOTICE))
 
 
 def owner_of(lock: LockRecord) -> str:
@@ -89,12 +88,12 @@ def reason_in(args: Mapping[str, Any], reason: str | None) -> str:
     """Return why someone locks: the argument `reason`, else the command's; CommandError without one."""
     strange = sorted(set(args) - {"reason"})
     if strange:
-        raise CommandError("bad_arguments", f"{strange[0][:40]!r} is unknown; there is only reason")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "only_reason", name=strange[0][:40])
     why = args.get("reason", reason)
     if not isinstance(why, str) or not why.strip():
-        raise CommandError("bad_arguments", "say why: reason must be a text")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "reason_missing")
     if len(why) > LONGEST_REASON or not why.isprintable():
-        raise CommandError("bad_arguments", f"reason: at most {LONGEST_REASON} printable characters")
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "reason_too_long", most=LONGEST_REASON)
     return why.strip()
 
 
@@ -148,16 +147,13 @@ class Guard:
         self._saver.touch()
         if self._rulebook.of(starter).is_counting:
             if not await self._saver.saved(within_s=SAVED_WITHIN_S):
-                raise CommandError(
-                    "not_kept", "the start could not be counted on the disk, as its rules demand"
-                )
+                raise CommandError(ResultCode.NOT_KEPT, "start")
             self._check_time_and_lock()
 
     def _check_time_and_lock(self) -> None:
         request, now_s = self._request, self._clock.now_s()
         if now_s > request.until_s:
-            age_s = now_s - request.received_s
-            raise CommandError("expired", f"it came in {age_s:.1f} s ago and is not valid any more")
+            raise CommandError(ResultCode.EXPIRED, "waiting", age_s=now_s - request.received_s)
         lock = self._motor_history.lock_of(request.starter)
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)

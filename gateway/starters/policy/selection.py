@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError, ResultCode
 
 VALID_S = 10.0
 
@@ -34,8 +34,7 @@ class Selections:
         selection = self._present(starter, now_s)
         if selection is not None and selection.client != client:
             wait_s = selection.until_s - now_s
-            text = f"{selection.client} has selected this starter; wait {wait_s:.0f} s at most"
-            raise CommandError("selected_by_other", text)
+            raise CommandError(ResultCode.SELECTED_BY_OTHER, client=selection.client, wait_s=wait_s)
 
     def set(self, starter: str, selection: Selection) -> None:
         """Select; an earlier selection ends."""
@@ -45,7 +44,7 @@ class Selections:
         """Raise CommandError unless this client has the starter selected."""
         selection = self._present(starter, now_s)
         if selection is None or selection.client != client:
-            raise CommandError("not_selected", f"{client} has not selected this starter")
+            raise CommandError(ResultCode.NOT_SELECTED, "client", client=client)
 
     def end(self, starter: str) -> None:
         """Let a selection, if there is one, count no more."""
@@ -57,13 +56,14 @@ class Selections:
         """Use the client's selection up and return it; CommandError when it is not for this command."""
         selection = self._selections.get(starter)
         if selection is None or (selection.client, selection.token) != (client, token):
-            raise CommandError("not_selected", "this token selects nothing; select first")
+            raise CommandError(ResultCode.NOT_SELECTED, "token")
         del self._selections[starter]
         if now_s >= selection.until_s:
-            raise CommandError("selection_expired", f"selected more than {VALID_S:g} s ago; select again")
-        if (selection.verb, selection.args) != (verb, args):
-            text = f"selected for {selection.verb} with other arguments or another verb; select again"
-            raise CommandError("selected_otherwise", text)
+            raise CommandError(ResultCode.SELECTION_EXPIRED, valid_s=VALID_S)
+        if selection.verb != verb:
+            raise CommandError(ResultCode.SELECTED_OTHERWISE, "verb", verb=selection.verb)
+        if selection.args != args:
+            raise CommandError(ResultCode.SELECTED_OTHERWISE, "args", verb=selection.verb)
         return selection
 
     def _present(self, starter: str, now_s: float) -> Selection | None:

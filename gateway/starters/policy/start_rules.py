@@ -6,18 +6,12 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError, ResultCode
 from gateway.families.profile.arguments import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.system.rate_limits import Bucket, Rate
 
 HOUR_S = 3600.0
-
-RULES: Mapping[str, str] = {
-    "too_many_starts": "there were as many starts in the last hour as allowed",
-    "pause_too_short": "the motor has not stood still for the configured time",
-    "feeder_busy": "another motor of this feeder has just been started",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,20 +83,24 @@ class Rulebook:
         if len(starts) < most:
             return None
         wait_s = starts[-most] + HOUR_S - now_s
-        reading = f"{len(starts)} in the last hour, of {most}"
-        return _violation("too_many_starts", reading, f"wait {wait_s:.0f} s")
+        return CommandError(ResultCode.TOO_MANY_STARTS, count=len(starts), most=most, wait_s=wait_s)
 
     def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
         if rules.minimum_pause_s <= 0:
             return None
         since_s = self._motor_history.standing_since(starter)
         if since_s is None:
-            return _violation("pause_too_short", "it has not been seen to stand still", "wait")
+            return CommandError(ResultCode.PAUSE_TOO_SHORT, "unseen")
         wait_s = since_s + rules.minimum_pause_s - now_s
         if wait_s <= 0:
             return None
-        reading = f"{now_s - since_s:.0f} s of {rules.minimum_pause_s:g} s"
-        return _violation("pause_too_short", reading, f"wait {wait_s:.0f} s")
+        return CommandError(
+            ResultCode.PAUSE_TOO_SHORT,
+            "pause",
+            standing_s=now_s - since_s,
+            pause_s=rules.minimum_pause_s,
+            wait_s=wait_s,
+        )
 
     def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
         if not rules.feeder or rules.stagger_s <= 0:
@@ -110,14 +108,15 @@ class Rulebook:
         others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
         for other in others:
             for start_s in self._motor_history.starts_since(other, now_s - rules.stagger_s):
-                reading = f"{other} started {now_s - start_s:.1f} s ago on feeder {rules.feeder}"
                 wait_s = start_s + rules.stagger_s - now_s
-                return _violation("feeder_busy", reading, f"wait {wait_s:.1f} s")
+                return CommandError(
+                    ResultCode.FEEDER_BUSY,
+                    other=other,
+                    ago_s=now_s - start_s,
+                    feeder=rules.feeder,
+                    wait_s=wait_s,
+                )
         return None
-
-
-def _violation(code: str, reading: str, remedy: str) -> CommandError:
-    return CommandError(code, f"{RULES[code]} ({reading}); {remedy}")
 
 
 @dataclass(frozen=True, slots=True)

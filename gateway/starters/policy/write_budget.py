@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from gateway.contract import CommandError, ResultCode
 from gateway.errors import DamagedError
 
 HOUR_S = 3600.0
@@ -67,13 +68,12 @@ class WriteBudget:
         """Apply what `to_document` returned; DamagedError when it is no such thing."""
         self._totals = totals_in(document)
 
-    def refusal(self, wait_s: float) -> str:
-        """Return in words why a command must wait so long."""
-        most = self.most_per_hour
-        limit = f"at most {most} writes an hour go to a starter's non-volatile memory, which wears out"
+    def refusal(self, wait_s: float) -> CommandError:
+        """Return why a command must wait so long."""
         if math.isinf(wait_s):
-            return f"{limit}: these are more at once"
-        return f"{limit}: try again in {math.ceil(wait_s / 60)} min"
+            return CommandError(ResultCode.WEAR_LIMIT, "never", most=self.most_per_hour)
+        minutes = math.ceil(wait_s / 60)
+        return CommandError(ResultCode.WEAR_LIMIT, "wait", most=self.most_per_hour, minutes=minutes)
 
 
 def totals_in(document: Mapping[str, Any]) -> dict[str, int]:

@@ -8,8 +8,8 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from gateway.contract import Event, EventCode, event_of
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError, Event, EventCode, event_of
+from gateway.errors import PortLostError
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
 from gateway.families.profile.procedure import Read

@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError
+from gateway.errors import PortLostError
 from gateway.families.profile.decode import alarm_code
 from gateway.families.profile.schema import Profile
 from gateway.families.reading import bulk_reads

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from gateway.contract import EventCode, Severity, phrase
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError, EventCode, Severity, phrase
+from gateway.errors import PortLostError
 from gateway.families.devices.findings import Finding, Weight
 from gateway.families.diagnosis.identify import slot_trouble
 from gateway.families.diagnosis.readiness import (

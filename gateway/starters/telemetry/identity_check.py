@@ -12,14 +12,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 
-from gateway.contract import EventCode
-from gateway.errors import CommandError
+from gateway.contract import CommandError, EventCode, ResultCode
 from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import slot_trouble, stop_profile, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Garbled, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, not_matching, standing_of
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup
@@ -197,18 +196,18 @@ class Contact:
         setup = self._identity.setup
         is_same = await self._first_contact.is_same(lane)
         if is_same is None:
-            raise CommandError("no_answer", "it could not be read who answers")
+            raise CommandError(ResultCode.NO_ANSWER, "identity")
         if not is_same:
             asked = asyncio.ensure_future(self._first_contact.asked_anew())
             await asyncio.wait((asked,), timeout=PROVED_WITHIN_S)
             if not asked.done():
                 asked.cancel()
-                raise CommandError("no_answer", "it could not be read who answers")
+                raise CommandError(ResultCode.NO_ANSWER, "identity")
             why = why_not(setup.profile, asked.result())
             if why is not None:
-                raise CommandError(standing_of(setup, asked.result()).value, why)
+                raise not_matching(standing_of(setup, asked.result()), why)
         if self._identity.standing is not IdentityStatus.MATCHING:
-            raise CommandError(self._identity.standing.value, self._identity.reason)
+            raise not_matching(self._identity.standing, self._identity.reason)
 
     def end_gap(self) -> None:
         """Record that a poll was answered after a gap: perhaps by another device."""

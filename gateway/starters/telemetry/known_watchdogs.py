@@ -13,7 +13,8 @@ from functools import partial
 from math import isinf
 from typing import Any, TypeVar
 
-from gateway.errors import CommandError, DamagedError
+from gateway.contract import CommandError, Note, Reason, ResultCode
+from gateway.errors import DamagedError
 from gateway.families.diagnosis.readiness import shortest_s, watchdog_codes, written_rows
 from gateway.families.profile.procedure import Procedure
 from gateway.families.profile.schema import Profile, once_per_profile
@@ -196,10 +197,10 @@ class KnownWatchdogs:
         if after_s == before_s or setup.timing is None:
             return
         on_line = [each for each in self._setups.values() if each.line == setup.line]
-        text = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
-        if text:
+        error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
+        if error is not None:
             known.written, known.is_being_written = earlier, False
-            raise CommandError(UNKEPT, text)
+            raise error
 
     def _limits_s(self, line: str) -> dict[int, float | None]:
         on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
@@ -273,19 +274,25 @@ def _missed_on(setups: Sequence[StarterSetup], limits_s: Limits) -> dict[str, st
 
 def _refusal(
     setup: StarterSetup, on_line: Iterable[StarterSetup], *, before_s: Limits, after_s: Limits
-) -> str:
-    """Return why a line cannot keep a starter's new watchdog, and the shortest it can; empty when it can."""
+) -> CommandError | None:
+    """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
     names = {each.address: each.name for each in on_line}
     polls = [poll for each in on_line for poll in polls_of(each)]
     if setup.timing is None:
-        return ""
+        return None
     allowance_s = setup.allowance_s
     missed = newly_missed(polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
     if not missed:
-        return ""
+        return None
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
     shortest_s = shortest_limit_s(
         polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
     )
-    advice = "switch it off" if shortest_s is None else f"the shortest that can be met is {shortest_s:g} s"
-    return f"{names[first.unit]}: {_why(first)}; for {setup.name} {advice}"
+    name, limit_s = names[first.unit], first.limit_s
+    if isinf(first.gap_s):
+        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=name, limit_s=limit_s, load=first.load)
+    else:
+        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=name, limit_s=limit_s, gap_s=first.gap_s)
+    if shortest_s is None:
+        return CommandError(reason.noted(Note("watchdog_off", starter=setup.name)))
+    return CommandError(reason.noted(Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)))

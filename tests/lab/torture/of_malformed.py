@@ -59,7 +59,7 @@ def _take(plant: Plant, intake: CommandParser, incoming: Incoming) -> None:
     now_s = plant.clock.now_s()
     verdict = intake.judge(incoming, Moment(now_s, 1.8e9))
     if isinstance(verdict, Rejection):
-        plant.dispatcher.reject(verdict.request, verdict.code, verdict.text)
+        plant.dispatcher.reject(verdict.request, verdict.error)
     elif verdict is not None:
         plant.dispatcher.submit(verdict)
 

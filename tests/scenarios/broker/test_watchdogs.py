@@ -71,7 +71,10 @@ ROWS = [
         then={
             22.0: [
                 result("set rejected watchdog_unkept"),
-                seen("result/pump/alice", text=re.compile("the shortest that can be met is")),
+                seen(
+                    "result/pump/alice",
+                    text=re.compile("the shortest watchdog of pump that the line can meet is"),
+                ),
                 frames("pump"),
             ]
         },

@@ -156,7 +156,7 @@ SETS = [
                     restore(
                         name,
                         code=1,
-                        out=(f"rejected: {code}: the motor is not stopped (", "read back: nothing"),
+                        out=(f"rejected: {code}: the motor is not at standstill (", "read back: nothing"),
                     ),
                     frames(name),
                 ]
@@ -203,7 +203,11 @@ SETS = [
         at=END,
         then={
             1.0: [
-                restore("pump", code=1, err=("watchdog_unkept: ", "the shortest that can be met is")),
+                restore(
+                    "pump",
+                    code=1,
+                    err=("watchdog_unkept: ", "the shortest watchdog of pump that the line can meet is"),
+                ),
                 restore("pump", "--dry-run", out="would be refused"),
                 frames("pump"),
             ]

@@ -114,7 +114,7 @@ SENDING = [
                 cli(
                     f"{START} expect=state:running",
                     code=1,
-                    out="rejected [not_as_expected]: state: expected running",
+                    out="rejected [not_as_expected]: state is ready, but the command expects running",
                 ),
                 frames("pump"),
             ]
@@ -140,7 +140,7 @@ SENDING = [
         given=HALL,
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start")},
-        then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 read back from their starters")},
+        then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 starters were read back")},
     ),
     row(
         "a group takes no other verb",

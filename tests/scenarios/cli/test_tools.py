@@ -411,7 +411,14 @@ PARAMETERS = [
         },
         then={
             4.0: [
-                cli(RESTORE, code=1, err=("locked: pump: locked for maintenance by alice", "belt is off")),
+                cli(
+                    RESTORE,
+                    code=1,
+                    err=(
+                        "locked: locked for maintenance by alice: belt is off",
+                        "nothing was written to pump",
+                    ),
+                ),
                 cli(f"{RESTORE} --dry-run", out="would be refused: locked for maintenance by alice"),
                 frames("pump"),
             ]

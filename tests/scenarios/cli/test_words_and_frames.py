@@ -181,8 +181,8 @@ decode ssw07 coil 0 2                   | 2 | WORD 2 is out of range (0..1)
 decode ssw07 holding 65535 1 2          | 2 | the last address is 65535
 decode ssw99 holding 3 1                | 2 | no family 'ssw99'; there are sst, ssw06, ssw07, ssw900
 decode ssw07 holding P99999 1           | 2 | WEG SSW-07/SSW-08 has no 'P99999'
-encode ssw07 1 fly | 2 | this family has no such verb: 'fly'; there are start, stop, reset
-encode sst 1 jog value=true             | 2 | no such verb: 'jog'
+encode ssw07 1 fly | 2 | this family has no verb 'fly'; there are start, stop, reset
+encode sst 1 jog value=true             | 2 | this family has no verb 'jog'
 encode ssw07 0 start                    | 2 | ADDRESS 0 is out of range (1..247)
 encode ssw07 one start                  | 2 | ADDRESS 'one' is no number
 encode ssw07 1 set P314 30              | 2 | argument 'P314' is not KEY=VALUE
@@ -190,7 +190,7 @@ encode ssw07 1 set parameter=P314       | 2 | value is missing
 encode ssw07 1 start reason=x           | 2 | reason is unknown
 encode ssw07 1 direction value=1        | 2 | value must be one of reverse, forward
 encode ssw07 1 set parameter=P314 value=1 value=2 | 2 | argument value stands twice
-encode ssw07 1 set parameter=Q1 value=1 | 2 | the manual of this family names no such parameter
+encode ssw07 1 set parameter=Q1 value=1 | 2 | the manual of this family names no parameter Q1
 encode ssw07 1 set parameter=P003 value=5 | 1 | not_writable
 encode ssw07 1 set parameter=P314 value=1000 | 1 | P314 takes 0..999 s
 encode ssw07 1 set parameter=P314 value=nan | 1 | bad_value

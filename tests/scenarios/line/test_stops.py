@@ -272,7 +272,7 @@ SCENARIOS = [
             8.6: result("stop written ok"),
             20.0: [
                 result("stop unconfirmed not_seen"),
-                final_text("something sends on the line without end"),
+                final_text("another device transmits on the line without a pause"),
             ],
         },
     ),
@@ -299,7 +299,7 @@ SCENARIOS = [
                 seen("result/pump/alice", verb="start", phase="rejected"),
                 result("stop confirmed ok"),
                 final_text("of no known family (FC43 names 'CFW-11 85.0A')"),
-                final_text("as ssw07 takes it, as configured"),
+                final_text("the stop was sent in the ssw07 format, as configured"),
                 frames("pump", STOP_07),
             ]
         },

@@ -20,16 +20,18 @@ from typing import Any
 
 from gateway.contract import (
     AvailabilityRecord,
+    CommandError,
     EventCode,
     EventRecord,
     InfoRecord,
     PublishEvent,
     Record,
     RecordWriter,
+    ResultCode,
     ResultRecord,
     StateRecord,
 )
-from gateway.errors import CommandError, StoreError
+from gateway.errors import StoreError
 from gateway.plugins.history.service.counters import CountersPart
 from gateway.plugins.history.service.delivery import UNDELIVERED, Delivery, PublishAgain
 from gateway.plugins.history.service.part import HistoryPart, Surroundings
@@ -161,7 +163,7 @@ class HistoryService:
         for part in () if history is None else history.parts:
             if isinstance(part, StartHistory):
                 return part.choose_baseline(id_, client=client).to_dict()
-        raise CommandError("no_start", "no starts of this starter are recorded")
+        raise CommandError(ResultCode.NO_START, "none")
 
     async def loaded(self) -> None:
         """Return when everything that earlier runs have stored was read, or could not be."""

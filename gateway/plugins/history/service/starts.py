@@ -12,15 +12,17 @@ from typing import Any
 from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
+    CommandError,
     EventCode,
     InfoRecord,
     Phase,
     Record,
+    ResultCode,
     ResultRecord,
     StartRecord,
     StateRecord,
 )
-from gateway.errors import CommandError, DamagedError, StoreError
+from gateway.errors import DamagedError, StoreError
 from gateway.plugins.history.baseline import Month, Trend, TrendVerdict, month_of, values_of
 from gateway.plugins.history.service.part import HistoryPart, Surroundings
 from gateway.plugins.history.start_record import StartOutcome, StartSummary, start_to_dict
@@ -124,23 +126,18 @@ class StartHistory(HistoryPart):
     def choose_baseline(self, id_: str | None, *, client: str) -> StartSummary:
         """Compare later starts with this one (None: the last good one); CommandError when it cannot be."""
         if self._early is not None or self.is_unread:
-            raise CommandError(
-                "history_unavailable", "the history has not been read yet; try again in a moment"
-            )
+            raise CommandError(ResultCode.HISTORY_UNAVAILABLE)
         candidates = [start for start in reversed(self._latest) if id_ in (None, start.id)]
         candidates.sort(
             key=lambda start: len(values_of(start) or ()), reverse=True
         )  # the most complete first
         if id_ is not None and not candidates:
-            text = f"start {id_[:60]!r} is not among the last {CURVES} of this starter"
-            raise CommandError("no_start", text)
+            raise CommandError(ResultCode.NO_START, "unknown", start=id_[:60], count=CURVES)
         for start in candidates:
             if self._trend.set_baseline(start, client=client):
                 self._mark_baseline(start)
                 return replace(start, is_baseline=True)
-        what = "the last starts have" if id_ is None else "this start has"
-        text = f"{what} not reached full voltage with enough samples to be compared with"
-        raise CommandError("no_start", text)
+        raise CommandError(ResultCode.NO_START, "last" if id_ is None else "chosen")
 
     def _recorder_of(self, setup: StarterSetup) -> StartRecorder:
         points, take_seq = StartPoints.of(setup.profile), self._records.sequence.take
