@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.errors import PortError
-from gateway.line.direct import Survey, exclusive_line, silent_cost_s
+from gateway.line.direct import Survey, exclusive_line
 from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -21,30 +20,6 @@ READ = ReadHoldingRegisters(5001, 1)
 
 def make_bus() -> SimulatedLine:
     return SimulatedLine(TIMING, [make_unit("ssw07", 1)])
-
-
-@virtually
-async def test_a_line_for_oneself_carries_what_is_asked_and_nothing_else() -> None:
-    bus = make_bus()
-
-    async with exclusive_line("pumps", bus.opener(), TIMING) as line:
-        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Priority.READ_BACK)
-
-    assert isinstance(outcome, Answered)
-    assert len(bus.transcript) == 2
-    assert bus.violations == []
-
-
-@virtually
-async def test_a_port_that_is_in_use_is_an_error_at_once_and_one_that_was_used_is_free_again() -> None:
-    bus = make_bus()
-
-    async with exclusive_line("pumps", bus.opener(), TIMING):
-        with pytest.raises(PortError):
-            await exclusive_line("pumps", bus.opener(), TIMING).__aenter__()
-
-    async with exclusive_line("pumps", bus.opener(), TIMING):
-        assert bus.opened == 2
 
 
 @virtually
@@ -73,9 +48,3 @@ async def test_a_survey_only_reads_and_closes_its_port() -> None:
 
     bus.open(TIMING).close()
     assert list(bus.unit(1).writes) == []
-
-
-def test_a_silent_unit_costs_the_request_twice_the_response_time_and_the_allowance() -> None:
-    cost_s = silent_cost_s(READ, TIMING, response_time_s=0.05)
-
-    assert 0.12 < cost_s < 0.14

@@ -29,17 +29,6 @@ def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
     assert queue.first(0.0) is things[1]
 
 
-def test_putting_a_thing_often_costs_no_memory() -> None:
-    queue: EdfQueue[Queued] = EdfQueue()
-    thing = Queued()
-
-    for _ in range(10_000):
-        queue.put(thing, 5.0, 6.0)
-
-    assert len(queue.things) == 1
-    assert queue.first(5.0) is thing
-
-
 @settings(deadline=None)
 @given(
     st.lists(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from gateway.line.scheduler.line_time import JOBS_SHARE, LineTimeBudget
+from gateway.line.scheduler.line_time import JOBS_SHARE
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import BACKGROUND_WEIGHT, Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -80,39 +80,3 @@ def test_a_flood_stretches_short_and_long_periods_by_one_factor() -> None:
     assert line.scheduler.polls.stretch == pytest.approx(factor, rel=0.05)
     for each in polls:
         assert per_s(line, each.key) == pytest.approx(1 / (factor * each.every_s), rel=0.1)
-
-
-def test_an_idle_line_serves_as_many_reads_as_it_can() -> None:
-    line = flooded([poll("a", every_s=5.0)], [Priority.PARAMETERS])
-
-    assert used_by(line, Priority.PARAMETERS) > 0.99
-
-
-def test_a_command_passes_the_reads_that_wait_and_one_that_is_new_passes_a_full_line() -> None:
-    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
-    line = flooded(polls, [Priority.PARAMETERS], seconds=30.0)
-    for _ in range(4):
-        line.scheduler.jobs.submit(job(Priority.COMMAND, SINGLE), line.now_s)
-
-    line.run(30.0 + 10 * TOOK_S)
-
-    since = [slot.jobs[0].lane for at_s, slot in line.slots if at_s >= 30.0 and slot.jobs]
-    assert since.count(Priority.COMMAND) >= 3
-
-
-def test_a_share_can_be_saved_up_but_only_so_far() -> None:
-    budget = LineTimeBudget(0.5, 0.2)
-    budget.spend(0.19, 0.0)
-
-    assert budget.room_at_s <= 0.0
-    budget.spend(0.02, 0.0)
-    assert budget.room_at_s > 0.0
-    assert budget.room_at_s <= 0.1
-
-
-def test_what_an_idle_line_gave_is_not_owed_for_long() -> None:
-    budget = LineTimeBudget(0.25, 0.2)
-    for second in range(1000):
-        budget.spend(1.0, float(second))
-
-    assert 999.5 < budget.room_at_s <= 1000.0

@@ -31,26 +31,3 @@ def test_of_nothing_there_is_no_quantile() -> None:
     assert quantile_s((), 0.5) is None
     assert UnitResponseTimes().quantiles(1) == {"p50": None, "p99": None}
     assert UnitResponseTimes().functions(1) == {}
-
-
-def test_quantiles_are_reported_for_a_unit_and_for_each_of_its_functions() -> None:
-    made = response_times([0.005] * 10)
-    made.note_answer(1, WRITE, 0.02)
-
-    assert made.quantiles(1) == pytest.approx({"p50": 0.005, "p99": 0.02})
-    assert made.functions(1)[READ] == pytest.approx({"p50": 0.005, "p99": 0.005, "p999": 0.005})
-    assert made.functions(1)[WRITE] == pytest.approx({"p50": 0.02, "p99": 0.02, "p999": 0.02})
-
-
-def test_the_memory_is_bounded_and_follows_a_starter_that_has_changed() -> None:
-    made = response_times([0.010] * 20_000)
-    assert made.quantiles(1)["p99"] == pytest.approx(0.010)
-
-    for _ in range(20_000):
-        made.note_answer(1, READ, 0.002)
-
-    assert made.quantiles(1)["p99"] == pytest.approx(0.002)
-
-
-def test_an_answer_in_no_time_counts_too() -> None:
-    assert response_times([0.0] * 3).quantiles(1) == {"p50": 0.0, "p99": 0.0}

@@ -9,7 +9,8 @@ Given are polls: `a/2@60w10` is poll a of unit 2 with a period of 60 s and a wat
 | `3 a silent again`, `back`, `lost` | it is to be sent again; its unit is back, is lost |
 | `3 a held 4` | it is chosen and put back until then; `gone`: a is removed while it is under way |
 | `3 +x:stop/2` | job x of unit 2 comes; `~`: a read |
-| `3 every a 5`, `3 hurry a`, `3 add b`, `remove a`, `3 begin`, `watchdog 1 8`, `3 expect 1 5` | |
+| `3 every a 5`, `3 hurry a`, `3 hurry` (all), `3 add b`, `remove a`, `forget 1` | |
+| `3 begin`, `watchdog 1 8`, `3 expect 1 5` | |
 | `due 3`, `asked a b`, `state 1 silent`, `withdraw x`, `clear x y` | what is so |
 """
 
@@ -78,6 +79,10 @@ class Steps:
                 polls.set_every(key, float(every), float(at))
             case at, ["hurry", key]:
                 polls.expedite(key, float(at))
+            case at, ["hurry"]:
+                polls.expedite_all(float(at))
+            case "forget", [unit]:
+                polls.forget(int(unit))
             case at, ["add", words]:
                 polls.add(poll_of(words), float(at))
             case _, ["expect", unit, until]:
@@ -246,6 +251,25 @@ SILENT_UNITS = {
         "a",
         "0 a silent, 1 a silent, due 2, 1 +w:command, 1 w silent, due 2",
     ),
+    "a silent unit is asked ever less often, up to the ceiling": (
+        "a",
+        "0 a silent, 1 a silent, 2 a silent, 4 a silent, 8 a silent, 16 a silent, 32 a silent, due 48",
+    ),
+    "a poll with a longer period than the ceiling keeps it": ("a@60", "0 a silent, 60 a silent, due 120"),
+    "a unit whose replies are all corrupted is asked in its own rhythm": (
+        "a",
+        "0 a garbled again, 0 a garbled, 1 a garbled again, 1 a garbled, 2 a garbled again, 2 a garbled,"
+        "due 3",
+    ),
+    "when no unit could be received all are asked at once": (
+        "a b/2",
+        "0 a silent, 0 b silent, 1 ? silent, 1 ? silent, 2 ? silent, 2 ? silent, 2.5 -,"
+        "2.5 hurry, 2.5 a, 2.5 b",
+    ),
+    "another in a forgotten unit's place is asked at once and is news": (
+        "a",
+        "0 a silent, 1 a silent, remove a, forget 1, 2 add b, state 1 new, 2 b back",
+    ),
     "a broadcast says nothing of any unit": ("", "0 +w:command/0, 0 w broadcast, state 0 new"),
     "an expected silence ends, and then misses count": (
         "a b",
@@ -322,6 +346,18 @@ WATCHDOGS = {
     "no line time is reserved for a unit that has gone silent until it answers": (
         "a@1w2",
         "0 a, 1 a silent, 2 a silent, due 3, 3 a, due 4",
+    ),
+    "a watchdog that becomes known has counted since its unit was reached last": (
+        "a@60",
+        "0 a, watchdog 1 10, due 5, 5 a",
+    ),
+    "a forgotten unit's watchdog asks for no request": (
+        "a@60w4",
+        "0 a, remove a, forget 1, due inf, 1000 -",
+    ),
+    "a silent unit with a watchdog is asked often enough for it, as it may receive": (
+        "a@1w10",
+        "0 a silent, 1 a silent, 2 a silent, 3.25 a silent, due 4.5",
     ),
     "a slot that is put back stays urgent unless the unit must be waited for": (
         "a@60w10 b/2@60",

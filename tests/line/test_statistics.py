@@ -3,7 +3,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from gateway.line.rtu.outcome import Answered
+import pytest
+
+from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.scheduler.requests import Slot
 from gateway.line.statistics import Statistics
 from tests.line.fakes import poll
@@ -22,27 +24,6 @@ def units(statistics: Statistics, now_s: float) -> dict[int, dict[str, Any]]:
     return dict(payload["units"])
 
 
-def test_response_times_are_there_as_soon_as_a_unit_has_answered() -> None:
-    statistics = Statistics()
-    statistics.begin(0.0)
-
-    answer(statistics, 1, 0.005)
-
-    assert units(statistics, 1.0)[1]["response_time_s"] == {"p50": 0.005, "p99": 0.005}
-    assert units(statistics, 1.0)[1]["functions"] == {3: {"p50": 0.005, "p99": 0.005, "p999": 0.005}}
-
-
-def test_they_are_computed_anew_every_ten_seconds() -> None:
-    statistics = Statistics()
-    statistics.begin(0.0)
-    answer(statistics, 1, 0.005)
-    assert units(statistics, 1.0)[1]["response_time_s"]["p99"] == 0.005
-    answer(statistics, 1, 0.015)
-
-    assert units(statistics, 10.9)[1]["response_time_s"]["p99"] == 0.005
-    assert units(statistics, 11.0)[1]["response_time_s"]["p99"] == 0.015
-
-
 def test_of_many_units_only_some_are_computed_at_a_time_and_none_is_left_out() -> None:
     statistics = Statistics()
     statistics.begin(0.0)
@@ -58,10 +39,33 @@ def test_of_many_units_only_some_are_computed_at_a_time_and_none_is_left_out() -
     assert known[-1] == MANY
 
 
-def test_the_counts_are_always_the_newest() -> None:
+def test_shares_are_of_the_last_half_minute_and_the_silences_are_what_is_left_of_the_busy_time() -> None:
     statistics = Statistics()
     statistics.begin(0.0)
+    asked = poll("status", unit=1)
+    for second in range(1, 11):
+        slot = Slot(1, asked.request, 0.02, float(second), poll=asked)
+        statistics.note(
+            slot,
+            Answered((1,), second, 0.05),
+            took_s=0.2,
+            now_s=float(second),
+            request_s=0.03,
+            since_request_s=0.13,
+            reply_s=0.08,
+        )
 
-    for number in range(1, 4):
-        answer(statistics, 1, 0.005)
-        assert units(statistics, 1.0)[1]["asked"] == number
+    share = statistics.time_share(10.0)
+
+    assert share == pytest.approx({"requests": 0.03, "delays": 0.05, "replies": 0.08, "silences": 0.04})
+    assert sum(share.values()) == pytest.approx(statistics.utilisation(10.0))
+
+
+def test_a_request_that_was_not_sent_is_silence() -> None:
+    statistics = Statistics()
+    statistics.begin(0.0)
+    asked = poll("status", unit=1)
+    slot = Slot(1, asked.request, 0.02, 1.0, poll=asked)
+    statistics.note(slot, Silent("too late", is_sent=False), took_s=0.5, now_s=1.0)
+
+    assert statistics.time_share(1.0) == {"requests": 0, "delays": 0, "replies": 0, "silences": 0.5}

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.line import thread as host_module
 from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
-from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
 from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, until
 from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
@@ -108,26 +108,6 @@ async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_
     assert outcomes[-1] == NO_PORT
 
 
-async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    opener = FakeOpener(lambda: FakePort(Units(set())))
-    line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
-    await host.start()
-    await listener.wait_for("pumps port True")
-
-    asked = [asyncio.create_task(ask(line, response_time_s=0.5)) for _ in range(5)]
-    await asyncio.sleep(0)
-    for task in asked:
-        task.cancel()
-    await asyncio.wait(asked)
-    last = await ask(line)
-    await host.stop()
-
-    assert last == Silent()
-    assert len(opener.ports[0].sent) <= 2
-
-
 async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -146,20 +126,6 @@ async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_be
 
     assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
     assert "event=PortChanged failed" in caplog.text
-
-
-def test_events_for_a_closed_app_are_dropped() -> None:
-    async def start() -> LineHost:
-        add(host := LineHost(lambda _: None), fake_opener())
-        await host.start()
-        return host
-
-    host = asyncio.run(start())
-    ended = threading.Event()
-    host.to_line(host.remove_line("pumps").close)
-    host.to_line(ended.set)
-    assert ended.wait(LONG_S)
-    asyncio.run(host.stop())
 
 
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:

@@ -79,32 +79,3 @@ async def test_a_line_of_the_same_name_begins_when_the_ports_of_those_before_are
     await host.stop()
 
     assert again.most_users == 1
-
-
-async def test_a_line_can_be_removed_before_the_start_and_after_the_end() -> None:
-    host = LineHost(WaitingListener().handle)
-    add(host, never := fake_opener(), "never")
-    add(host, fake_opener(), "last")
-
-    await host.remove_line("never")
-    await host.start()
-    await host.stop()
-    await host.remove_line("last")
-
-    assert never.ports == []
-    assert host.progress() == {}
-
-
-async def test_a_host_stops_while_a_removed_line_still_ends() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    add(host, LateOpener(), every_s=0.0)
-    await host.start()
-    await listener.wait_for("pumps poll a")
-
-    ended = asyncio.ensure_future(host.remove_line("pumps"))
-    await host.stop()
-    async with asyncio.timeout(5.0):
-        await ended
-
-    assert host.progress() == {}

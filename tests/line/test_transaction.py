@@ -5,14 +5,12 @@ import random
 
 import pytest
 
-from gateway.errors import PortLostError
 from gateway.line.events import Trace
-from gateway.line.rtu.late_replies import COPY_S
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.transaction import BABBLE_LIMIT_S, RtuMaster
 from gateway.modbus import adu
-from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
@@ -45,19 +43,6 @@ def test_a_reply_is_answered_with_its_value_and_times() -> None:
     assert outcome.value == (1, 2, 3, 4)
     assert outcome.response_time_s == pytest.approx(DELAY_S)
     assert outcome.at_s == pytest.approx(sent_end_s + LAST_REPLY_S)
-
-
-@pytest.mark.parametrize("size", range(1, len(REPLY) + 1))
-def test_any_chunking_gives_the_same_answer(size: int) -> None:
-    outcome = outcome_after(Said(REPLY, in_chunks_of=size))
-
-    assert isinstance(outcome, Answered)
-    assert outcome.value == (1, 2, 3, 4)
-    assert outcome.response_time_s == pytest.approx(DELAY_S)
-
-
-def test_an_exception_reply_is_refused_with_its_code() -> None:
-    assert outcome_after(Said(adu.encode(1, b"\x83\x02"))) == Refused(2, at_s=pytest.approx(0.0143, abs=1e-3))
 
 
 def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance() -> None:
@@ -93,13 +78,6 @@ def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) ->
     assert isinstance(outcome, Garbled)
     assert reason in outcome.reason
     assert outcome.is_sent
-
-
-def test_every_single_wrong_bit_is_noticed() -> None:
-    for bit in range(8 * len(REPLY)):
-        wrong = bytearray(REPLY)
-        wrong[bit // 8] ^= 1 << bit % 8
-        assert isinstance(outcome_after(Said(bytes(wrong))), Garbled)
 
 
 def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() -> None:
@@ -141,29 +119,6 @@ def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | Non
     assert port.shortest_silence_s < timing.silence_s + 1e-6
 
 
-def test_the_first_request_waits_out_a_silence_too() -> None:
-    async def scenario() -> float:
-        port = FakePort(no_reply)
-        await ask(port, READ)
-        return port.sent[0][0]
-
-    assert run_virtually(scenario()) == pytest.approx(TIMING.silence_s)
-
-
-def test_stray_bytes_put_the_request_off_and_are_not_taken_for_its_reply() -> None:
-    async def scenario() -> tuple[float, Outcome]:
-        port = FakePort(no_reply)
-        port.say(Said(REPLY, 0.001, in_chunks_of=1))
-        outcome = await ask(port, READ)
-        return port.sent[0][0], outcome
-
-    sent_s, outcome = run_virtually(scenario())
-
-    # A copy of it may still come, which would pass for the reply.
-    assert sent_s == pytest.approx(0.001 + TIMING.wire_s(len(REPLY)) + COPY_S, abs=TIMING.silence_s)
-    assert outcome == Silent()
-
-
 def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
     async def scenario() -> tuple[list[Outcome], FakePort, float]:
         port = FakePort(no_reply)
@@ -199,21 +154,6 @@ def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> Non
     assert isinstance(after, Answered)
 
 
-def test_an_identification_is_read_to_its_end_though_its_length_is_unknown() -> None:
-    request = ReadDeviceIdentification()
-    pdu = request.encode_reply(
-        DeviceIdentification({0: "WEG", 1: "SSW-07 30A", 2: "V1.40"}, more_follows=False, next_object=0)
-    )
-
-    async def scenario(size: int | None) -> Outcome:
-        return await ask(FakePort(lambda frame: [Said(adu.encode(1, pdu), in_chunks_of=size)]), request)
-
-    for size in (None, 1, 7):
-        outcome = run_virtually(scenario(size))
-        assert isinstance(outcome, Answered)
-        assert outcome.value.objects[1] == "SSW-07 30A"
-
-
 def test_an_identification_that_breaks_off_is_not_waited_for_to_the_longest_length() -> None:
     async def scenario() -> tuple[Outcome, float]:
         port = FakePort(
@@ -226,19 +166,6 @@ def test_an_identification_that_breaks_off_is_not_waited_for_to_the_longest_leng
 
     assert isinstance(outcome, Garbled)
     assert waited_s == pytest.approx(TIMING.silence_s + 0.02)
-
-
-def test_a_port_that_is_lost_says_whether_the_request_was_sent() -> None:
-    async def scenario(delay_s: float) -> bool:
-        port = FakePort(no_reply)
-        line = master(port)
-        asyncio.get_running_loop().call_later(delay_s, port.hang_up)
-        with pytest.raises(PortLostError):
-            await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        return line.is_on_wire
-
-    assert not run_virtually(scenario(0.001))
-    assert run_virtually(scenario(0.010))
 
 
 class HoldingPort(FakePort):

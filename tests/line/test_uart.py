@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 
 from gateway.line.port.opener import SerialOpener
@@ -25,15 +24,6 @@ def test_the_counters_are_taken_from_the_kernels_struct() -> None:
         "buffer_overrun": 11,
     }
     assert asked == [(5, 0x545D, 80)]
-
-
-def test_a_pseudo_terminal_counts_nothing() -> None:
-    ours, theirs = os.openpty()
-    try:
-        assert uart_errors(theirs) is None
-    finally:
-        os.close(ours)
-        os.close(theirs)
 
 
 def test_an_opener_without_an_open_port_has_no_counters() -> None:

@@ -10,7 +10,7 @@ from pymodbus.framer import FramerRTU
 from gateway.errors import BadFrameError
 from gateway.modbus import adu
 from gateway.modbus.adu import crc16
-from gateway.modbus.codes import ExceptionCode, Function, exception_name
+from gateway.modbus.codes import Function
 from tests.modbus.request_size import request_adu_size
 
 
@@ -22,20 +22,6 @@ def test_an_independent_library_agrees_on_every_message_of_two_bytes() -> None:
 
     assert wrong == []
     assert crc16(b"123456789") == 0x4B37  # the check value of CRC-16/MODBUS
-
-
-def test_functions_and_exceptions_have_the_numbers_and_names_of_the_specification() -> None:
-    assert [int(function) for function in Function] == [1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 43]
-    assert [int(code) for code in ExceptionCode] == [1, 2, 3, 4, 5, 6, 8, 10, 11]
-    assert all(exception_name(code).replace(" ", "").isalpha() for code in ExceptionCode)
-    assert [exception_name(code) for code in (2, 4, 6, 0, 7, 255)] == [
-        "illegal data address",
-        "server device failure",
-        "server device busy",
-        "exception 0",
-        "exception 7",
-        "exception 255",
-    ]
 
 
 @pytest.mark.parametrize("unit", [0, 1, 247])

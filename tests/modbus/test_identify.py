@@ -85,14 +85,6 @@ def test_what_is_no_identification_is_refused(pdu: str) -> None:
         BASIC.decode_reply(bytes.fromhex(pdu))
 
 
-def test_one_object_is_answered_with_that_object_only() -> None:
-    one: Any = fc(43, 4, 1)
-
-    assert one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 01 03 53 53 57")).objects == {1: "SSW"}
-    with pytest.raises(BadReplyError):
-        one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 02 03 53 53 57"))
-
-
 def test_a_simulated_unit_may_claim_any_conformity_but_no_reply_longer_than_a_pdu() -> None:
     empty = BASIC.decode_reply(bytes.fromhex("2B 0E 01 81 00 00 00"))
     full = type(empty)(objects={0: "x" * 244})

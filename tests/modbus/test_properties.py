@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from gateway.errors import BadFrameError, BadReplyError, BadRequestError
 from gateway.modbus import adu
-from gateway.modbus.pdu import exception_code
 from gateway.modbus.server import decode_request
 from tests.modbus.request_size import request_adu_size
 from tests.modbus.samples import fc, random_reply, random_request, random_value, reply_of
@@ -26,32 +25,6 @@ def bears(error: type[Exception], call: Any, *arguments: Any) -> bool:
     except error:
         return True
     return False
-
-
-@PROPERTY
-@given(dice)
-def test_decoding_inverts_encoding_of_requests_replies_and_frames(rng: random.Random) -> None:
-    request = random_request(rng)
-    value = random_value(rng, request)
-    pdu, reply = request.encode(), reply_of(request, value)
-    unit = rng.randint(1, 247)
-
-    assert decode_request(pdu) == request
-    assert request.decode_reply(reply) == value
-    assert exception_code(request, reply) is None
-    assert request.reply_size() in (None, len(reply))
-    assert max(len(pdu), len(reply)) <= 253
-    assert adu.decode(adu.encode(unit, reply)) == (unit, reply)
-
-
-@PROPERTY
-@given(dice)
-def test_a_frame_with_any_single_byte_changed_is_refused(rng: random.Random) -> None:
-    frame = bytearray(adu.encode(rng.randint(1, 247), random_reply(rng, random_request(rng))))
-
-    frame[rng.randrange(len(frame))] ^= rng.randint(1, 255)
-
-    assert bears(BadFrameError, adu.decode, bytes(frame))
 
 
 def test_every_change_of_one_byte_of_one_frame_is_refused() -> None:

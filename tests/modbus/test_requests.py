@@ -72,11 +72,6 @@ def test_a_number_that_fits_no_register_is_refused(word: int) -> None:
         reply_of(fc(3, 0, 1), (word,))
 
 
-def test_reads_and_writes_are_distinguished() -> None:
-    assert [request.function for request, _ in REQUESTS if not request.is_write] == [1, 2, 3, 4]
-    assert not fc(43).is_write
-
-
 @pytest.mark.parametrize(("request_", "value"), REQUESTS)
 def test_only_the_whole_reply_of_its_function_is_taken(request_: Any, value: Any) -> None:
     reply = reply_of(request_, value)
@@ -93,15 +88,6 @@ def test_only_the_whole_reply_of_its_function_is_taken(request_: Any, value: Any
         request_.decode_reply(exception)
     for pdu in (b"", exception[:1], exception + b"\0", bytes((function ^ 0x81, 2)), reply):
         assert exception_code(request_, pdu) is None
-
-
-@pytest.mark.parametrize("request_", [request for request, value in REQUESTS if value is None])
-def test_an_acknowledgement_with_any_other_byte_is_refused(request_: Any) -> None:
-    reply = reply_of(request_, None)
-
-    for at in range(len(reply)):
-        with pytest.raises(BadReplyError):
-            request_.decode_reply(reply[:at] + bytes((reply[at] ^ 0x01,)) + reply[at + 1 :])
 
 
 @pytest.mark.parametrize(
@@ -129,11 +115,6 @@ def test_a_reply_says(request_: Any, reply: str, value: Any) -> None:
 def test_a_reply_that_counts_otherwise_is_refused(request_: Any, reply: str) -> None:
     with pytest.raises(BadReplyError):
         request_.decode_reply(bytes.fromhex(reply))
-
-
-@pytest.mark.parametrize("code", [4, 6])
-def test_the_exceptions_of_the_sst_are_decoded(code: int) -> None:
-    assert exception_code(fc(4, 0, 43), bytes((0x84, code))) == code
 
 
 @pytest.mark.parametrize(

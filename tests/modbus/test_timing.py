@@ -31,12 +31,6 @@ def test_a_framing_that_rtu_does_not_know_is_refused(text: str) -> None:
         Framing.parse(text)
 
 
-@pytest.mark.parametrize("baud", [0, -9600])
-def test_a_line_without_speed_is_refused(baud: int) -> None:
-    with pytest.raises(ValueError, match="no speed"):
-        timing(baud)
-
-
 @pytest.mark.parametrize(
     ("baud", "silence_ms", "character_ms"),
     [

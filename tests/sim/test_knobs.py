@@ -6,9 +6,8 @@ import pytest
 
 from gateway.errors import UsageError
 from gateway.families.profile.load import FAMILIES
-from gateway.sim.controls import KNOBS, set_knob
+from gateway.sim.controls import set_knob
 from tests.sim.script import play, rules, step
-from tests.sim.wire import Talk
 
 RESET = {  # how the fault is read, and its codes for overload, phase loss and undervoltage
     "ssw06": ("VB01 & 8000h = 8000h", "VB01 & 8000h = 8000h", "E05", "E74", "E02"),
@@ -96,57 +95,6 @@ def test_a_hand_is_seen_at_the_starter_and_over_the_line(family: str, script: st
     play(family, script)
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_trip_of_the_motor_has_the_code_of_the_family(family: str) -> None:
-    for cause, code in zip(
-        ("load 130; thermal 99; 120 s", "phase s; 5 s", "voltage 70 2.5; 5 s"), RESET[family][2:], strict=True
-    ):
-        talk = play(family, f"run; 10 s; {cause}")
-        assert [trip.code for trip in talk.unit.trips] == [code]
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_worn_motors_start_more_slowly_as_read_over_the_line(family: str) -> None:
-    def start_s(friction: str) -> float:
-        talk = play(family, f"friction {friction}; start")
-        while not is_so(talk, AT_SPEED[family]):
-            talk.wait(0.02)
-        return talk.now_s
-
-    ramp_s = play(family, "power on").unit.motor.data.ramp_up_s
-    assert start_s("50") - start_s("0") == pytest.approx(0.5 * ramp_s, abs=0.05)
-
-
-def is_so(talk: Talk, line: str) -> bool:
-    try:
-        step(talk, line)
-    except AssertionError:
-        return False
-    return True
-
-
-@pytest.mark.parametrize(
-    ("knob", "setting", "said"),
-    [
-        ("phase", "s", "phase S is lost"),
-        ("phase", "on", "all phases are there"),
-        ("voltage", "70 2.5", "line voltage 70 % for 2.5 s"),
-        ("voltage", "85", "line voltage 85 %"),
-        ("thermal", "99", "thermal level 99 %"),
-        ("wear", "2.5", "friction grows by 2.5 % with each start"),
-        ("friction", "5", "friction 5 %: so much longer starts"),
-        ("load", "80 %", "load 80 %"),
-        ("control", "Local", "local control"),
-        ("power", "off", "control supply off"),
-        ("mains", "on", "mains on"),
-        ("keypad", "start", "start pressed (it counts in local control only)"),
-        ("clear", "", "faults and alarms cleared"),
-    ],
-)
-def test_what_was_done_is_said(knob: str, setting: str, said: str) -> None:
-    assert set_knob(play("ssw07", "power on").unit, knob, setting) == said
-
-
 @pytest.mark.parametrize(
     ("family", "knob", "setting", "why"),
     [
@@ -178,8 +126,3 @@ def test_what_a_starter_does_not_have_is_refused_with_what_it_has(
         set_knob(unit, knob, setting)
 
     assert unit.trips == []
-
-
-def test_every_knob_is_named() -> None:
-    by_hand = ("trip", "alarm", "clear", "control", "power", "mains", "keypad")
-    assert by_hand + ("load", "friction", "wear", "thermal", "voltage", "phase") == KNOBS  # noqa: RUF005

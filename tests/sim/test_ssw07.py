@@ -147,12 +147,6 @@ def test_the_ssw07_keeps_the_rules_of_its_manual(family: str, script: str) -> No
     play(family, script)
 
 
-def test_every_write_frame_is_stored_whether_obeyed_or_not() -> None:
-    unit = play("ssw07", "start; P089 := 0 refused 2; VB01 & 1h = 1").unit
-
-    assert [write.pdu.hex() for write in unit.writes] == ["050064ff00", "0600590000"]
-
-
 @pytest.mark.parametrize(
     ("given", "request_hex", "reply"),
     [

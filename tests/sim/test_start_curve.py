@@ -78,16 +78,6 @@ def test_the_curve_of_a_plain_start_can_be_computed_by_hand() -> None:
     assert [curve.current_a(each) for each in moments] == pytest.approx([150.0, 225.0, 300.0, 165.0, 30.0])
 
 
-def test_friction_and_a_low_voltage_make_a_start_longer() -> None:
-    data = MotorData(ramp_up_s=8.0)
-    fresh, worn = start_curve(data), start_curve(data, friction_pct=25.0)
-
-    assert worn.duration_s == pytest.approx(1.25 * fresh.duration_s)
-    assert worn.i2t_a2s > 1.2 * fresh.i2t_a2s
-    assert worn.load_a > fresh.load_a
-    assert start_curve(data, line_voltage_pct=90.0).duration_s == pytest.approx(8.0 / 0.81)
-
-
 def test_every_start_of_a_wearing_motor_is_longer_than_the_one_before_and_as_computed() -> None:
     data = MotorData(wear_per_start_pct=2.0, cooling_s=1.0)
     motor = Motor(data)
@@ -101,26 +91,3 @@ def test_every_start_of_a_wearing_motor_is_longer_than_the_one_before_and_as_com
 
     assert all(earlier < later for earlier, later in itertools.pairwise(durations_s))
     assert motor.friction_pct == pytest.approx(20.0)
-
-
-def test_a_start_that_is_given_up_wears_nothing() -> None:
-    motor = Motor(MotorData(wear_per_start_pct=2.0))
-    motor.start()
-    motor.step(3.0)
-    motor.cut()
-
-    assert motor.friction_pct == pytest.approx(0.0)
-
-
-def test_hours_of_running_wear_too_however_they_are_stepped() -> None:
-    whole, pieces = (Motor(MotorData(wear_per_hour_pct=0.5, ramp_up_s=1.0)) for _ in range(2))
-    whole.start()
-    pieces.start()
-    whole.step(100 * 3600.0)
-    for _ in range(100):
-        pieces.step(3600.0)
-
-    assert whole.friction_pct == pytest.approx(50.0, rel=0.001)
-    assert pieces.friction_pct == pytest.approx(whole.friction_pct)
-    assert pieces.thermal_pct == pytest.approx(whole.thermal_pct, rel=0.01)
-    assert whole.current_a > Motor(whole.data).data.rated_current_a * 0.7

@@ -26,37 +26,6 @@ def test_a_broken_request_gets_an_exception_and_never_harms(family: str) -> None
     assert unit.handle(b"", 0.0) == bytes((0x80, 1))
 
 
-def test_an_unknown_family_or_model_is_refused() -> None:
-    with pytest.raises(ValueError, match="ssw06, ssw07, ssw900, sst"):
-        make_unit("abb", 1)
-    with pytest.raises(ValueError, match="SST330i"):
-        make_unit("sst", 1, model="SST999")
-
-
-def test_a_unit_can_be_handled_without_a_clock() -> None:
-    unit = make_unit("ssw07", 1)
-    unit.trip(5)
-
-    assert unit.trips[0].at_s == 0.0
-
-
-@pytest.mark.parametrize(
-    ("family", "model", "current_a"),
-    [
-        ("ssw07", "SSW-07 45.0A", 45.0),
-        ("ssw07", "SSW-07", 85.0),
-        ("ssw06", "SSW-06 820 A", 820.0),
-        ("ssw06", "1100A", 1100.0),
-        ("ssw900", "SSW900", 105.0),
-        ("ssw900", "412", 412.0),
-    ],
-)
-def test_the_rated_current_is_taken_from_the_model_where_it_says_one(
-    family: str, model: str, current_a: float
-) -> None:
-    assert make_unit(family, 1, model=model).motor.data.rated_current_a == current_a
-
-
 def test_timers_act_at_their_times_in_order_even_in_one_leap_and_may_set_others() -> None:
     talk = play("ssw07", "1 s")
     seen: list[tuple[str, float]] = []
@@ -73,14 +42,6 @@ def test_timers_act_at_their_times_in_order_even_in_one_leap_and_may_set_others(
     assert seen == [("soon", 2.0), ("then", 3.0), ("late", 7.0)]
     talk.unit.advance(3.0)
     assert talk.unit.now_s == 11.0  # it never goes back
-
-
-@pytest.mark.parametrize(("family", "place", "words"), [("ssw07", 3, 1), ("ssw900", 24, 2)])
-def test_the_current_is_that_of_the_motor(family: str, place: int, words: int) -> None:
-    talk = play(family, "run; 10 s")
-    reply = talk.unit.handle(bytes((3, 0, place, 0, words)), talk.now_s) or b""
-
-    assert int.from_bytes(reply[2:4]) == pytest.approx(talk.unit.motor.current_a * 10, rel=0.02)
 
 
 @pytest.mark.parametrize("seed", range(40))
