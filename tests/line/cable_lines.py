@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,11 +19,9 @@ class CableLine:
     count: int
     seed: int
     per_s: float = 1.0  # requests to each starter
-    order: Sequence[int] = ()  # addresses along the cable; none: 1, 2, ...
     corrupted: dict[int, float] = field(default_factory=dict)
     lost: dict[int, float] = field(default_factory=dict)
     late: dict[int, float] = field(default_factory=dict)
-    p99_s: dict[int, float] = field(default_factory=dict)
     off: set[int] = field(default_factory=set)
     now_s: float = 0.0
     appeared: list[str] = field(default_factory=list)
@@ -32,7 +29,7 @@ class CableLine:
 
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
-        order = self.order or range(1, self.count + 1)
+        order = range(1, self.count + 1)
         self.health = CableHealth([WiredStarter(f"pump-{each}", each, LIMIT_S) for each in order])
         self.units: dict[int, dict[str, Any]] = {
             each: {"asked": 0, "silent": 0, "corrupted": 0, "late": 0, "state": "answering"} for each in order
@@ -57,7 +54,7 @@ class CableLine:
 
     def _ask(self, address: int, unit: dict[str, Any]) -> None:
         """Ask as often as a line does in half a minute; one that is off is probed once."""
-        unit["response_time_s"] = {"p50": 0.01, "p99": self.p99_s.get(address, 0.02)}
+        unit["response_time_s"] = {"p50": 0.01, "p99": 0.02}
         if address in self.off:
             unit["asked"] += 1 if unit["state"] == "silent" else 3
             unit["silent"] += 1 if unit["state"] == "silent" else 3
