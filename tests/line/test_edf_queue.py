@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.scheduler import polls
 from gateway.line.scheduler.line_time import EdfQueue, Queued
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
@@ -16,17 +15,6 @@ from gateway.modbus.writes import WriteRegister
 from tests.line.list_queue import ListQueue
 
 TIMES_S = st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0])
-
-
-def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
-    queue: EdfQueue[Queued] = EdfQueue()
-    things = [Queued() for _ in range(3)]
-    for thing in things:
-        queue.put(thing, 0.0, 1.0)
-
-    queue.put(things[0], 0.0, 1.0)
-
-    assert queue.first(0.0) is things[1]
 
 
 @settings(deadline=None)
@@ -134,15 +122,6 @@ def _name(slot: Slot | None) -> object:
     if slot is None:
         return None
     return slot.poll.key if slot.poll is not None else slot.lane
-
-
-@settings(deadline=None, max_examples=100)
-@given(OPERATIONS)
-def test_a_scheduler_does_the_same_with_plain_lists(operations: list[tuple[object, ...]]) -> None:
-    with mock.patch.object(polls, "EdfQueue", ListQueue):
-        expected = follow(operations)
-
-    assert follow(operations) == expected
 
 
 @settings(deadline=None, max_examples=100)

@@ -69,14 +69,3 @@ def test_an_over_full_line_gives_a_flood_of_reads_a_quarter_and_no_more() -> Non
     assert used_by(line, Priority.PARAMETERS) == pytest.approx(JOBS_SHARE / BACKGROUND_WEIGHT, abs=0.03)
     calm_s = 8 * TOOK_S
     assert max(max(line.gaps_s[each.key]) for each in polls) < 3 * calm_s
-
-
-def test_a_flood_stretches_short_and_long_periods_by_one_factor() -> None:
-    polls = [poll(f"{unit}", unit=unit, every_s=every_s) for unit, every_s in enumerate((0.05, 0.2, 1.0), 1)]
-
-    line = flooded(polls, [Priority.COMMAND])
-
-    factor = sum(TOOK_S / each.every_s for each in polls) / (1.0 - JOBS_SHARE)
-    assert line.scheduler.polls.stretch == pytest.approx(factor, rel=0.05)
-    for each in polls:
-        assert per_s(line, each.key) == pytest.approx(1 / (factor * each.every_s), rel=0.1)

@@ -14,7 +14,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
-from tests.line.scheduled import ANSWERED, READ, begun, gaps, job, key_of, take
+from tests.line.scheduled import ANSWERED, READ, begun, job, take
 
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0, 5.0])
@@ -69,27 +69,6 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]
         )
         assert gap_s <= bound_s
         assert 600 * 0.03 - last_s[key] <= bound_s
-
-
-def test_a_process_that_stands_still_while_its_first_poll_is_answered_leaves_none_unasked_for_long() -> None:
-    polls = [
-        poll(f"{unit}/{every_s}", unit=unit, every_s=every_s)
-        for unit in range(1, 21)
-        for every_s in (0.25, 10.0)
-    ]
-    scheduler, now_s = begun(*polls), 0.0
-    asked_s: dict[str | None, list[float]] = {}
-    for at in range(6_000):
-        slot = scheduler.pick(now_s)
-        if slot is None:
-            now_s = scheduler.next_due_s()
-            continue
-        asked_s.setdefault(key_of(slot), []).append(now_s)
-        now_s += 5.0 if at == 2 else 0.06
-        scheduler.record(slot, ANSWERED, now_s)
-
-    assert len(asked_s) == len(polls)
-    assert max(max(gaps(times_s)) for times_s in asked_s.values()) < 70.0  # 50 s where none stands still
 
 
 def test_stops_repeats_and_watchdogs_that_are_due_alternate_and_let_a_poll_pass() -> None:

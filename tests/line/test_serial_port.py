@@ -61,20 +61,6 @@ async def test_a_tty_that_is_lost_in_the_middle_of_a_reply_gives_what_came_and_t
     await settled(port)
 
 
-async def test_a_reply_that_comes_byte_by_byte_wakes_its_reader_once(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    loop = asyncio.get_running_loop()
-    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=20))
-    await asyncio.sleep(0)
-
-    for number in range(20):
-        os.write(pty.master, bytes((number,)))
-        await asyncio.sleep(0.0005)
-
-    assert await reading == bytes(range(20))
-    await settled(port)
-
-
 async def test_a_tty_that_hangs_up_is_lost_for_reading_and_writing(pty: Pty) -> None:
     port = await opener(pty.path)()
     os.write(pty.master, b"last words")

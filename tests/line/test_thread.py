@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.line import thread as host_module
-from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
 from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, until
@@ -106,26 +105,6 @@ async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_
 
     assert isinstance(outcomes[0], Answered)
     assert outcomes[-1] == NO_PORT
-
-
-async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    handled: list[LineEvent] = []
-
-    def handle(event: LineEvent) -> None:
-        handled.append(event)
-        if len(handled) == 1:
-            raise ValueError("bug")
-
-    host = LineHost(handle)
-    add(host, fake_opener())
-    await host.start()
-    await until(lambda: len(handled) == 3)
-    await host.stop()
-
-    assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
-    assert "event=PortChanged failed" in caplog.text
 
 
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:

@@ -52,22 +52,6 @@ def test_no_frame_is_encoded_for_a_reserved_unit_or_an_impossible_length(
         adu.encode(unit, bytes(size))
 
 
-@pytest.mark.parametrize(
-    ("frame", "why"),
-    [  # FF FF is the right CRC of no bytes at all: the length alone refuses it
-        ("", "0 bytes"),
-        ("FF", "1 bytes"),
-        ("FF FF", "2 bytes"),
-        ("FF FF 00", "3 bytes"),
-        ("01 03 00 02 00 02 CB 65", "CRC cb 65 instead of 65 cb"),
-        ("01 03 04 01 F4 01 90 BB C1" + "00" * 248, "257 bytes"),
-    ],
-)
-def test_what_is_no_frame_is_refused(frame: str, why: str) -> None:
-    with pytest.raises(BadFrameError, match=why):
-        adu.decode(bytes.fromhex(frame))
-
-
 COUNTED = (1, 2, 3, 4, 23)
 REPLIES = [
     *[(f"01 {function:02X}", size) for function, size in ((5, 8), (6, 8), (15, 8), (16, 8), (22, 10))],

@@ -115,36 +115,3 @@ def test_a_reply_says(request_: Any, reply: str, value: Any) -> None:
 def test_a_reply_that_counts_otherwise_is_refused(request_: Any, reply: str) -> None:
     with pytest.raises(BadReplyError):
         request_.decode_reply(bytes.fromhex(reply))
-
-
-@pytest.mark.parametrize(
-    ("and_mask", "or_mask", "old", "new"),
-    [
-        (0x00F2, 0x0025, 0x0012, 0x0017),  # the example of [APP 6.16]
-        (0xFFFF, 0xFFFF, 0x1234, 0x1234),
-        (0x0000, 0xABCD, 0x1234, 0xABCD),
-    ],
-)
-def test_a_mask_sets_clears_and_keeps_bits(and_mask: int, or_mask: int, old: int, new: int) -> None:
-    assert fc(22, 4, and_mask, or_mask).apply(old) == new  # type: ignore[union-attr]
-
-
-@pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("request_", [fc(1, 0, 2), fc(4, 0, 2), fc(23, 0, 2, 0, (1,))])
-def test_a_simulated_unit_answers_exactly_as_many_as_were_asked_for(request_: Any, count: int) -> None:
-    with pytest.raises(ValueError, match=f"{count} (bits|words) for a request of 2"):
-        reply_of(request_, (1,) * count)
-
-
-@pytest.mark.parametrize(
-    ("reply", "shown"),
-    [
-        (bytes.fromhex("04 02 00 01"), "04 02 00 01"),
-        (b"", "nothing"),
-        (bytes(32), "00( 00){31}"),
-        (bytes(33), r"(00 ){32}\.\."),
-    ],
-)
-def test_a_refused_reply_is_shown_in_hex_and_cut_short(reply: bytes, shown: str) -> None:
-    with pytest.raises(BadReplyError, match=f"function 3: {shown}$"):
-        fc(3, 0, 1).decode_reply(reply)

@@ -91,16 +91,6 @@ def test_a_reply_is_encoded_as_the_manual_prints_it(vector: dict[str, Any]) -> N
     assert frame == printed
 
 
-@every_vector
-def test_the_end_of_a_printed_reply_is_known_from_its_beginning(vector: dict[str, Any]) -> None:
-    printed = bytes.fromhex(vector["reply"])
-
-    sizes = [adu.reply_adu_size(printed[:length]) for length in range(len(printed) + 1)]
-
-    assert sizes[-1] == len(printed)
-    assert set(sizes) <= {None, len(printed)}
-
-
 @every_misprint
 def test_a_misprinted_reply_with_the_crc_corrected_still_says_what_is_meant(vector: dict[str, Any]) -> None:
     says = vector["says"]

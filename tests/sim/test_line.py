@@ -10,7 +10,7 @@ import pytest
 from gateway.modbus.adu import encode
 from gateway.modbus.timing import LineTiming
 from gateway.sim.bus import faults
-from gateway.sim.bus.port import SimulatedLine, SimulatedPort
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from tests.sim.wire import TIMING, receive
 from tests.virtual_time import run_virtually
@@ -117,68 +117,19 @@ def test_the_transcript_shows_frames_with_times_and_the_reply_after_the_delay() 
     assert 0.005 <= reply.start_s - request.end_s <= 0.020
 
 
-def test_a_reader_is_woken_once_for_the_bytes_that_it_waits_for_and_at_its_deadline() -> None:
-    async def main() -> None:
-        port = await make_line().opener()()
-        loop = asyncio.get_running_loop()
-        port.write(READ)
-
-        head = await port.read(until_s=loop.time() + 1, count=2)
-        part = await port.read(until_s=loop.time() + 3.5 * TIMING.character_s, count=5)
-        part_s = port.last_byte_s
-        rest = await port.read(until_s=loop.time() + 1, count=2)
-
-        assert (len(head), len(part), len(rest)) == (2, 3, 2)
-        assert port.last_byte_s - part_s == pytest.approx(2 * TIMING.character_s)
-        assert loop.time() == pytest.approx(port.last_byte_s)
-
-    run_virtually(main())
-
-
-def replies(
-    fault: faults.Impairment, times: int = 1, seed: int = 0, **options: Any
-) -> tuple[list[bytes], SimulatedLine]:
-    async def main() -> list[bytes]:
-        port = await line.opener()()
-        return [await asked(port) for _ in range(times)]
-
-    line = make_line(seed=seed, chunk_bytes=None)
-    line.impair(1, fault, **options)
-    return run_virtually(main()), line
-
-
-async def asked(port: SimulatedPort) -> bytes:
-    port.write(READ)
-    return await receive(port, within_s=0.5)
-
-
 @pytest.mark.parametrize(
-    ("fault", "options", "received"),
+    ("fault", "received"),
     [
-        (faults.NoReply(), {}, [b""]),
-        (faults.NoReply(), {"count": 2}, [b"", b"", ANSWER, ANSWER]),
-        (faults.CutShort(3), {}, [ANSWER[:-3]]),
-        (faults.CutShort(99), {}, [b""]),
-        (faults.Doubled(), {}, [ANSWER * 2]),
-        (faults.WrongUnit(7), {}, [encode(7, ANSWER[1:-2])]),
-        (faults.Babbling(every_s=100.0), {}, [ANSWER]),
+        (faults.NoReply(), b""),
+        (faults.CutShort(3), ANSWER[:-3]),
+        (faults.Doubled(), ANSWER * 2),
+        (faults.WrongUnit(7), encode(7, ANSWER[1:-2])),
+        (faults.Babbling(every_s=100.0), ANSWER),
     ],
 )
-def test_a_reply_is_damaged_on_order(
-    fault: faults.Impairment, options: dict[str, Any], received: list[bytes]
-) -> None:
-    got, line = replies(fault, times=len(received), **options)
+def test_a_reply_is_damaged_on_order(fault: faults.Impairment, received: bytes) -> None:
+    line = make_line(chunk_bytes=None)
+    line.impair(1, fault)
 
-    assert got == received
-    assert line.units[0].handled == len(received)  # it acts, whatever comes of its answer
-
-
-def test_two_units_with_one_address_garble_each_other() -> None:
-    units = [make_unit("ssw07", 1, seed=seed) for seed in (1, 2)]
-    for unit in units:
-        unit.response_s = (0.010, 0.010)
-
-    got = run_virtually(exchange(SimulatedLine(TIMING, units, chunk_bytes=None), READ))
-
-    assert ANSWER not in got
-    assert len(got) == 2 * len(ANSWER)
+    assert run_virtually(exchange(line, READ)) == received
+    assert line.units[0].handled == 1  # it acts, whatever comes of its answer

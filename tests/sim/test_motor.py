@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.sim.core.meter import Meter
-from gateway.sim.core.motor import PHASES, Motor
+from gateway.sim.core.motor import PHASES, Motor, start_curve
 from gateway.sim.core.power import MotorData, MotorState, MotorTrip
 
 
@@ -45,23 +45,6 @@ def test_a_motor_goes_from_state_to_state(course: str, states: str) -> None:
         seen.append(motor.state.name.lower())
 
     assert seen == states.split()
-
-
-@pytest.mark.parametrize(
-    ("load_pct", "before_s", "after_s", "trip"),
-    [(150.0, 10.0, 1200.0, MotorTrip.OVERLOAD), (400.0, 0.5, 2.0, MotorTrip.OVERCURRENT)],
-)
-def test_an_overload_trips_after_minutes_and_a_blocked_rotor_within_seconds(
-    load_pct: float, before_s: float, after_s: float, trip: MotorTrip
-) -> None:
-    motor = started(10.0)
-    motor.load_pct = load_pct
-    motor.step(before_s)
-    assert motor.trip is None
-    motor.step(after_s)
-
-    assert motor.trip is trip
-    assert not motor.is_turned_on
 
 
 def test_readings_fit_together_at_rest_on_the_ramp_at_speed_and_without_mains() -> None:
@@ -104,35 +87,21 @@ def test_a_lost_phase_carries_nothing_and_the_others_more_until_it_trips(phase: 
     assert motor.state is MotorState.COASTING
 
 
-@pytest.mark.parametrize(
-    ("running_s", "percent", "for_s", "trip"),
-    [
-        (20.0, 79.0, 1.5, MotorTrip.UNDERVOLTAGE),
-        (20.0, 79.0, 0.8, None),
-        (20.0, 85.0, 60.0, None),
-        (0.0, 50.0, 5.0, None),
-    ],
-)
-def test_only_a_deep_and_long_dip_of_a_running_motor_trips(
-    running_s: float, percent: float, for_s: float, trip: MotorTrip | None
-) -> None:
-    motor = started(running_s) if running_s else standing()
-    motor.set_line_voltage(percent, for_s=for_s)
-    motor.step(for_s - 0.1)
-    assert motor.line_voltage_pct == pytest.approx(percent)
-    motor.step(100.0)
+@pytest.mark.parametrize("load_pct", [10.0, 120.0])
+@pytest.mark.parametrize("friction_pct", [0.0, 60.0])
+@pytest.mark.parametrize("voltage_pct", [100.0, 85.0])
+def test_a_start_is_that_of_its_closed_form(load_pct: float, friction_pct: float, voltage_pct: float) -> None:
+    data = MotorData(rated_current_a=85.0, load_pct=load_pct, friction_pct=friction_pct)
+    motor, curve, currents_a = Motor(data), start_curve(data, line_voltage_pct=voltage_pct), []
+    motor.set_line_voltage(voltage_pct)
+    motor.start()
+    while motor.state is MotorState.RAMP_UP:
+        currents_a.append(motor.current_a)
+        motor.step(0.01)
 
-    assert motor.trip is trip
-    assert motor.line_voltage_pct == pytest.approx(100.0)
-
-
-def test_the_thermal_level_rises_and_cools_with_its_time_constants() -> None:
-    motor = started(1.0, load_pct=100.0, heating_s=600.0, cooling_s=1800.0, ramp_up_s=0.1)
-    motor.thermal_pct = 0.0
-    motor.step(600.0)
-    risen_pct = 100 / 1.15**2 * (1 - math.exp(-1))
-    assert motor.thermal_pct == pytest.approx(risen_pct, rel=0.01)
-    motor.cut()
-    motor.step(1800.0)
-
-    assert motor.thermal_pct == pytest.approx(risen_pct * math.exp(-1), rel=0.01)
+    assert 0.01 * len(currents_a) == pytest.approx(curve.duration_s, abs=0.02)
+    assert currents_a[::50] == pytest.approx(
+        [curve.current_a(at / 2) for at in range(len(currents_a[::50]))], rel=0.01
+    )
+    assert max(currents_a) == pytest.approx(curve.peak_a, rel=0.01)
+    assert sum(each**2 * 0.01 for each in currents_a) == pytest.approx(curve.i2t_a2s, rel=0.01)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.errors import PortError
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
@@ -73,6 +72,20 @@ async def test_a_master_gets_its_answer_through_the_terminal() -> None:
     await served.stop()
 
 
+async def test_a_link_never_replaces_a_file_or_a_link_to_something_else(tmp_path: Path) -> None:
+    file, other = tmp_path / "pumps", tmp_path / "fans"
+    file.write_text("precious")
+    other.symlink_to(tmp_path)
+
+    with pytest.raises(PortError, match="choose another path"):
+        await make_pty(file).start()
+    with pytest.raises(PortError):
+        await make_pty(other).start()
+
+    assert file.read_text() == "precious"
+    assert other.readlink() == tmp_path
+
+
 @pytest.mark.parametrize(
     ("rate", "stop_bits", "answers"),
     [
@@ -99,18 +112,3 @@ async def test_a_master_is_understood_at_the_rate_and_stop_bits_that_it_sets(
 
     assert bool(served.line.units[0].handled) is answers
     await served.stop()
-
-
-async def test_a_link_that_another_simulator_serves_is_never_taken_from_it(tmp_path: Path) -> None:
-    link = tmp_path / "ttyPUMPS"
-    first, second = make_pty(link), make_pty(link)
-    await first.start()
-
-    with pytest.raises(PortError, match="another simulator serves this link"):
-        await second.start()
-
-    assert os.readlink(link) == first.path
-    await first.stop()
-    await second.start()
-    assert os.readlink(link) == second.path
-    await second.stop()

@@ -26,40 +26,6 @@ def test_a_broken_request_gets_an_exception_and_never_harms(family: str) -> None
     assert unit.handle(b"", 0.0) == bytes((0x80, 1))
 
 
-def test_timers_act_at_their_times_in_order_even_in_one_leap_and_may_set_others() -> None:
-    talk = play("ssw07", "1 s")
-    seen: list[tuple[str, float]] = []
-
-    def act(name: str) -> None:
-        seen.append((name, talk.unit.now_s))
-        if name == "soon":
-            talk.unit._at("then", 3.0, lambda: act("then"))
-
-    talk.unit._at("late", 7.0, lambda: act("late"))
-    talk.unit._at("soon", 2.0, lambda: act("soon"))
-    talk.wait(10.0)
-
-    assert seen == [("soon", 2.0), ("then", 3.0), ("late", 7.0)]
-    talk.unit.advance(3.0)
-    assert talk.unit.now_s == 11.0  # it never goes back
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_an_sst130i_that_is_started_again_starts_once_its_capacitor_is_discharged(seed: int) -> None:
-    dice = random.Random(seed)
-    talk = play("sst", f"given model='SST130i-140'; {dice.uniform(0.0, 1e6)} s; start")
-    talk.wait(dice.uniform(0.5, 5.0))
-    step(talk, "stop")
-    talk.wait(dice.uniform(0.0, 3.0))
-    ends_by_s = time.process_time() + 5.0
-
-    step(talk, "start")
-    talk.wait(8.0)
-
-    assert talk.unit.motor.is_turned_on
-    assert time.process_time() < ends_by_s
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_two_hundred_starts_and_stops_at_any_moment_pass_in_no_time(family: str) -> None:
     dice = random.Random(7)
