@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.errors import PortError
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
