@@ -16,13 +16,11 @@ from tests.line.ideal_line import IdealLine
 TOOK_S = 0.025  # one transaction at 19200 bit/s
 UNDER_WAY = 16  # commands that wait for this line at the same time
 READ = ReadHoldingRegisters(0, 1)
+FLOODING = 99  # a unit: another job follows each of its jobs
 
 
-FLOODING, SINGLE = 99, 100  # units: another job follows each of the first one's
-
-
-def job(lane: Priority, unit: int = FLOODING) -> Job:
-    return Job(unit, READ, 0.01, lane, lambda outcome: None)
+def job(lane: Priority) -> Job:
+    return Job(FLOODING, READ, 0.01, lane, lambda outcome: None)
 
 
 def flooded(polls: Sequence[Poll], lanes: Sequence[Priority], *, seconds: float = 120.0) -> IdealLine:

@@ -1,42 +1,14 @@
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any
+import random
 
 import pytest
 
 from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.rtu.reply_times import ResponseTimes, quantile_s
 from gateway.line.scheduler.requests import Slot
 from gateway.line.statistics import Statistics
 from tests.line.fakes import poll
-
-MANY = 247
-
-
-def answer(statistics: Statistics, unit: int, response_time_s: float, *, now_s: float = 0.0) -> None:
-    asked = poll(f"u{unit}", unit=unit)
-    slot = Slot(unit, asked.request, 0.02, now_s, poll=asked)
-    statistics.note(slot, Answered((1,), now_s, response_time_s), took_s=0.01, now_s=now_s)
-
-
-def units(statistics: Statistics, now_s: float) -> dict[int, dict[str, Any]]:
-    payload = statistics.to_dict((), worst_stop_latency_s=0.1, now_s=now_s)
-    return dict(payload["units"])
-
-
-def test_of_many_units_only_some_are_computed_at_a_time_and_none_is_left_out() -> None:
-    statistics = Statistics()
-    statistics.begin(0.0)
-    for unit in range(1, MANY + 1):
-        answer(statistics, unit, 0.005)
-
-    known = [
-        sum(each["response_time_s"]["p50"] is not None for each in units(statistics, float(second)).values())
-        for second in range(40)
-    ]
-
-    assert all(later - before <= 8 for before, later in pairwise(known))
-    assert known[-1] == MANY
 
 
 def test_shares_are_of_the_last_half_minute_and_the_silences_are_what_is_left_of_the_busy_time() -> None:
@@ -69,3 +41,14 @@ def test_a_request_that_was_not_sent_is_silence() -> None:
     statistics.note(slot, Silent("too late", is_sent=False), took_s=0.5, now_s=1.0)
 
     assert statistics.time_share(1.0) == {"requests": 0, "delays": 0, "replies": 0, "silences": 0.5}
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.9, 0.99, 0.999])
+def test_quantiles_are_right_to_five_percent(share: float) -> None:
+    chance = random.Random(1)
+    times_s = [chance.lognormvariate(-5, 0.5) for _ in range(3000)]
+    times = ResponseTimes()
+    for time_s in times_s:
+        times.note(time_s)
+
+    assert quantile_s((times,), share) == pytest.approx(sorted(times_s)[int(share * 3000) - 1], rel=0.06)

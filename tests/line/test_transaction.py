@@ -24,10 +24,21 @@ from tests.line.fakes import (
     master,
     no_reply,
 )
-from tests.line.one_request import READ, READ_ADU, REPLY, outcome_after
 from tests.virtual_time import run_virtually
 
+READ = ReadHoldingRegisters(0x0100, 4)
+READ_ADU = adu.encode(1, READ.encode())
+REPLY = adu.encode(1, READ.encode_reply((1, 2, 3, 4)))
 LAST_REPLY_S = DELAY_S + TIMING.wire_s(len(REPLY))
+
+
+def outcome_after(*said: Said) -> Outcome:
+    """Return what becomes of READ when this comes after it."""
+
+    async def scenario() -> Outcome:
+        return await ask(FakePort(lambda frame: said), READ)
+
+    return run_virtually(scenario())
 
 
 @pytest.mark.parametrize("size", [None, 1, 2, 7])
