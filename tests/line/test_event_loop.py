@@ -11,7 +11,6 @@ import pytest
 
 from gateway.line.port.event_loop import (
     DESCRIPTOR_LIMIT,
-    PreciseLoop,
     PreciseSelector,
     new_precise_loop,
 )
@@ -57,62 +56,6 @@ def test_a_loop_that_is_held_up_is_reported_by_how_much() -> None:
 
     assert max(delays_s) >= 0.02
     assert sorted(delays_s)[0] >= 0.0
-
-
-def test_a_quick_reader_is_called_before_the_callbacks_and_what_it_wakes_goes_on_after_them(
-    pipe: tuple[int, int],
-) -> None:
-    done: list[str] = []
-
-    async def read_once() -> None:
-        loop = asyncio.get_running_loop()
-        assert isinstance(loop, PreciseLoop)
-        read = loop.create_future()
-
-        def take() -> None:
-            done.append(f"taken {os.read(pipe[0], 1)!r}")
-            loop.remove_quick_reader(pipe[0])
-            read.set_result(None)
-
-        loop.add_quick_reader(pipe[0], take)
-        os.write(pipe[1], b"x")
-        loop.call_soon(lambda: done.append("another callback"))
-        await read
-        done.append("woken")
-        os.write(pipe[1], b"y")
-        await asyncio.sleep(0.001)
-
-    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        runner.run(read_once())
-
-    assert done == ["taken b'x'", "another callback", "woken"]
-
-
-def test_an_alarm_is_called_once_on_time_and_what_it_wakes_goes_on_in_the_same_round() -> None:
-    found: list[tuple[str, float]] = []
-
-    async def scenario() -> None:
-        loop = asyncio.get_running_loop()
-        assert isinstance(loop, PreciseLoop)
-        for delay_s in (0.003, 0.0005, -1.0):
-            woken = loop.create_future()
-            due_s = loop.time() + delay_s
-
-            def ring(due_s: float = due_s, woken: asyncio.Future[None] = woken) -> None:
-                found.append(("rings", loop.time() - due_s))
-                loop.call_soon(lambda: found.append(("callback", 0.0)))
-                woken.set_result(None)
-
-            loop.alarms[ring] = due_s
-            await woken
-            found.append(("woken", 0.0))
-            await asyncio.sleep(0.001)
-        assert loop.alarms == {}
-
-    run_on(new_precise_loop(), scenario())
-
-    assert [what for what, _ in found] == ["rings", "callback", "woken"] * 3
-    assert all(late_s >= -1e-6 for _, late_s in found)
 
 
 def test_what_came_while_the_thread_was_held_up_is_read_before_an_alarm_that_is_late(

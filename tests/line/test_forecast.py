@@ -50,16 +50,6 @@ def test_all_periods_of_an_over_full_line_are_stretched_by_one_factor() -> None:
         assert seen[each.poll.key] == pytest.approx(each.period_s, rel=0.05)
 
 
-def test_polls_as_fast_as_the_line_allows_share_what_the_others_leave() -> None:
-    polls = [poll(1, 0.0), poll(2, 0.0), poll(3, 0.1)]
-
-    prospect = forecast(polls, TIMING)
-
-    cost = prospect.polls[0].cost_s
-    assert prospect.polls[0].period_s == pytest.approx(2 * cost / (1 - cost / 0.1))
-    assert average_gaps(polls, 60.0)["p1"] == pytest.approx(prospect.polls[0].period_s, rel=0.05)
-
-
 def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:
     polls = [replace(poll(number, 1.0), deadline_s=0.5) for number in range(1, 11)]
 

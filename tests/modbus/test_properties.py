@@ -5,14 +5,14 @@ from __future__ import annotations
 import random
 from typing import Any
 
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.errors import BadFrameError, BadReplyError, BadRequestError
+from gateway.errors import BadFrameError, BadRequestError
 from gateway.modbus import adu
 from gateway.modbus.server import decode_request
 from tests.modbus.request_size import request_adu_size
-from tests.modbus.samples import fc, random_reply, random_request
+from tests.modbus.samples import random_reply, random_request
 
 PROPERTY = settings(max_examples=100)
 dice = st.integers(0, 2**32).map(random.Random)
@@ -41,25 +41,6 @@ def test_the_length_of_a_frame_is_given_right_by_every_beginning_that_gives_it(r
         assert sizes[:known_from] == [None] * known_from
         assert sizes[known_from:] == [len(frame)] * (len(frame) + 1 - known_from)
         assert known_from <= len(frame) - 2  # the CRC is never needed
-
-
-@PROPERTY
-@given(
-    st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=20), st.integers(0, 255)), max_size=4),
-    st.integers(0, 5),
-)
-@example([(1, b"SSW-06 85.0A\x02\x05V1.11", 20)], 2)
-def test_an_identification_is_never_thought_complete_before_its_end(
-    objects: list[tuple[int, bytes, int]], number: int
-) -> None:
-    body = b"".join(bytes((key, size)) + text for key, text, size in objects)
-    pdu = bytes.fromhex("2B 0E 01 81 00 00") + bytes((number,)) + body
-    frame = adu.encode(1, pdu)
-
-    sizes = [adu.reply_adu_size(frame[:length]) for length in range(len(frame) + 1)]
-
-    if not bears(BadReplyError, fc(43).decode_reply, pdu):
-        assert all(size is None or size >= len(frame) for size in sizes)
 
 
 @PROPERTY

@@ -90,28 +90,30 @@ def test_only_the_whole_reply_of_its_function_is_taken(request_: Any, value: Any
         assert exception_code(request_, pdu) is None
 
 
+REFUSED = "refused"
+
+
 @pytest.mark.parametrize(
     ("request_", "reply", "value"),
     [
         (fc(1, 0, 10), "01 02 01 02", (True, *(False,) * 8, True)),  # the first coil is the lowest bit
         (fc(1, 0, 2), "01 01 FE", (False, True)),  # bits that fill up the last byte are ignored
         (fc(4, 13, 1), "04 02 00 FF", (0x00FF,)),  # high byte first
+        (fc(4, 0, 2), "04 02 00 01 00 02", REFUSED),  # the SST's manual describes it so, as if it were FC01
         (fc(16, 30, (1, 2, 3)), "10 00 1E 00 03", None),  # acknowledged by their own quantity
+        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 06", REFUSED),
+        (fc(16, 30, (1, 2, 3)), "10 00 1F 00 03", REFUSED),
     ],
 )
 def test_a_reply_says(request_: Any, reply: str, value: Any) -> None:
-    assert request_.decode_reply(bytes.fromhex(reply)) == value
+    if value == REFUSED:
+        with pytest.raises(BadReplyError):
+            request_.decode_reply(bytes.fromhex(reply))
+    else:
+        assert request_.decode_reply(bytes.fromhex(reply)) == value
 
 
-@pytest.mark.parametrize(
-    ("request_", "reply"),
-    [  # the SST's description of FC04 is copied from FC01; only twice the quantity is taken
-        (fc(4, 0, 2), "04 02 00 01 00 02"),
-        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 06"),
-        (fc(16, 30, (1, 2, 3)), "10 00 1E 00 02"),
-        (fc(16, 30, (1, 2, 3)), "10 00 1F 00 03"),
-    ],
-)
-def test_a_reply_that_counts_otherwise_is_refused(request_: Any, reply: str) -> None:
-    with pytest.raises(BadReplyError):
-        request_.decode_reply(bytes.fromhex(reply))
+@pytest.mark.parametrize(("size", "shown"), [(0, "nothing"), (32, "00( 00){31}"), (33, r"(00 ){32}\.\.")])
+def test_a_refused_reply_is_shown_in_hex_and_cut_short(size: int, shown: str) -> None:
+    with pytest.raises(BadReplyError, match=f"function 3: {shown}$"):
+        fc(3, 0, 1).decode_reply(bytes(size))

@@ -5,30 +5,31 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import UsageError
-from gateway.families.profile.load import FAMILIES
 from gateway.sim.controls import set_knob
 from tests.sim.script import play, rules
 
-RESET = {  # how the fault is read, and its codes for overload, phase loss and undervoltage
-    "ssw06": ("VB01 & 8000h = 8000h", "VB01 & 8000h = 8000h", "E05", "E74", "E02"),
-    "ssw07": ("P014 = 74", "P014 = 2", "E05", "E74", "E02"),
-    "ssw900": ("90 = 74", "90 = 2", "F005", "F074", "F002"),
-    "sst": ("coil 17 = 1", "coil 14 = 1", "COIL13", "COIL17", "COIL14"),
+# how a lost phase and a deep dip are read, and full speed
+READ = {
+    "ssw06": ("VB01 & 8000h = 8000h", "VB01 & 8000h = 8000h", "VB01 & 20h = 20h"),
+    "ssw07": ("P014 = 74", "P014 = 2", "VB01 & 20h = 20h"),
+    "ssw900": ("90 = 74", "90 = 2", "680 & 20h = 20h"),
+    "sst": ("coil 17 = 1", "coil 14 = 1", "R19 = 2"),
 }
-AT_SPEED = {
-    "ssw06": "VB01 & 20h = 20h",
-    "ssw07": "VB01 & 20h = 20h",
-    "ssw900": "680 & 20h = 20h",
-    "sst": "R19 = 2",
+ALL = {
+    "at speed": "start; 30 s; {2}",
+    "supplies": "power off; see is_powered False; power on; mains off; see motor.is_mains_present False",
+    "a lost phase": "run; 10 s; phase s; 5 s; see motor.is_turned_on False; {0}",
+    "a deep dip": "run; 10 s; voltage 70 2.5; 5 s; {1}",
+    "wear": "wear 2.5; run; 20 s; load 50; see motor.friction_pct 2.5",
 }
-
-
 BY_HAND = [
+    *(
+        row
+        for each, read in READ.items()
+        for row in rules(each, {k: v.format(*read) for k, v in ALL.items()})
+    ),
     *rules("ssw900", {"an alarm of its number": "alarm A063; see alarms 63; clear; see alarms"}),
     *rules("ssw06", {"an alarm bit": "alarm; see is_alarm True; clear; see is_alarm False"}),
-    *rules(
-        "ssw06", {"local and back": "control local; see is_remote False; control remote; see is_remote True"}
-    ),
     *rules(
         "sst",
         {
@@ -36,31 +37,7 @@ BY_HAND = [
             "; keypad stop; see motor.is_turned_on False; control remote; see control modbus"
         },
     ),
-    *[
-        row
-        for family in FAMILIES
-        for row in rules(
-            family,
-            {
-                f"supplies of an {family}": "power off; see is_powered False; power on; see is_powered True"
-                "; mains off; see motor.is_mains_present False; mains on; see motor.is_mains_present True",
-                f"a lost phase of an {family}": "run; 10 s; phase s; 5 s; see motor.is_turned_on False; "
-                + RESET[family][0],
-                f"a deep dip of an {family}": "run; 10 s; voltage 70 2.5; 5 s; " + RESET[family][1],
-                f"wear of an {family}": "wear 2.5; run; 20 s; see motor.friction_pct 2.5; load 50"
-                "; see motor.friction_pct 2.5",
-                f"an {family} at speed": "start; 30 s; " + AT_SPEED[family],
-            },
-        )
-    ],
-    *[
-        row
-        for family in ("ssw06", "ssw07")
-        for row in rules(
-            family,
-            {f"three phases of an {family}": "VB01 = 4102h; phase r; VB01 = 102h; phase on; VB01 = 4102h"},
-        )
-    ],
+    *rules("ssw07", {"three phases": "VB01 = 4102h; phase r; VB01 = 102h; phase on; VB01 = 4102h"}),
     *rules("ssw07", {"the thermal level, of 250 %": "run; 10 s; thermal 60; P050 = 150"}),
     *rules("ssw900", {"the thermal level, of 100.0 %": "run; 10 s; thermal 60; 50 = 600"}),
 ]

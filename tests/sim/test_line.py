@@ -107,16 +107,6 @@ def test_w_03_a_broadcast_reaches_all_units_and_none_answers() -> None:
     assert [unit.motor.is_turned_on for unit in line.units] == [True, True, True]
 
 
-def test_the_transcript_shows_frames_with_times_and_the_reply_after_the_delay() -> None:
-    line = make_line(chunk_bytes=None)
-    run_virtually(exchange(line, READ))
-
-    request, reply = line.transcript
-    assert str(request) == "0.0000 >> 01 03 00 DC 00 01 45 F0"
-    assert str(reply).split(" ", 1)[1] == "<< 01 03 02 00 06 38 46"
-    assert 0.005 <= reply.start_s - request.end_s <= 0.020
-
-
 @pytest.mark.parametrize(
     ("fault", "received"),
     [

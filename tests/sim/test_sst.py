@@ -26,8 +26,6 @@ RULES = {
         coil 1 := 1 refused 2; see starts; see start_frames 0.0""",
     "ST-10 (motor) register 4 outside configuration mode": """
         run; R4 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
-    "ST-10 (motor) register 30 outside configuration mode": """
-        run; R30 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
     "ST-10 (motor) register 42 outside configuration mode": """
         run; R42 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
     "registers that only report are refused and leave the motor alone": """
@@ -49,9 +47,6 @@ RULES = {
     "ST-13 ranges of an SST130i-75": """
         given model='SST130i-75-M'
         coil 2 := 1; R30 := 75; R30 := 47 refused 3""",
-    "ST-13 ranges of an SST130i-140": """
-        given model='SST130i-140-M-ES'
-        coil 2 := 1; R30 := 140; R30 := 141 refused 3""",
     "coils that only report cannot be written": "coil 5 := 1 refused 2; coil 26 := 1 refused 2",
     "ST-14 (motor) while USB controls every write gets exception 1": """
         do set_control usb; coil 1 := 1 refused 1; R30 := 20 refused 1; R30 := 20 1 refused 1
@@ -101,10 +96,6 @@ RULES = {
     "errors are reset by themselves after register 40": f"""
         given R40=2
         trip 12; 30 s; R15 = 30 1; 91 s; {IDLE}; R15 = 0 0""",
-    "a blocked rotor is coil 12": "run; load 400; 2 s; see errors 12",
-    "an overload is coil 13": "run; load 160; 1200 s; see errors 13",
-    "leaving a mode that was not entered is idle": f"given is_configured=False; coil 2 := 0; 5 s; {BLANK}",
-    "a second start is none": "run; start; see starts 0.0; see start_frames 0.0",
     "a capacitor that was never charged is empty": "given model='SST130i-75-M'; see capacitor_v 0.0; R20 = 0",
 }
 
