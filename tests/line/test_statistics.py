@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.rtu.outcome import Answered
 from gateway.line.rtu.reply_times import ResponseTimes, quantile_s
 from gateway.line.scheduler.requests import Slot
 from gateway.line.statistics import Statistics
@@ -31,16 +31,6 @@ def test_shares_are_of_the_last_half_minute_and_the_silences_are_what_is_left_of
 
     assert share == pytest.approx({"requests": 0.03, "delays": 0.05, "replies": 0.08, "silences": 0.04})
     assert sum(share.values()) == pytest.approx(statistics.utilisation(10.0))
-
-
-def test_a_request_that_was_not_sent_is_silence() -> None:
-    statistics = Statistics()
-    statistics.begin(0.0)
-    asked = poll("status", unit=1)
-    slot = Slot(1, asked.request, 0.02, 1.0, poll=asked)
-    statistics.note(slot, Silent("too late", is_sent=False), took_s=0.5, now_s=1.0)
-
-    assert statistics.time_share(1.0) == {"requests": 0, "delays": 0, "replies": 0, "silences": 0.5}
 
 
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.9, 0.99, 0.999])

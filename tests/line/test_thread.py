@@ -15,7 +15,7 @@ from gateway.line import thread as host_module
 from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
-from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, until
+from tests.line.fakes import FakeOpener, FakePort, Units
 from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
 
 
@@ -88,24 +88,6 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
     crash = next(record for record in caplog.records if "line=broken crashed" in record.getMessage())
     assert crash.levelno == logging.ERROR
     assert crash.exc_info is not None
-
-
-async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
-    await host.start()
-    await listener.wait_for("pumps port True")
-
-    asked = [asyncio.create_task(ask(line)) for _ in range(50)]  # more than it can do meanwhile
-    await asyncio.sleep(0)
-    await until(lambda: bool(opener.ports[0].sent))
-    await host.stop()
-    async with asyncio.timeout(LONG_S):
-        outcomes = await asyncio.gather(*asked)
-
-    assert isinstance(outcomes[0], Answered)
-    assert outcomes[-1] == NO_PORT
 
 
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:

@@ -47,26 +47,6 @@ def test_a_motor_goes_from_state_to_state(course: str, states: str) -> None:
     assert seen == states.split()
 
 
-def test_readings_fit_together_at_rest_on_the_ramp_at_speed_and_without_mains() -> None:
-    motor = standing()
-    meter = Meter(motor)
-    assert (meter.current_a, meter.active_kw, meter.torque_pct) == (0.0, 0.0, 0.0)
-    assert meter.line_voltage_v == pytest.approx(400.0, rel=0.01)
-    assert meter.line_frequency_hz == pytest.approx(50.0, abs=0.1)
-    motor.start()
-    for moment_s in (0.1, 3.9, 3.5):
-        motor.step(moment_s)
-        assert 30.0 < motor.output_pct < 100.0
-        assert meter.torque_pct > 0
-        assert motor.power_factor == 0.35
-    motor.step(12.5)
-    assert sum(meter.phase_currents_a) / 3 == pytest.approx(meter.current_a)
-    assert math.hypot(meter.active_kw, meter.reactive_kvar) == pytest.approx(meter.apparent_kva)
-    assert meter.torque_pct == 70.0
-    motor.set_mains(is_present=False)
-    assert (meter.line_voltage_v, meter.line_frequency_hz) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize("phase", range(len(PHASES)))
 def test_a_lost_phase_carries_nothing_and_the_others_more_until_it_trips(phase: int) -> None:
     motor = started(20.0)

@@ -26,6 +26,8 @@ RULES = {
         coil 1 := 1 refused 2; see starts; see start_frames 0.0""",
     "ST-10 (motor) register 4 outside configuration mode": """
         run; R4 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
+    "ST-10 (motor) register 30 outside configuration mode": """
+        run; R30 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
     "ST-10 (motor) register 42 outside configuration mode": """
         run; R42 := 20 refused 2; see motor.state ramp_down; coil 1 = 0""",
     "registers that only report are refused and leave the motor alone": """
@@ -47,6 +49,9 @@ RULES = {
     "ST-13 ranges of an SST130i-75": """
         given model='SST130i-75-M'
         coil 2 := 1; R30 := 75; R30 := 47 refused 3""",
+    "ST-13 ranges of an SST130i-140": """
+        given model='SST130i-140-M-ES'
+        coil 2 := 1; R30 := 140; R30 := 141 refused 3""",
     "coils that only report cannot be written": "coil 5 := 1 refused 2; coil 26 := 1 refused 2",
     "ST-14 (motor) while USB controls every write gets exception 1": """
         do set_control usb; coil 1 := 1 refused 1; R30 := 20 refused 1; R30 := 20 1 refused 1

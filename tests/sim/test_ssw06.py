@@ -22,6 +22,8 @@ RULES = {
         given P220=2 P230=0
         VB03 := 8080h; VB01 = 4002h; trip 3; VB03 := 8000h; VB03 := 8080h sent; see fault 0""",
     "S6-06 E28 is not reset through the network": "trip 28; VB03 := 8080h; see fault 28; clear; see fault 0",
+    "S6-06 E29 is not reset through the network": "trip 29; VB03 := 8080h; see fault 29; VB01 = C102h",
+    "S6-06 E30 is not reset through the network": "trip 30; VB03 := 8080h; see fault 30",
     "S6-07 a command that is not set to serial is answered, but not executed": """
         given P230=0
         start; see motor.state stopped""",
@@ -58,6 +60,7 @@ RULES = {
         given P251=7 P277=7 P314=3
         VB08 := 1 100 0; 3.1 s; trips E28@3.0; VB08 = 0 0 0; see is_silence_shown False""",
     "S6-15 (motor) P313 = 0 does nothing": "given P313=0 P314=20; run; 30 s; trips E28@20.0; VB01 & 1h = 1",
+    "S6-15 (motor) P313 = 4 does nothing": "given P313=4 P314=20; run; 30 s; trips E28@20.0; VB01 & 1h = 1",
     "S6-15 (motor) P313 = 1 stops by ramp": "given P313=1 P314=20; run; 11 s; see motor.state ramp_down",
     "S6-15 (motor) P313 = 2 disables": "given P313=2 P314=20; run; 11 s; see motor.state coasting",
     "S6-15 (motor) P313 = 3 goes local": "given P313=3 P314=20; run; 11 s; VB01 & 100h = 0",

@@ -14,6 +14,9 @@ RULES = {
     "S7-01 (motor) a bare reset word also stops, disables and goes local": """
         given P229=0
         run; VB03 := 80h; see is_remote False; see motor.state coasting""",
+    "S7-01 (motor) a bare reset word does so when local listens to serial too": """
+        given P229=2
+        run; VB03 := 80h; see is_remote False; see motor.state coasting""",
     "S7-01 (motor) a word that goes local and only stops ramps down": """
         run; VB03 := 2; see motor.state ramp_down""",
     "S7-01 (motor) a word that goes local and runs leaves the motor running": """
@@ -38,6 +41,8 @@ RULES = {
         trip 5; VB01 & 8000h = 8000h; coil 107 := 1; VB01 & 8000h = 0""",
     "S7-05 E28 is not reset through the network": """
         trip 28; coil 107 := 1; VB01 & 8000h = 8000h; clear; VB01 & 8000h = 0""",
+    "S7-05 E29 is not reset through the network": "trip 29; coil 107 := 1; VB01 & 8000h = 8000h",
+    "S7-05 E30 is not reset through the network": "trip 30; coil 107 := 1; VB01 & 8000h = 8000h",
     "W-13 a reset bit left at 1 does not reset again": """
         coil 107 := 1; trip 5; coil 107 := 1; VB01 & 8000h = 8000h
         coil 107 := 0; coil 107 := 1; VB01 & 8000h = 0""",
