@@ -174,12 +174,3 @@ def test_the_share_seen_is_just_within_reach_of_both_bounds(count: int, of: int)
     for bound in bounds(count, of):
         away = abs(count / of - bound)
         assert away == pytest.approx(2.576 * sqrt(bound * (1 - bound) / of), abs=1e-9)
-
-
-def test_a_line_on_which_no_starter_answers_has_one_sentence() -> None:
-    line = CableLine(4, seed=1, off={1, 2, 3, 4})
-
-    (text,) = line.run(1)
-    assert text.startswith("no starter answers: no supply, the adapter")
-    line.off = set()
-    assert line.run(1) == []

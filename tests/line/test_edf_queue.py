@@ -1,12 +1,29 @@
 from __future__ import annotations
 
+from math import inf
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.scheduler.line_time import EdfQueue, Queued
-from tests.line.list_queue import ListQueue
+from gateway.line.scheduler.line_time import EdfQueue, Queued, T
 
 TIMES_S = st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0])
+
+
+class ListQueue(EdfQueue[T]):
+    """A queue as one would write it first: a list in no order, looked through at every call."""
+
+    def put(self, thing: T, release_s: float, deadline_s: float) -> None:
+        thing.leave()
+        thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
+        self.things.append(thing)
+
+    def first(self, now_s: float) -> T | None:
+        released = [each for each in self.things if each.release_s <= now_s]
+        return min(released, key=lambda each: each.deadline_s, default=None)
+
+    def next_s(self) -> float:
+        return min((each.release_s for each in self.things), default=inf)
 
 
 @settings(deadline=None)

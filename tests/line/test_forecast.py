@@ -30,14 +30,6 @@ def average_gaps(polls: list[Poll], run_s: float) -> dict[str, float]:
     return {key: sum(gaps) / len(gaps) for key, gaps in line.gaps_s.items() if gaps}
 
 
-def test_a_stop_may_have_to_wait_for_the_longest_form_of_a_read() -> None:
-    short, long = poll(1, 1.0, registers=2), poll(1, 1.0, registers=9)
-    varied = replace(short, alternates_of=lambda _: ((long.request, lambda value: value),))
-
-    assert forecast([varied], TIMING).stop_latency_s == forecast([long], TIMING).stop_latency_s
-    assert forecast([varied], TIMING).stop_latency_s > forecast([short], TIMING).stop_latency_s
-
-
 def test_all_periods_of_an_over_full_line_are_stretched_by_one_factor() -> None:
     polls = [*(poll(number, 0.1) for number in range(1, 11)), poll(11, 3.0)]
 

@@ -12,12 +12,6 @@ TIMING = LineTiming(19200, Framing.parse("8E1"))
 MANAGER = Restart(restart_s=0.5, watchdog_s=8.0, abort_s=2.0, start_up_s=1.0)
 
 
-def test_a_start_asks_every_unit_once_before_any_unit_twice() -> None:
-    polls = [poll("a1"), poll("a2"), poll("b1", unit=2), poll("b2", unit=2), poll("c1", unit=3)]
-
-    assert [each.key for each in start_order(polls)] == ["a1", "b1", "c1", "a2", "b2"]
-
-
 def test_the_shortest_watchdog_is_served_first_and_none_at_all_last() -> None:
     polls = [poll("a"), poll("b", unit=2), poll("c", unit=3), poll("d", unit=4)]
 

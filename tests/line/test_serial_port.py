@@ -82,14 +82,3 @@ async def test_a_tty_that_takes_no_more_bytes_is_lost_instead_of_waited_for(pty:
         write_often(port, bytes(256))
 
     await settled(port)
-
-
-async def test_a_closed_port_may_be_closed_again_and_is_lost(pty: Pty) -> None:
-    port = await opener(pty.path)()
-
-    port.close()  # before asyncio has even reported that it is open
-    port.close()
-
-    with pytest.raises(PortLostError, match="closed"):
-        await port.read(until_s=0.0)
-    await settled(port)

@@ -10,6 +10,7 @@ from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silen
 from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.transaction import BABBLE_LIMIT_S, RtuMaster
 from gateway.modbus import adu
+from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
@@ -143,6 +144,40 @@ def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
     assert outcome.received == b"\x55" * 256
     assert given_up_s == pytest.approx(BABBLE_LIMIT_S, abs=0.01)
     assert port.sent == []
+
+
+@pytest.mark.parametrize("size", [None, 1, 3])
+def test_an_echoing_adapter_is_seen_through(size: int | None) -> None:
+    write = WriteRegister(7, 8)
+    requests: list[tuple[int, Request]] = [(1, READ), (1, write), (2, write), (2, READ), (1, READ)]
+
+    def answer(frame: bytes) -> list[Said]:
+        return [Said(frame, -TIMING.wire_s(len(frame))), *Units({1}, in_chunks_of=size)(frame)]
+
+    async def scenario() -> list[Outcome]:
+        line = master(FakePort(answer))
+        return [await line.transact(unit, it, response_time_s=RESPONSE_TIME_S) for unit, it in requests]
+
+    read, written, unheard_write, unheard_read, read_again = run_virtually(scenario())
+
+    assert isinstance(read, Answered)
+    assert read.response_time_s == pytest.approx(DELAY_S)
+    assert isinstance(written, Answered)
+    assert unheard_write == unheard_read == Silent()  # the echo is no acknowledgement
+    assert isinstance(read_again, Answered)
+
+
+def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
+    async def scenario() -> Outcome:
+        units = Units({1})
+        port = FakePort(lambda frame: [Said(frame, -TIMING.wire_s(len(frame))), *units(frame)])
+        line = master(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        port.answer = units
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
+
+    assert isinstance(run_virtually(scenario()), Answered)
 
 
 def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> None:
