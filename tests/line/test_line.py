@@ -110,6 +110,20 @@ def test_a_stop_goes_out_over_bytes_without_end_after_a_bounded_wait(after_s: fl
     assert not other.is_sent  # nothing but a stop
 
 
+def test_stops_are_as_many_over_bytes_without_end_as_without_them() -> None:
+    async def scenario() -> int:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+            await asyncio.sleep(1.0)
+            rig.port.may_be_disturbed = True
+            rig.port.say(Said(b"\x55" * int(11.0 / TIMING.character_s), 0.0, in_chunks_of=1))
+            for _ in range(20):
+                rig.client.transact(1, STOP, response_time_s=0.01, lane=Priority.FOLLOW_UP)
+                await asyncio.sleep(0.5)
+            return functions(rig).count(6)
+
+    assert run_virtually(scenario()) == 20
+
+
 def test_a_line_that_ends_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
     chance = random.Random(5)
     for _ in range(40):
