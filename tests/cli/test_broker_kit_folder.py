@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.folder import replaced
 from gateway.cli.broker_kit.kit import read_settings
 from gateway.cli.main import main
 from tests.config.sites import changed
@@ -98,40 +97,6 @@ def test_a_folder_with_other_things_in_it_is_left_alone(
     assert contents(tmp_path / "kit") == before
 
 
-def test_an_empty_folder_becomes_its_owners_alone(kit: Kit, tmp_path: Path) -> None:
-    (tmp_path / "kit").mkdir(mode=0o755)
-
-    assert kit() == 0
-
-    assert (tmp_path / "kit").stat().st_mode & 0o777 == 0o700
-    assert (tmp_path / "kit/logins").stat().st_mode & 0o777 == 0o700
-    assert [name for name in contents(tmp_path / "kit") if name.startswith(".")] == []
-
-
-def test_another_users_folder_is_refused(
-    kit: Kit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "kit").mkdir()
-    monkeypatch.setattr("os.geteuid", lambda: (tmp_path / "kit").stat().st_uid + 1)
-
-    assert kit() == 2
-
-    assert "belongs to another user" in capsys.readouterr().err
-    assert contents(tmp_path / "kit") == {}
-
-
-def test_an_update_closes_what_a_copy_has_opened(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    for path in (tmp_path / "kit", tmp_path / "kit/ca.key", tmp_path / "kit/broker.key"):
-        path.chmod(0o755)
-
-    assert kit("--update") == 0
-
-    opened = [path.name for path in (tmp_path / "kit").rglob("*") if path.stat().st_mode & 0o077]
-    assert (tmp_path / "kit").stat().st_mode & 0o777 == 0o700
-    assert sorted(opened) == ["broker.pem", "ca.pem", "kit.json", "mosquitto.conf"]
-
-
 @pytest.mark.parametrize("name", ["ca.key", "mosquitto.conf", "kit.json"])
 def test_a_symbolic_link_in_a_kit_is_replaced_and_not_followed(kit: Kit, tmp_path: Path, name: str) -> None:
     assert kit() == 0
@@ -146,14 +111,6 @@ def test_a_symbolic_link_in_a_kit_is_replaced_and_not_followed(kit: Kit, tmp_pat
     assert elsewhere.read_bytes() == before
 
 
-def test_a_link_in_place_of_the_logins_is_refused(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    (tmp_path / "kit/logins").rename(tmp_path / "moved")
-    (tmp_path / "kit/logins").symlink_to(tmp_path / "moved")
-
-    assert kit("--update") == 2
-
-
 def test_what_is_refused_changes_nothing_in_a_kit(kit: Kit, tmp_path: Path, plant: Plant) -> None:
     assert kit() == 0
     before = contents(tmp_path / "kit")
@@ -162,41 +119,6 @@ def test_what_is_refused_changes_nothing_in_a_kit(kit: Kit, tmp_path: Path, plan
 
     assert kit("--update", *given) == 2
     assert kit("--update", "--bridge-ca", str(tmp_path / "site.toml"), "--bridge", "central") == 2
-
-    assert contents(tmp_path / "kit") == before
-
-
-def test_a_refused_first_kit_leaves_nothing(kit: Kit, tmp_path: Path, plant: Plant) -> None:
-    assert kit(*plant.options(name="other.plant")) == 2
-
-    assert contents(tmp_path / "kit") == {}
-    assert kit() == 0
-
-
-def test_what_a_killed_run_has_left_of_keys_and_passwords_goes_with_the_next(
-    kit: Kit, tmp_path: Path
-) -> None:
-    assert kit() == 0
-    left = tmp_path / "kit" / ".new-killed"
-    (left / "logins").mkdir(parents=True)
-    shutil.copy(tmp_path / "kit" / "ca.key", left)
-
-    assert kit("--update") == 0
-
-    assert [each.name for each in (tmp_path / "kit").glob(".*")] == []
-
-
-def test_two_runs_do_not_write_to_one_folder(
-    kit: Kit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit() == 0
-    before = contents(tmp_path / "kit")
-
-    with replaced(tmp_path / "kit") as stage:
-        assert kit("--update") == 2
-        assert "is being written by another broker-kit" in capsys.readouterr().err
-        assert contents(tmp_path / "kit") == before
-        shutil.copytree(tmp_path / "kit", stage, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".new-*"))
 
     assert contents(tmp_path / "kit") == before
 
@@ -218,33 +140,6 @@ def test_a_certificate_of_another_host_or_use_is_refused(
 
     assert kit(*plant.options(use="clientAuth")) == 2
     assert re.search("do not fit together: .*purpose", capsys.readouterr().err)
-
-
-@pytest.mark.parametrize(
-    ("command", "what"),
-    [
-        (("-outform", "DER"), "is no PEM file"),
-        (("-aes256", "-passout", "pass:x"), "has a passphrase"),
-    ],
-)
-def test_a_key_that_the_broker_cannot_read_is_refused(
-    kit: Kit, plant: Plant, capsys: pytest.CaptureFixture[str], command: tuple[str, ...], what: str
-) -> None:
-    given = plant.options()
-    openssl(plant.folder, "pkey", "-in", "leaf.key", *command, "-out", "other.key")
-    given[-1] = str(plant.folder / "other.key")
-
-    assert kit(*given) == 2
-
-    assert what in capsys.readouterr().err
-
-
-def test_the_broker_of_the_configuration_is_always_among_the_certificates_names(
-    kit: Kit, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit("--host", "b.plant") == 0
-
-    assert "for b.plant, broker.plant, is valid until" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("host", ["a,DNS:evil", "bröker.plant", "a b", "-a"])
@@ -269,16 +164,6 @@ def test_without_the_authoritys_key_the_certificate_stays_and_must_do(
     assert "no certificate here is for new.plant (fetch ca.key back" in capsys.readouterr().err
 
 
-def test_an_authority_is_never_made_anew_by_an_update(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    for name in ("ca.key", "broker.pem", "broker.key"):
-        (tmp_path / "kit" / name).unlink()
-
-    assert kit("--update") == 2
-
-    assert (tmp_path / "kit/ca.pem").exists()
-
-
 def test_an_update_takes_away_what_an_empty_option_names(kit: Kit, tmp_path: Path, plant: Plant) -> None:
     authority = str(plant.folder / "ca")
     assert kit("--bridge", "central", "--bridge-ca", authority, "--login", "two=alice") == 0
@@ -297,15 +182,6 @@ def test_an_update_takes_away_what_an_empty_option_names(kit: Kit, tmp_path: Pat
         "logins/viewer",
     ]
     assert read_settings(tmp_path / "kit").bridge == ""
-
-
-def test_an_update_keeps_the_passwords_at_the_central_broker(kit: Kit, tmp_path: Path) -> None:
-    assert kit("--bridge", "central") == 0
-    before = (tmp_path / "kit/central/logins/mcc1-up").read_bytes()
-
-    assert kit("--update") == 0
-
-    assert (tmp_path / "kit/central/logins/mcc1-up").read_bytes() == before
 
 
 def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of_the_first(

@@ -13,10 +13,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gateway.cli.main import FAILED, USAGE, main
-from gateway.cli.report import facts
 from gateway.cli.report.html import to_html
-from gateway.cli.report.labels import _WORDS, translator
+from gateway.cli.report.labels import translator
 from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.report import make_report
 from gateway.cli.report.text import WIDTH, to_text
@@ -80,10 +78,6 @@ class Page(HTMLParser):
         self.texts.append(data)
 
 
-def test_a_motor_that_ages_has_raised_one_drift_in_its_year(year: Year) -> None:
-    assert [event.code for event in year.events] == ["start_drift"]
-
-
 def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
     text = text_of(stored)
 
@@ -100,20 +94,6 @@ def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_no_line_of_the_text_is_wider_than_a_terminal(stored: Path, language: str) -> None:
     assert max(len(line) for line in text_of(stored, language).splitlines()) <= WIDTH
-
-
-@pytest.mark.parametrize("language", ["es", "pt"])
-def test_the_words_of_the_report_are_all_in_every_language(language: str) -> None:
-    sources = (Path(facts.__file__).parent).glob("*.py")
-    used = {
-        word
-        for path in sources
-        for word in re.findall(r"\bt\(\s*['\"]([^'\"]+)['\"]", path.read_text("utf-8"))
-    }
-
-    assert len(used) > 40
-    assert used - _WORDS.keys() == set()
-    assert all(_WORDS[word] for word in used)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -157,16 +137,6 @@ def test_what_comes_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
     assert sum(EVIL in text for text in parsed.texts) >= 5
 
 
-def test_each_start_says_what_it_is_known_to(stored: Path) -> None:
-    rows = re.findall(r"full voltage .*", text_of(stored))
-
-    assert len(rows) >= 5
-    assert all(
-        re.search(r"\d±0\.\d+ .* \d\.\d+±\d+ %", row.replace("\xa0±", "±").replace("\xa0", " "))
-        for row in rows
-    )
-
-
 def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(year: Year, tmp_path: Path) -> None:
     def seen(id_: str, time: str, before: float, after: float) -> HistoryRow:
         values = {"before": {"value": before, "unit": "s"}, "after": {"value": after, "unit": "s"}}
@@ -196,34 +166,6 @@ def test_damaged_records_are_left_out_and_that_is_said(year: Year, tmp_path: Pat
     rows = [replace_data(row, outcome="?") if row is start else row for row in year.rows]
 
     assert "1 damaged records are left out" in text_of(asyncio.run(write(tmp_path, rows)), published={})
-
-
-def test_the_command_prints_or_writes_and_says_what_it_could_not_have(
-    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "report.html"
-
-    assert main(["report", str(stored), STARTER]) == 0
-    assert (
-        "limits and the line's quality are left out: broker 127.0.0.1:1"
-        in capsys.readouterr().out.replace("\n    ", " ")
-    )
-    assert main(["report", str(stored), STARTER, "--no-broker", "--html", str(page), "--language", "pt"]) == 0
-    assert "Relatório de estado" in page.read_text("utf-8")
-
-
-def test_bad_arguments_have_clear_errors(
-    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["report", str(stored), "pump"]) == USAGE
-    assert f"no starter 'pump' (one of {STARTER})" in capsys.readouterr().err
-    assert (
-        main(["report", str(stored), STARTER, "--no-broker", "--html", str(tmp_path / "no" / "x")]) == FAILED
-    )
-    assert "cannot be written: No such file or directory" in capsys.readouterr().err
-    (tmp_path / "site.toml").write_text(stored.read_text())
-    assert main(["report", str(tmp_path / "site.toml"), STARTER, "--no-broker"]) == FAILED
-    assert "history.db: No such file or directory" in capsys.readouterr().err
 
 
 def test_a_point_stands_where_the_axes_say() -> None:

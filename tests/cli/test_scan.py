@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from gateway.cli.command import Progress
-from gateway.cli.scan.scan import addresses_in, clean, config_text, scan, stable_name
-from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
+from gateway.cli.scan.scan import addresses_in, config_text, scan, stable_name
+from gateway.cli.scan.search import Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
 from gateway.families.devices.device import Identity
@@ -68,40 +68,6 @@ def test_x_05_nothing_is_written_and_only_reads_that_every_family_allows_are_sen
     assert functions(bus) <= READS
     assert [list(unit.writes) for unit in bus.units] == [[], [], [], []]
     assert bus.violations == []
-
-
-def test_running_motors_go_on_running() -> None:
-    bus = SimulatedLine(TIMING, four_units())
-    for unit in bus.units:
-        unit.motor.start()
-
-    search(bus)
-
-    assert all(unit.motor.is_turned_on for unit in bus.units)
-
-
-def test_likely_addresses_are_tried_at_every_setting_before_the_others() -> None:
-    bus = SimulatedLine(LineTiming(9600, Framing.parse("8N2")), [make_unit("ssw07", 2)])
-    steps = io.StringIO()
-
-    search(
-        bus,
-        timings=timings_in_order((19200, 9600), ("8N2",)),
-        addresses="1-247",
-        progress=Progress(steps),
-    )
-
-    opened_at_9600 = steps.getvalue().index("9600")
-    assert "address 17" not in steps.getvalue()[:opened_at_9600]
-
-
-def test_the_other_settings_are_tried_too_when_asked_for() -> None:
-    bus = SimulatedLine(TIMING, [make_unit("ssw07", 2)])
-    timings = timings_in_order((19200, 9600), ("8N2",))
-
-    search(bus, timings=timings, addresses="1-4", goes_on=True)
-
-    assert bus.opened == 2
 
 
 def test_the_likeliest_setting_comes_first_and_none_is_left_out() -> None:
@@ -174,16 +140,6 @@ def test_strangers_and_impossible_settings_are_left_out_with_the_reason() -> Non
     assert "# address 3 at 19200 8N2: no known starter: a?b?[2J" in text
 
 
-def test_no_configuration_comes_of_nothing_or_of_strangers() -> None:
-    assert config_text("/dev/ttyUSB0", []) == ""
-    assert config_text("/dev/ttyUSB0", [find(None, 3)]) == ""
-    assert config_text("/dev/ttyUSB0", [find("sst", 3, "8E1")]) == ""
-
-
-def test_texts_of_a_unit_cannot_harm_the_terminal() -> None:
-    assert clean("SSW-07\x07 \u202e85A") == "SSW-07? ?85A"
-
-
 @pytest.mark.parametrize(("text", "expected"), [("7", (7,)), ("1-3", (1, 2, 3)), ("2,1-2,247", (2, 1, 247))])
 def test_addresses_are_given_as_ranges(text: str, expected: tuple[int, ...]) -> None:
     assert addresses_in(text) == expected
@@ -250,20 +206,6 @@ class SlowlyClosedOpener:
         await self._adapter.wait_closed()
 
 
-def test_all_rates_framings_and_addresses_of_a_silent_line_are_tried_on_a_port_that_closes_late() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    timings = timings_in_order(BAUDS, FRAMINGS)
-
-    async def search_all() -> list[Find]:
-        quiet = Progress(io.StringIO())
-        return await scan(SearchSettings(timings, addresses_in("1-247")), adapter.opener, quiet)
-
-    assert run_virtually(search_all()) == []
-    assert adapter.timings == [*timings, *timings]
-    requests = [decode(frame.data).unit for frame in adapter.bus.transcript]
-    assert requests[-231:] == list(range(17, 248))
-
-
 def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> None:
     adapter = SlowlyClosed(SimulatedLine(TIMING, [make_unit("ssw07", 3)]))
     adapter.loses_at = [2, 3]
@@ -275,29 +217,3 @@ def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> Non
 
     assert families(run_virtually(search_all())) == {3: "ssw07"}
     assert adapter.timings == [timings[0], TIMING, TIMING, TIMING]
-
-
-def test_a_port_that_never_opened_is_an_error_at_once() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    adapter.loses_at = [1]
-
-    async def search_all() -> None:
-        wish = SearchSettings((TIMING,), addresses_in("1-4"))
-        with pytest.raises(PortError):
-            await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    run_virtually(search_all())
-    assert adapter.timings == [TIMING]
-
-
-def test_a_port_that_stays_away_ends_the_search() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    adapter.loses_at = list(range(2, 100))
-
-    async def search_all() -> None:
-        wish = SearchSettings(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
-        with pytest.raises(PortError, match="no such port"):
-            await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    run_virtually(search_all())
-    assert len(adapter.timings) == 7

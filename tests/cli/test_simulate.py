@@ -67,19 +67,6 @@ def test_an_ssw900_has_the_softplc_markers_of_the_configuration() -> None:
     assert talk.ask(ReadCoils(9, 1)) == (True,)
 
 
-def test_a_braked_motor_shows_it_until_standstill() -> None:
-    talk = talk_to("ssw06", "[line.starter.simulated]\nbraking_s = 3.0")
-    talk.ask(WriteCoil(100, is_on=True))
-    talk.wait(10.0)
-
-    talk.ask(WriteCoil(100, is_on=False))
-    talk.wait(1.0)
-    assert word(talk, 5001) & 0x0201 == 0x0200
-    talk.wait(2.1)
-    assert word(talk, 5001) & 0x0201 == 0
-    assert not talk.unit.motor.is_turning
-
-
 @pytest.mark.parametrize(
     ("family", "more", "text"),
     [
@@ -135,14 +122,6 @@ def test_the_motor_of_a_simulated_starter_and_its_supply_are_as_configured() -> 
     assert (motor.data.ramp_up_s, motor.data.wear_per_start_pct) == pytest.approx((12.0, 2.0))
     assert motor.line_voltage_pct == pytest.approx(95.0)
     assert motor.lost_phase == 2
-
-
-def test_a_motor_of_which_nothing_is_configured_is_as_ever() -> None:
-    motor = talk_to("ssw07", "").unit.motor
-
-    assert motor.line_voltage_pct == pytest.approx(100.0)
-    assert motor.lost_phase is None
-    assert motor.friction_pct == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(("model", "number"), [("SST130i", 130), ("sst360i", 360), ("SST130i-140-M-ES", 130)])

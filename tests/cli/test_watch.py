@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from gateway.cli.watch.overview import Overview, Signal
+from gateway.cli.watch.overview import Overview
 from gateway.cli.watch.table import render
 from gateway.records import rfc3339
 
@@ -79,40 +79,12 @@ def test_those_that_someone_must_look_at_come_first() -> None:
     assert "locked by alice" in published.text()
 
 
-def test_a_retained_token_is_no_sign_of_life() -> None:
-    published = Published()
-    published.put("gateway/status", state="online")
-    published.token(NOW_S)
-
-    assert "NOT LIVE" in published.text()
-
-    published.token(NOW_S + 1.0)
-
-    assert "NOT LIVE" not in published.text(NOW_S + 1.0)
-
-
 def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
     published = Published()
     published.live()
 
     assert "NOT LIVE" not in published.text(NOW_S + 12.0)
     assert "NOT LIVE for 13 s" in published.text(NOW_S + 13.0)
-
-
-def test_ages_go_by_the_gateways_own_clock() -> None:
-    published = Published()
-    published.live(ahead_s=-3600.0)
-    published.state("pump", "ready", time=rfc3339(NOW_S - 3600.0 - 7.0))
-
-    assert "7.0 s" in published.text()
-
-
-def test_a_state_that_is_not_good_has_a_question_mark() -> None:
-    published = Published()
-    published.state("pump", "running", quality="stale")
-
-    assert "running?" in published.text()
-    assert published.overview.rows()[0].signal is Signal.OUT_OF_SPEC
 
 
 def test_a_starter_that_is_withdrawn_goes() -> None:
@@ -157,16 +129,6 @@ def test_what_others_publish_there_changes_neither_table_nor_terminal(payload: b
 
     assert published.names() == ["pump"]
     assert "\x1b" not in published.text()
-
-
-def test_many_gateways_stand_in_one_table() -> None:
-    published = Published("starters/+")
-    published.state("pump", "ready")
-    published.only = "starters/other"
-    published.state("pump", "ready")
-
-    assert "starters/other" in published.text()
-    assert published.names() == ["pump", "pump"]
 
 
 def test_what_does_not_fit_the_terminal_is_counted() -> None:

@@ -6,7 +6,6 @@ import pytest
 
 from gateway.app.capacity import computed_of, prospects_of
 from gateway.config.convert import rights_of, setups_of, timing_of, tls_of
-from gateway.line.capacity.forecast import forecast
 from gateway.mqtt.connection.settings import TlsSettings
 from tests.config.sites import site
 
@@ -20,28 +19,6 @@ def test_a_starter_is_left_for_a_period_and_a_sweep_at_most() -> None:
     assert second.gap_s == pytest.approx(first.gap_s + 1.0, rel=0.05)
 
 
-def test_an_identification_counts_for_the_stop_latency() -> None:
-    (line,) = prospects_of(site())
-
-    polls = [each.poll for each in line.forecast.polls]
-    assert line.forecast.stop_latency_s > forecast(polls, timing_of(site().lines[0])).stop_latency_s
-
-
-def test_a_disabled_starter_costs_nothing() -> None:
-    (line,) = prospects_of(site(("every_s = 2.0", "enabled = false")))
-
-    assert [starter.table.name for starter in line.starters] == ["pump-1"]
-    assert {each.poll.unit for each in line.forecast.polls} == {1}
-
-
-def test_a_line_of_disabled_starters_has_no_load() -> None:
-    (line,) = prospects_of(
-        site(("every_s = 2.0", "enabled = false"), ("address = 1", "address = 1\nenabled = false"))
-    )
-
-    assert (line.forecast.load, line.starters, line.forecast.is_overloaded) == (0.0, (), False)
-
-
 def test_the_statistics_of_a_line_are_those_of_its_worst_starter() -> None:
     (line,) = prospects_of(site(("every_s = 2.0", "every_s = 2.0\nwatchdog_s = 10.0")))
 
@@ -51,24 +28,6 @@ def test_the_statistics_of_a_line_are_those_of_its_worst_starter() -> None:
     assert computed["stop_latency_s"] == round(line.forecast.stop_latency_s, 4)
     assert computed["is_paced"] is True
     assert computed_of(prospects_of(site())[0])["watchdog_margin_s"] is None
-
-
-@pytest.mark.parametrize(("watchdog_s", "has_margin"), [("10", True), ("0", False)])
-def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap_with_commands_under_way(
-    watchdog_s: str, *, has_margin: bool
-) -> None:
-    (line,) = prospects_of(site(("every_s = 2.0", f"watchdog_s = {watchdog_s}")))
-
-    starter = line.starters[1]
-
-    assert starter.margin_s == (10 - line.forecast.watchdog_gaps_s[2] if has_margin else None)
-    assert not has_margin or line.forecast.watchdog_gaps_s[2] > starter.gap_s
-
-
-def test_a_watchdog_is_served_however_long_the_periods_are() -> None:
-    (line,) = prospects_of(site(("every_s = 2.0", "every_s = 60.0\nwatchdog_s = 5.0")))
-
-    assert 2.5 < line.starters[1].gap_s < 3.1
 
 
 def test_the_lower_layers_get_plain_values() -> None:

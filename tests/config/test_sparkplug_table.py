@@ -18,10 +18,6 @@ def problems(folder: Path, table: str) -> list[str]:
     return [f"{each.key}: {each.what}" for each in caught.value.problems]
 
 
-def test_without_the_table_there_is_no_node(tmp_path: Path) -> None:
-    assert not is_wanted(site(tmp_path, ""))
-
-
 def test_by_default_the_node_is_the_gateway_at_the_main_broker_and_takes_no_commands(tmp_path: Path) -> None:
     read = site(tmp_path, '[sparkplug]\ngroup = "plant"\noperator = "scada"\n')
     settings = settings_of(read, seed=1)
@@ -60,14 +56,3 @@ operator = "scada"
     assert all(each.tls is not None and each.version is Version.V311 for each in settings.servers)
     assert (settings.node, settings.primary_host, settings.operator) == ("Gateway 1", "scada", "scada")
     assert "secret of" not in repr(settings)
-
-
-def test_no_secret_is_shown(tmp_path: Path) -> None:
-    assert "secret of" not in repr(site(tmp_path, '[sparkplug]\ngroup = "plant"\n'))
-
-
-@pytest.mark.parametrize("group", ["", "a/b", "a+", "#"])
-def test_a_group_has_no_reserved_sign(tmp_path: Path, group: str) -> None:
-    (problem,) = problems(tmp_path, f'[sparkplug]\ngroup = "{group}"\n')
-
-    assert problem.startswith("sparkplug.group")

@@ -45,12 +45,6 @@ def test_a_limit_on_the_length_is_met_and_longer_rows_stay_whole() -> None:
         assert start + count(read) == max(ends)
 
 
-def test_a_row_of_which_the_manual_is_not_sure_is_read_alone_where_unknown_registers_read_0() -> None:
-    reads = bulk_reads(load_profile("ssw900"), ["S3.1.1", "S3.1.2"])
-
-    assert {each.codes for each in reads} == {("S3.1.1",), ("S3.1.2",)}
-
-
 def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
     profile = load_profile("ssw900")
 
@@ -70,12 +64,6 @@ def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() 
     assert "P089" not in codes
     assert "P200" not in codes
     assert "h500*1" in [shown(each.request) for each in reads]
-
-
-def test_a_family_without_raw_words_has_no_more_than_it_names() -> None:
-    profile = load_profile("sst")
-
-    assert readable_codes(profile, with_unnamed=True) == readable_codes(profile)
 
 
 def test_a_refused_read_is_halved_down_to_its_rows() -> None:

@@ -11,7 +11,7 @@ from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import RULES
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.procedure import REFUSALS, Preparation, Procedure
+from gateway.families.profile.procedure import REFUSALS, Procedure
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import rows_in
 
@@ -158,23 +158,6 @@ def check_refusals_and_reads(
     except CommandError as error:
         code = error.code
     assert code in ("", *REFUSALS)
-
-
-@given(PROFILES, SLOTS, st.dictionaries(st.text(max_size=8), VALUES), st.data())
-def test_a_stop_is_never_refused(profile: Profile, variant: Variant, args: dict[str, Any], data: Any) -> None:
-    seen = data.draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
-
-    assert prepare(profile, variant, "stop", args) == Preparation(reads=(), requires=())
-    assert build(profile, variant, "stop", args, seen=seen).steps
-
-
-@given(WORDS, st.sampled_from([1, 2, None]))
-def test_a_stop_never_leaves_the_run_bit_of_an_ssw900_set(last: int, slot: Any) -> None:
-    seen = {"S5.2.5": (last,), "S5.2.6": (last,)}
-
-    procedure = build(load_profile("ssw900"), Variant(slot=slot), "stop", {}, seen=seen)
-
-    assert all(not word & 0x05 for _, _, word in writes(procedure))
 
 
 @given(WORDS, WORDS)

@@ -10,9 +10,6 @@ from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import identify, identify_requests, matches, why_not
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.device_id import DeviceIdentification
-from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.description import info_of
-from tests.families.notation import rows
 
 
 def weg(product: str, revision: str = "V1.20") -> DeviceIdentification:
@@ -111,22 +108,6 @@ def test_a_unit_is_proved_to_be_another_only_where_it_names_itself_or_shows_it()
     assert not identity("ssw900", fc43=weg("SS"), slots=(0, 2)).lacks
 
 
-@pytest.mark.parametrize(
-    ("text", "current_a"),
-    [
-        ("SSW-07 85.0A", 85.0),
-        ("SSW-07 85A", 85.0),
-        ("SSW-08 17A", 17.0),
-        ("SSW-07", None),
-        ("SSW-07 17,5A", 17.5),
-    ],
-)
-def test_model_firmware_and_rated_current_are_those_of_the_text(text: str, current_a: float | None) -> None:
-    seen = identity("ssw07", fc43=weg(text))
-
-    assert (seen.model, seen.firmware, seen.rated_current_a) == (text, "1.20", current_a)
-
-
 @pytest.mark.parametrize("filling", ["\0\0", "\n", "\x1b[2J", "\x02\x05V1.60", "\xff"])
 def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
     seen = identity("ssw07", fc43=weg(f"SSW-07 85.0A{filling}", f"V1.60{filling}"))
@@ -182,12 +163,3 @@ def test_the_serial_number_of_an_sst_takes_four_registers_only_when_they_are_use
     words: tuple[int, ...], serial: str | None
 ) -> None:
     assert identity("sst", **sst(330, *words)).serial == serial
-
-
-def test_info_gives_rated_current_hardware_and_accessories() -> None:
-    ssw07 = Identity(family_seen="ssw07", rated_current_a=85.0, hardware="6.1", accessories=("RS-485", "CAN"))
-    setup = StarterSetup("p", "l", 1, load_profile("ssw07"), rows("slot=0")[0])
-
-    info = info_of(setup, merged(setup.variant, ssw07), ssw07)
-
-    assert (info.rated_current_a, info.hardware, info.accessories) == (85.0, "6.1", ("RS-485", "CAN"))

@@ -13,7 +13,6 @@ from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 WEG = {**WEG_AT_REST, "remote": True, "current_limit": False, "full_voltage": False}
 SST = {**SST_AT_REST, "coil7": False, "coil8": False}
 AT_REST = {"ssw06": WEG, "ssw07": WEG, "ssw900": WEG, "sst": SST}
-FAULT = {"fault": True}  # what a reset wants
 
 
 def codes(family: str, rule: str, points: dict[str, Any]) -> list[str]:
@@ -56,11 +55,6 @@ def test_a_reading_breaks_a_rule_with_a_code_that_says_what_is_wrong(
     assert "required" not in violation.text  # never what would have been right
 
 
-def test_a_reset_demands_a_fault() -> None:
-    assert codes("ssw06", "has_fault", {**WEG, **FAULT}) == []
-    assert codes("ssw06", "has_fault", WEG) == ["no_fault_to_reset"]
-
-
 @pytest.mark.parametrize(
     ("family", "rule"),
     [
@@ -73,29 +67,8 @@ def test_an_unknown_reading_breaks_a_rule(family: str, rule: str) -> None:
     assert len(codes(family, rule, {})) == 1
 
 
-@pytest.mark.parametrize(
-    ("change", "reading"),
-    [
-        ({"s5_1_1_13": True}, "the state is not_ready: the time after a stop is not over"),
-        ({"general_enabled": None}, "the state is unknown: general_enabled is unknown"),
-        ({"fault": None}, "the state is unknown"),
-        ({"running": True}, "the state is running"),
-    ],
-)
-def test_why_a_starter_is_not_ready_is_reported(change: dict[str, Any], reading: str) -> None:
-    (violation,) = check(load_profile("ssw900"), ["is_ready"], {**WEG_AT_REST, **change})
-
-    assert f"({reading})" in violation.text
-
-
 def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
     assert codes("ssw07", "is_stopped", {**WEG, "jog": None, "braking": None, "reversing": None}) == []
-
-
-def test_a_violation_says_what_was_read_and_what_to_do() -> None:
-    (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
-
-    assert violation.text == "the starter is in local mode (remote is false); switch it to remote"
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -213,25 +213,3 @@ def test_only_an_sst_that_is_not_initialised_may_refuse_run_0() -> None:
     free, _ = built("sst", "reset", AT_REST["sst"]).steps
 
     assert (barred.may_be_refused, free.may_be_refused) == (True, False)
-
-
-def test_the_words_of_an_ssw900_never_carry_a_run_command_that_was_seen_to_stand() -> None:
-    for text in ("reset", "general_enable on", "direction reverse"):
-        for step in built("ssw900", text, "S5.2.5=0x17").steps:
-            assert not int.from_bytes(step.request.encode()[3:5]) & 0x05
-
-
-def test_the_rows_that_a_family_protects_are_in_no_list_of_the_code() -> None:
-    table = {
-        family: (profile.protected.command_sources, profile.protected.connection)
-        for family in FAMILIES
-        for profile in [load_profile(family)]
-    }
-
-    assert set(table["ssw06"][0]) == {"P220", "P229", "P230"} == set(table["ssw07"][0])
-    assert {"C3.1", "C3.2", "C3.3", "C3.4"} <= set(table["ssw900"][0])
-    assert all(
-        section
-        for sources, connection in table.values()
-        for section in (*sources.values(), *connection.values())
-    )
