@@ -139,18 +139,3 @@ def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
         site.parent / "secret" / "mqtt.password"
     ).read_text() == "hunter2\n"  # not in the backup: it stays
     assert main(["restore", str(backup), "--replace"]) == 0  # one generation
-
-
-def test_with_another_place_a_state_of_elsewhere_stays_below_it(
-    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (site.parent / "state").rename(tmp_path / "var")
-    site.write_text(site.read_text().replace('"state"', f'"{tmp_path / "var"}"'))
-    main(["backup", str(site), str(tmp_path / "plant.tar.gz")])
-    before = files_below(tmp_path / "var")
-
-    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
-
-    assert (tmp_path / "new" / "state" / "gateway.sqlite").exists()
-    assert files_below(tmp_path / "var") == before
-    assert "the configuration names another state_dir" in capsys.readouterr().out

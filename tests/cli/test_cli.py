@@ -1,9 +1,7 @@
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
-import types
 
 import pytest
 
@@ -46,17 +44,3 @@ def test_a_reader_who_has_had_enough_draws_no_traceback() -> None:
 
         assert process.stderr.read() == b""
         assert process.wait(30.0) == 1
-
-
-def test_completion_is_left_to_argcomplete(monkeypatch: pytest.MonkeyPatch) -> None:
-    completed: list[argparse.ArgumentParser] = []
-    fake = types.ModuleType("argcomplete")
-    fake.autocomplete = completed.append  # type: ignore[attr-defined]  # a module of our own making
-    monkeypatch.setitem(sys.modules, "argcomplete", fake)
-    monkeypatch.setenv("_ARGCOMPLETE", "1")
-
-    main([])
-
-    (parser,) = completed
-    assert parser.parse_args(["encode", "ssw07", "1", "start"]).last_word is None  # it knows every command's
-    assert parser.parse_args(["check", "site.toml"]).json is False

@@ -161,13 +161,6 @@ def replace_data(row: HistoryRow, **data: Any) -> HistoryRow:
     return row._replace(data={**row.data, **data})
 
 
-def test_damaged_records_are_left_out_and_that_is_said(year: Year, tmp_path: Path) -> None:
-    start = next(row for row in year.rows if row.kind == "start")
-    rows = [replace_data(row, outcome="?") if row is start else row for row in year.rows]
-
-    assert "1 damaged records are left out" in text_of(asyncio.run(write(tmp_path, rows)), published={})
-
-
 def test_a_point_stands_where_the_axes_say() -> None:
     plot = Plot(256.0, 145.0, "s", "A", [PlotLine([(0.0, 0.0), (5.0, 50.0), (10.0, 100.0)])])
     root = ElementTree.fromstring(plot.svg())

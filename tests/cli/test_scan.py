@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,13 +14,13 @@ from gateway.cli.command import Progress
 from gateway.cli.scan.scan import addresses_in, config_text, scan, stable_name
 from gateway.cli.scan.search import Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
-from gateway.errors import PortError, UsageError
+from gateway.errors import UsageError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, Reply
-from gateway.sim.bus.port import SimulatedLine, SimulatedPort
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.virtual_time import run_virtually
@@ -161,59 +160,3 @@ def test_the_stable_name_of_an_adapter_is_preferred(tmp_path: Path) -> None:
     assert stable_name(str(tmp_path / "ttyS0"), by_id) == str(tmp_path / "ttyS0")
     assert stable_name(str(device), tmp_path / "none") == str(device)
     assert stable_name("socket://box:4001", by_id) == "socket://box:4001"
-
-
-class SlowlyClosed:
-    """An adapter that is closed some time after it was given up; until then it is busy."""
-
-    def __init__(self, bus: SimulatedLine) -> None:
-        self.bus = bus
-        self.timings: list[LineTiming] = []
-        self.loses_at: list[int] = []  # counts of openings that fail
-        self._is_closed = asyncio.Event()
-        self._is_closed.set()
-
-    def opener(self, timing: LineTiming) -> SlowlyClosedOpener:
-        return SlowlyClosedOpener(self, timing)
-
-    async def open(self, timing: LineTiming) -> SimulatedPort:
-        if not self._is_closed.is_set():
-            raise PortError("adapter", "busy")
-        self.timings.append(timing)
-        if len(self.timings) in self.loses_at:
-            raise PortError("adapter", "no such port")
-        self._is_closed.clear()
-        return self.bus.open(timing)
-
-    async def wait_closed(self) -> None:
-        await asyncio.sleep(0.05)
-        self._is_closed.set()
-
-
-class SlowlyClosedOpener:
-    """One setting of it; each setting has an opener of its own."""
-
-    name = "adapter"
-
-    def __init__(self, adapter: SlowlyClosed, timing: LineTiming) -> None:
-        self._adapter = adapter
-        self._timing = timing
-
-    async def __call__(self) -> SimulatedPort:
-        return await self._adapter.open(self._timing)
-
-    async def wait_closed(self) -> None:
-        await self._adapter.wait_closed()
-
-
-def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, [make_unit("ssw07", 3)]))
-    adapter.loses_at = [2, 3]
-    timings = [*timings_in_order((9600,), ("8N2",)), TIMING]
-
-    async def search_all() -> list[Find]:
-        wish = SearchSettings(tuple(timings), addresses_in("1-4"))
-        return await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    assert families(run_virtually(search_all())) == {3: "ssw07"}
-    assert adapter.timings == [timings[0], TIMING, TIMING, TIMING]

@@ -87,23 +87,6 @@ def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
     assert "NOT LIVE for 13 s" in published.text(NOW_S + 13.0)
 
 
-def test_a_starter_that_is_withdrawn_goes() -> None:
-    published = Published()
-    published.state("pump", "ready")
-    published.overview.take(f"{BASE}/starter/pump/state", b"", NOW_S)
-
-    assert published.names() == []
-
-
-def test_a_repeated_result_is_not_the_last_command() -> None:
-    published = Published()
-    published.state("pump", "ready")
-    published.put("result/pump/alice", verb="stop", phase="confirmed", code="ok")
-    published.put("result/pump/alice", verb="start", phase="confirmed", code="ok", duplicate=True)
-
-    assert published.overview.rows()[0].command == "alice stop: confirmed"
-
-
 @pytest.mark.parametrize(
     "payload",
     [

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.app.capacity import computed_of, prospects_of
-from gateway.config.convert import rights_of, setups_of, timing_of, tls_of
+from gateway.config.convert import tls_of
 from gateway.mqtt.connection.settings import TlsSettings
 from tests.config.sites import site
 
@@ -28,19 +28,6 @@ def test_the_statistics_of_a_line_are_those_of_its_worst_starter() -> None:
     assert computed["stop_latency_s"] == round(line.forecast.stop_latency_s, 4)
     assert computed["is_paced"] is True
     assert computed_of(prospects_of(site())[0])["watchdog_margin_s"] is None
-
-
-def test_the_lower_layers_get_plain_values() -> None:
-    config = site(("every_s = 2.0", 'every_s = 0\nslot = 2\nmodel = "SSW900"\nresponse_time_s = 0.2'))
-    line = config.lines[0]
-
-    second = setups_of(line)[1]
-
-    assert (timing_of(line).baud, str(timing_of(line).framing)) == (19200, "8E1")
-    assert (second.line, second.name, second.address, second.every_s) == ("pumps", "pump-2", 2, 0.0)
-    assert (second.variant.slot, second.variant.model, second.response_time_s) == (2, "SSW900", 0.2)
-    assert rights_of(config).is_allowed("alice", verb="stop", starter="pump-2")
-    assert not rights_of(config).is_allowed("bob", verb="stop", starter="pump-2")
 
 
 def test_files_are_looked_for_beside_the_configuration() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.integrations.sparkplug import is_wanted, settings_of
+from gateway.app.integrations.sparkplug import settings_of
 from gateway.errors import ConfigError
 from gateway.mqtt.connection.reconnect import Version
 from tests.sparkplug.sites import site
@@ -16,19 +16,6 @@ def problems(folder: Path, table: str) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         site(folder, table)
     return [f"{each.key}: {each.what}" for each in caught.value.problems]
-
-
-def test_by_default_the_node_is_the_gateway_at_the_main_broker_and_takes_no_commands(tmp_path: Path) -> None:
-    read = site(tmp_path, '[sparkplug]\ngroup = "plant"\noperator = "scada"\n')
-    settings = settings_of(read, seed=1)
-
-    assert is_wanted(read)
-    assert (settings.group, settings.node, settings.primary_host) == ("plant", "mcc1", None)
-    assert settings.operator is None
-    (server,) = settings.servers
-    assert (server.host, server.port, server.client_id) == ("localhost", 1884, "mcc1-spb")
-    assert (server.username, server.password) == ("gateway", "secret of main.password")
-    assert (server.version, server.tls) == (None, None)
 
 
 def test_servers_of_its_own_have_a_login_of_their_own(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.rows import Access
 from gateway.families.reading import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
-from tests.families.notation import shown
 
 
 def count(read: Read) -> int:
@@ -54,18 +53,6 @@ def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
     assert all(count(read) != count(following) for read, following in pairwise(reads))
 
 
-def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() -> None:
-    profile = load_profile("ssw07")
-
-    codes = readable_codes(profile, with_unnamed=True)
-    reads = bulk_reads(profile, codes)
-
-    assert "P500" in codes
-    assert "P089" not in codes
-    assert "P200" not in codes
-    assert "h500*1" in [shown(each.request) for each in reads]
-
-
 def test_a_refused_read_is_halved_down_to_its_rows() -> None:
     profile = load_profile("ssw06")
     (read,) = bulk_reads(profile, ["P030", "P031", "P032"])
@@ -74,17 +61,6 @@ def test_a_refused_read_is_halved_down_to_its_rows() -> None:
 
     assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
     assert halves(profile, first) == ()
-
-
-def test_two_names_of_one_register_stay_distinct() -> None:
-    profile = load_profile("ssw900")
-    (read,) = bulk_reads(profile, ["S6.4.1", "C11.3.1", "S6.4.2"])
-
-    first, second = halves(profile, read)
-
-    assert set(first.codes) == {"S6.4.1", "C11.3.1"}
-    assert second.codes == ("S6.4.2",)
-    assert [len(part.codes) for part in halves(profile, first)] == [1, 1]
 
 
 @pytest.mark.parametrize(

@@ -100,14 +100,6 @@ def test_why_a_unit_is_not_of_a_family_is_said(family: str, answers: dict[str, A
     assert (why_not(load_profile(family), identity(family, **answers)) or "").startswith(why)
 
 
-def test_a_unit_is_proved_to_be_another_only_where_it_names_itself_or_shows_it() -> None:
-    assert not identity("ssw06", fc43=weg("")).lacks  # no name says nothing
-    assert not identity("ssw07", fc43=weg("")).lacks
-    assert identity("ssw900", fc43=weg("SS"), slots=(0, 0)).lacks
-    assert not identity("ssw900", fc43=weg("SS")).lacks
-    assert not identity("ssw900", fc43=weg("SS"), slots=(0, 2)).lacks
-
-
 @pytest.mark.parametrize("filling", ["\0\0", "\n", "\x1b[2J", "\x02\x05V1.60", "\xff"])
 def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
     seen = identity("ssw07", fc43=weg(f"SSW-07 85.0A{filling}", f"V1.60{filling}"))

@@ -178,11 +178,3 @@ def test_an_alias_must_be_on_the_same_register(tmp_path: Path, alias: str) -> No
     replace(directory / "parameters.csv", "^(S3.1.3.1,.*),S5.1.1,", rf"\1,{alias},")
 
     assert f"S3.1.3.1: {alias} is not on the same register" in problems_of(directory)
-
-
-@pytest.mark.parametrize("test", ["true_when = [1]", "zero_is_missing = true"])
-def test_a_test_of_a_value_needs_a_number(tmp_path: Path, test: str) -> None:
-    directory = Path(shutil.copytree(PROFILES / "ssw900", tmp_path / "ssw900"))
-    replace(directory / "family.toml", "^s3_1_2 = .*", f's3_1_2 = {{ code = "C6.3.1", {test} }}')
-
-    assert problems_of(directory) == ["points.s3_1_2: C6.3.1 is no number"]

@@ -10,7 +10,7 @@ import pytest
 from gateway.errors import ProfileError, UsageError
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile, read_profile
 from gateway.families.profile.names import meaning_of, printed_name
-from gateway.families.profile.rows import Alarm, Confidence
+from gateway.families.profile.rows import Confidence
 
 SSW06 = Path(__file__).parents[2] / "gateway" / "families" / "profiles" / "ssw06"
 
@@ -52,21 +52,6 @@ def test_a_name_that_no_manual_at_hand_confirms_says_so(family: str) -> None:
     for alarm in load_profile(family).alarms:
         assert alarm.source
         assert (alarm.confidence is Confidence.INFERRED) == ("not in this manual" in alarm.text)
-
-
-@pytest.mark.parametrize(
-    ("alarm", "title"),
-    [
-        (Alarm(code="e05", severity="fault", text="Motor overload"), "E05 Motor overload"),
-        (
-            Alarm(code="e42", severity="fault", text="Fault E42 (not in the manual)"),
-            "Fault E42 (not in the manual)",
-        ),
-        (Alarm(code="fault", severity="fault", text="Fault, its number"), "Fault, its number"),
-    ],
-)
-def test_a_title_has_the_code_once(alarm: Alarm, title: str) -> None:
-    assert alarm.title == title
 
 
 def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewhere() -> None:

@@ -181,11 +181,6 @@ def test_values_that_the_manual_does_not_allow_are_refused(
     assert refusal(family, code, value) == why
 
 
-def test_a_refusal_names_the_range_in_the_rows_unit() -> None:
-    with pytest.raises(CommandError, match=r"C2\.2 takes 0\.1\.\.2424\.0 A"):
-        words("ssw900", "C2.2", 0)
-
-
 @pytest.mark.parametrize(
     ("model", "limits"),
     [

@@ -114,13 +114,6 @@ def test_the_ssw07_has_no_alarm_bit_and_some_bits_only_from_newer_firmware() -> 
     assert late == {"jog", "braking", "reversing", "reverse"}
 
 
-def test_the_rated_scaled_rows_of_the_ssw06_are_the_fifteen_of_its_manual() -> None:
-    rows = load_profile("ssw06").parameters.values()
-
-    numbers = [3, 10, 11, 30, 31, 32, 47, 48, 53, 60, 63, 66, 69, 72, 75]
-    assert [row.address for row in rows if row.is_rated_scaled] == numbers
-
-
 @pytest.mark.parametrize(
     ("family", "numbers"),
     [
@@ -144,12 +137,6 @@ def test_response_times_are_the_manuals_or_said_to_be_ours(
     )
 
 
-def test_the_sst_takes_frames_of_54_bytes() -> None:
-    limits = load_profile("sst").limits
-
-    assert (limits.frame_bytes, limits.read_registers, limits.write_registers) == (54, 24, 22)
-
-
 @pytest.mark.parametrize(
     ("family", "codes"),
     [
@@ -169,10 +156,3 @@ def test_factory_settings_are_those_that_the_manual_prints(family: str, codes: d
         assert row.raw_min is not None
         assert row.raw_max is not None
         assert row.raw_min <= raw <= row.raw_max
-
-
-@pytest.mark.parametrize(
-    ("family", "point"), [("ssw07", "p050"), ("ssw900", "s4_2_1"), ("ssw06", ""), ("sst", "")]
-)
-def test_the_row_of_the_thermal_image_is_named_once_and_is_a_point(family: str, point: str) -> None:
-    assert load_profile(family).thermal_point == point
