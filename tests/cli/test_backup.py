@@ -20,7 +20,7 @@ from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
-from tests.cli.backup_site import HASH, files_below, lock_of, manifest_of, names_in
+from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
 
 
 def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_asked_for(
@@ -116,26 +116,3 @@ def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(si
     later = ClockReading(year_s + 5.0, here.utc_s + 5.0, "another")
     history.restore(stored, now_s=1000.0, reading=later)
     assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
-
-
-def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    state = site.parent / "state"
-    before = files_below(site.parent)
-    (state / "wear.json").write_text('{"writes": {"pump": 9}}')
-
-    assert main(["restore", str(backup)]) == 1
-    assert files_below(site.parent) == before
-    assert "already there: " in capsys.readouterr().err
-    assert main(["restore", str(backup), "--replace"]) == 0
-
-    assert json.loads((state / "wear.json").read_text())["writes"] == {"pump": 1}
-    assert json.loads((state / "before-restore" / "wear.json").read_text())["writes"] == {"pump": 9}
-    assert (state / "before-restore" / "audit" / "audit-00000001.jsonl").exists()
-    assert (state / "before-restore").stat().st_mode & 0o077 == 0
-    assert HASH in (site.parent / "site.toml.before-restore").read_text()
-    assert (
-        site.parent / "secret" / "mqtt.password"
-    ).read_text() == "hunter2\n"  # not in the backup: it stays
-    assert main(["restore", str(backup), "--replace"]) == 0  # one generation

@@ -61,15 +61,6 @@ def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: 
             assert {each.name for each in logins if allows(each, topic.name, writing=False)} == topic.readers
 
 
-def test_no_probe_of_the_proof_gets_through_where_something_exists() -> None:
-    config = site(NAMED, DATED, WITH_ALL)
-    logins = logins_of(config, KitSettings())
-
-    real = [topic for topic in topics_of(config, logins) if "pump-1" in topic.name]
-    assert {topic.name.rpartition("/")[2] for topic in real} >= {"start", "state", "pump-1"}
-    assert all(topic.is_real for topic in real)
-
-
 @pytest.mark.parametrize(
     ("guests", "what"),
     [
@@ -232,14 +223,3 @@ def test_wrong_options_are_refused_before_anything_is_written(
 
     assert what in capsys.readouterr().err
     assert not (tmp_path / "kit").exists()
-
-
-def test_a_topic_with_a_space_is_refused_for_a_bridge(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    spaced = (WITH_ALL[0], WITH_ALL[1].replace('"plant"', '"Werk Süd"'))
-    config_file.write_text(changed(NAMED, spaced), "utf-8")
-
-    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--bridge", "central"]) == 2
-
-    assert "spBv1.0/Werk Süd/NBIRTH/mcc1: Mosquitto's bridges take no space" in capsys.readouterr().err

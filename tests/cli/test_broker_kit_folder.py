@@ -57,20 +57,6 @@ def test_a_folder_with_other_things_in_it_is_left_alone(
     assert contents(tmp_path / "kit") == before
 
 
-@pytest.mark.parametrize("name", ["ca.key", "mosquitto.conf"])
-def test_a_symbolic_link_in_a_kit_is_replaced_and_not_followed(kit: Kit, tmp_path: Path, name: str) -> None:
-    assert kit() == 0
-    elsewhere = tmp_path / "elsewhere"
-    (tmp_path / "kit" / name).rename(elsewhere)
-    (tmp_path / "kit" / name).symlink_to(elsewhere)
-    before = elsewhere.read_bytes()
-
-    assert kit("--force") == 0
-
-    assert not (tmp_path / "kit" / name).is_symlink()
-    assert elsewhere.read_bytes() == before
-
-
 def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_this_broker(
     kit: Kit, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

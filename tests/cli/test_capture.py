@@ -13,6 +13,7 @@ import pytest
 from gateway.cli.main import main
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
+from tests.config.sites import SITE
 from tests.tshark import dissect, need_tshark, summaries
 
 START_US = 1_760_000_000_000_001
@@ -20,23 +21,6 @@ READ = ReadHoldingRegisters(3, 2)
 ASKED = adu.encode(1, READ.encode())
 SAID = adu.encode(1, READ.encode_reply((500, 400)))
 GARBLED = SAID[:-1] + bytes((SAID[-1] ^ 1,))
-
-SITE = """
-[gateway]
-name = "mcc1"
-state_dir = "state"
-[mqtt]
-url = "mqtt://127.0.0.1"
-[[line]]
-name = "pumps"
-port = "/dev/ttyUSB0"
-baud = 19200
-framing = "8E1"
-[[line.starter]]
-name = "pump-1"
-address = 1
-family = "ssw07"
-"""
 
 
 def reported(line: str, time_us: int, direction: str, frame: bytes) -> dict[str, Any]:
@@ -57,7 +41,7 @@ FRAMES = [
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     path = tmp_path / "site.toml"
-    path.write_text(SITE)
+    path.write_text(SITE.replace('name = "mcc1"', 'name = "mcc1"\nstate_dir = "state"'))
     (tmp_path / "state").mkdir()
     return path
 

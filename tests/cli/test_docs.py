@@ -32,11 +32,6 @@ def test_the_documentation_is_served_on_loopback(site: Path) -> None:
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_the_folder_of_the_documentation_is_printed(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["docs", "--path"]) == 0
-    assert capsys.readouterr().out == f"{site}\n"
-
-
 def test_a_port_in_use_is_said_with_a_remedy(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))

@@ -67,18 +67,6 @@ def test_a_row_has_state_current_alarm_age_and_the_last_command() -> None:
         assert part in row
 
 
-def test_those_that_someone_must_look_at_come_first() -> None:
-    published = Published()
-    for name, state in (("a", "ready"), ("b", "running"), ("c", "fault"), ("d", "ready"), ("e", "ready")):
-        published.state(name, state)
-    published.put("starter/d/availability", state="offline", reason="silent")
-    published.state("e", "ready", locked={"by": "alice", "reason": "bearing"})
-
-    assert published.names() == ["c", "d", "e", "b", "a"]
-    assert "offline: silent" in published.text()
-    assert "locked by alice" in published.text()
-
-
 def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
     published = Published()
     published.live()
@@ -112,16 +100,3 @@ def test_what_others_publish_there_changes_neither_table_nor_terminal(payload: b
 
     assert published.names() == ["pump"]
     assert "\x1b" not in published.text()
-
-
-def test_what_does_not_fit_the_terminal_is_counted() -> None:
-    published = Published()
-    for number in range(247):
-        published.state(f"pump-{number:03}", "ready")
-    published.put("starter/pump-246/state", state="fault", quality="good")
-
-    text = published.text(height=24)
-
-    assert len(text.splitlines()) <= 24
-    assert "pump-246" in text
-    assert "more starters" in text

@@ -38,25 +38,6 @@ def found(more: str, *changes: tuple[str, str]) -> ConfigChanges:
     return changes_of(parse(SITE + more, "site.toml"), parse(text, "site.toml"))
 
 
-def test_another_period_is_not_another_starter() -> None:
-    changes = found("", ("every_s = 2.0", "every_s = 3.0"))
-
-    assert changes.to_dict() == {"starters_paced": ["pump-2"]}
-    assert changes.paces == (("pump-2", 3.0),)
-    assert changes.starters_gone == ()
-
-
-def test_a_starter_comes_and_goes_without_the_others() -> None:
-    new = 'name = "pump-3"\naddress = 3\nfamily = "ssw07"\n\n[[line.starter]]\nname = "pump-2"'
-
-    assert reported(('name = "pump-2"', new)) == {"starters_added": ["pump-3"]}
-    changes = found("", ('name = "pump-1"', 'name = "pump-9"'))
-    assert changes.to_dict() == {"starters_added": ["pump-9"], "starters_removed": ["pump-1"]}
-    assert changes.starters_gone == changes.starters_forgotten == ("pump-1",)
-    assert [each.name for comers in changes.starters_new for each in comers.starters] == ["pump-9"]
-    assert changes.lines_gone == changes.lines_new == ()
-
-
 def test_a_starter_that_is_another_machine_ends_and_begins() -> None:
     for change in (
         ("address = 1", "address = 9"),

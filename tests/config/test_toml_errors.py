@@ -95,16 +95,6 @@ def test_every_message_of_the_parser_is_known() -> None:
     assert [message for message in reported if not message.startswith(known)] == []
 
 
-@pytest.mark.parametrize(
-    "message", ["Something new (at line 2, column 3)", "Something new (at end of document)", "New"]
-)
-def test_a_message_that_is_not_known_is_a_plain_sentence(message: str) -> None:
-    problem = syntax_problem(tomllib.TOMLDecodeError(message), "a = 1\nb = 2\n")
-
-    assert problem.what.startswith("this is not written as TOML")
-    assert problem.hint == "see https://toml.io"
-
-
 def error_of(text: str) -> ValueError:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - which one is what is being tested
         tomllib.loads(text)

@@ -31,19 +31,6 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     assert all(not each.request.is_write for each in reads)
 
 
-def test_a_limit_on_the_length_is_met_and_longer_rows_stay_whole() -> None:
-    profile = load_profile("ssw900")
-
-    reads = bulk_reads(profile, readable_codes(profile), longest=24)
-
-    assert max(count(each) for each in reads) <= 24
-    owners = {row.code: row for row in profile.parameters.values()}
-    for read in reads:
-        start = read.request.address  # type: ignore[attr-defined]
-        ends = [owners[code].address + owners[code].words for code in read.codes]
-        assert start + count(read) == max(ends)
-
-
 def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
     profile = load_profile("ssw900")
 

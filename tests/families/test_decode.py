@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from gateway.families.profile.decode import decode_points, is_known
+from gateway.families.profile.decode import is_known
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Point, Variant
-from tests.families.decoding import UNKNOWN, decoded, points, value
+from tests.families.decoding import decoded, points, value
 
 HOLDING = Table.HOLDING
 
@@ -165,14 +165,3 @@ def test_bits_that_old_firmware_does_not_have_are_unknown_there(firmware: str | 
     assert found["jog"] is (None if firmware in ("V1.30", "1.3") else True)
     assert found["running"] is True
     assert is_known(Point(code="VB01").since_firmware, Variant(firmware="V0.01"))
-
-
-def test_a_combination_of_unknown_points_is_unknown_unless_one_is_true() -> None:
-    profile = load_profile("ssw07")
-    at_rest = Point(none_of=("running", "jog"), group="status")
-    profile = profile.model_copy(update={"points": {**profile.points, "at_rest": at_rest}})
-    old = Variant(firmware="V1.30")  # knows nothing of jog
-
-    assert decode_points(profile, old, {"VB01": (0,)})["at_rest"].value is None
-    assert decode_points(profile, old, {"VB01": (1,)})["at_rest"].value is False
-    assert decode_points(profile, UNKNOWN, {"VB01": (0,)})["at_rest"].value is True

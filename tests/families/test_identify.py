@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import identify, identify_requests, matches, why_not
+from gateway.families.diagnosis.identify import identify, identify_requests, matches
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.device_id import DeviceIdentification
 
@@ -81,23 +81,6 @@ def test_a_unit_is_of_the_family_that_its_answers_prove(
     assert found.family_seen == seen
     assert found.reason
     assert matches(load_profile(family), found) is (seen == family)
-
-
-@pytest.mark.parametrize(
-    ("family", "answers", "why"),
-    [
-        ("ssw07", {"fc43": weg("SSW-06 85.0A")}, "it is ssw06, not ssw07: FC43 names 'SSW-06 85.0A'"),
-        ("ssw06", {"fc43": weg("CFW-11"), "register": (15,)}, "it is not ssw06: FC43 names 'CFW-11'"),
-        ("ssw07", {"fc43": weg("CFW-11"), "register": (15,)}, "it is not ssw07: FC43 names 'CFW-11'"),
-        (
-            "ssw06",
-            {"fc43": weg("SSW-06 85.0A"), "register": (7,)},
-            "it is not ssw06: FC43 names 'SSW-06 85.0A'; VB00 is 7 and should be 15",
-        ),
-    ],
-)
-def test_why_a_unit_is_not_of_a_family_is_said(family: str, answers: dict[str, Any], why: str) -> None:
-    assert (why_not(load_profile(family), identity(family, **answers)) or "").startswith(why)
 
 
 @pytest.mark.parametrize("filling", ["\0\0", "\n", "\x1b[2J", "\x02\x05V1.60", "\xff"])

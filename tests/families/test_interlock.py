@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.command.interlock import RULES, check, points_needed
-from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.command.interlock import check
+from gateway.families.profile.load import load_profile
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 WEG = {**WEG_AT_REST, "remote": True, "current_limit": False, "full_voltage": False}
@@ -69,15 +69,3 @@ def test_an_unknown_reading_breaks_a_rule(family: str, rule: str) -> None:
 
 def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
     assert codes("ssw07", "is_stopped", {**WEG, "jog": None, "braking": None, "reversing": None}) == []
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_rules_of_a_profile_exist_and_look_at_points_of_the_family(family: str) -> None:
-    profile = load_profile(family)
-
-    assert {rule for command in profile.commands.values() for rule in command.requires} <= set(RULES)
-    for rule in RULES:
-        assert set(points_needed(profile, (rule,))) <= set(profile.points)
-    if family == "ssw06":  # its adjusting mode decides too
-        needed = set(points_needed(profile, ("is_ready",)))
-        assert {"vb06", "general_enabled", "power_present", "running"} <= needed

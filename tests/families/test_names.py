@@ -66,20 +66,6 @@ def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewher
     assert all(row is spanish.parameters[row.code] for rows in spanish.rows_at.values() for row in rows)
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_a_language_changes_no_key_no_register_and_no_value_that_can_be_set(
-    family: str, language: str
-) -> None:
-    named, english = load_profile(family, language), load_profile(family)
-
-    assert [r.model_copy(update={"name": ""}) for r in named.parameters.values()] == [
-        r.model_copy(update={"name": ""}) for r in english.parameters.values()
-    ]
-    settable = [row.enum for row in english.parameters.values() if row.enum and row.is_writable]
-    assert [named.enums[key] for key in settable] == [english.enums[key] for key in settable]
-
-
 def test_a_language_that_does_not_exist_is_refused_with_those_that_do() -> None:
     with pytest.raises(UsageError, match="no language 'de'; there are en, es, pt"):
         load_profile("ssw06", "de")

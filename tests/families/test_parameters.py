@@ -10,11 +10,10 @@ from gateway.errors import CommandError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find, raw_limits, read_request, to_words
-from gateway.families.profile.rows import RESERVED, Confidence, Parameter
+from gateway.families.profile.rows import RESERVED, Parameter
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.word_types import to_percent
-from gateway.families.reading import rows_in
-from tests.families.notation import built, prepared, rows, shown
+from tests.families.notation import rows, shown
 
 WRITABLE = [
     (family, row)
@@ -92,24 +91,6 @@ def test_a_row_is_found_by_its_code_and_read_whole(family: str, code: str, found
 def test_what_cannot_be_asked_for_is_refused(family: str, code: str, why: str) -> None:
     with pytest.raises(CommandError, match=why):
         read_request(load_profile(family), find(load_profile(family), code))
-
-
-def test_what_no_manual_names_is_a_raw_word_or_bit_and_is_never_written() -> None:
-    ssw900, ssw07 = load_profile("ssw900"), load_profile("ssw07")
-    status, marker = prepared("ssw900", "read HR1600 S5.1.1").reads
-    (bit,) = prepared("ssw900", "read DI7").reads
-
-    assert (shown(marker.request), shown(status.request)) == ("h1600*1", "h680*1")
-    assert rows_in(ssw900, marker, (4711,)) == {"HR1600": (4711,)}
-    assert rows_in(ssw900, bit, (True,)) == {"DI7": (1,)}
-    for profile, code, word in ((ssw900, "HR1600", 4711), (ssw900, "DI7", 1), (ssw07, "P102", 1234)):
-        assert decode_row(profile, rows("")[0], find(profile, code), (word,)).value == word
-    assert built("ssw900", "read HR1600 S5.1.1").subjects == ("HR1600", "S5.1.1")
-    assert find(ssw07, "P102").confidence is Confidence.INFERRED
-    assert refusal("ssw07", "P102", 1) == "not_writable"
-    for code in ("HR1600", "HR20000", "COIL9", "HR685", "DI7"):
-        with pytest.raises(CommandError, match="not_writable"):
-            prepared("ssw900", f"set {code}=1")
 
 
 @pytest.mark.parametrize(

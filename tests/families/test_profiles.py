@@ -9,13 +9,6 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import factory_settings, to_words
 from gateway.families.profile.rows import Access, Confidence, Table
 
-COMMON_POINTS = """
-    running general_enabled fault alarm remote accelerating decelerating full_voltage current_limit
-    bypass_closed jog braking reversing reverse power_present current current_pct line_voltage output_voltage
-    line_frequency power_factor active_power apparent_power reactive_power torque_pct heatsink_temperature
-    fault_code starts_total ready_to_start configured
-"""
-
 
 def test_the_ssw900_has_every_row_member_bit_and_message_of_its_manual() -> None:
     profile = load_profile("ssw900")
@@ -51,15 +44,6 @@ def test_the_sst_has_43_registers_and_26_coils_with_addresses_one_below_their_nu
     assert [row.address for row in registers] == list(range(43))
     assert [row.code for row in coils] == [f"COIL{row.address + 1}" for row in coils]
     assert len(coils) == 26
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_points_have_the_common_names_or_the_manuals_code(family: str) -> None:
-    profile = load_profile(family)
-
-    for name, point in profile.points.items():
-        code = point.code if point.bit is None else f"{point.code}.{point.bit}"
-        assert name in COMMON_POINTS.split() or name == code.lower().replace(".", "_")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
