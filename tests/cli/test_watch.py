@@ -100,3 +100,19 @@ def test_what_others_publish_there_changes_neither_table_nor_terminal(payload: b
 
     assert published.names() == ["pump"]
     assert "\x1b" not in published.text()
+
+
+def test_what_somebody_must_look_at_comes_first_and_what_is_not_sure_has_a_question_mark() -> None:
+    published = Published()
+    for name, state in (("a", "ready"), ("b", "running"), ("c", "fault"), ("d", "ready"), ("e", "ready")):
+        published.state(name, state)
+    published.state("f", "running", quality="stale")
+    published.put("starter/d/availability", state="offline", reason="silent")
+    published.state("e", "ready", locked={"by": "alice", "reason": "bearing"})
+
+    text = published.text()
+
+    assert published.names() == ["c", "d", "f", "e", "b", "a"]
+    assert "offline: silent" in text
+    assert "locked by alice" in text
+    assert "running?" in text
