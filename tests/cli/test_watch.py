@@ -112,7 +112,7 @@ def test_what_somebody_must_look_at_comes_first_and_what_is_not_sure_has_a_quest
 
     text = published.text()
 
-    assert published.names() == ["c", "d", "f", "e", "b", "a"]
+    assert published.names() == ["c", "d", "e", "f", "b", "a"]
     assert "offline: silent" in text
     assert "locked by alice" in text
     assert "running?" in text
