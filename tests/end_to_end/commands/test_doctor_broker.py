@@ -13,7 +13,7 @@ from gateway.cli.doctor.machine import DoctorFinding
 from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
-from tests.cli.doctor_site import problems_in, site
+from tests.end_to_end.commands.doctor_site import problems_in, site
 from tests.mosquitto import StartMosquitto
 
 
