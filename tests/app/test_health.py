@@ -105,16 +105,6 @@ async def watched(world: World, *steps: tuple[float, Any]) -> None:
     await asyncio.wait([running])
 
 
-def test_the_watchdog_is_fed_well_within_its_limit_while_every_line_moves() -> None:
-    world = World()
-
-    run_virtually(watched(world, (21.0, None)))
-
-    gaps_s = [after - before for before, after in zip(world.fed_s, world.fed_s[1:], strict=False)]
-    assert max(gaps_s) <= LIMIT_S / 8 + 0.25
-    assert set(world.armed_s) == {LIMIT_S / 2}
-
-
 def test_a_line_that_stands_still_starves_the_watchdog() -> None:
     world = World()
 
@@ -152,14 +142,6 @@ def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -
     assert world.reported == [("lag", Severity.ERROR)] * 2
 
 
-def test_without_any_stated_watchdog_nothing_alarms() -> None:
-    world = World(shortest_watchdog_s=None)
-
-    run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
-
-    assert world.reported == []
-
-
 def fill(world: World, utilisation: float) -> Any:
     def act() -> None:
         world.line.utilisation = utilisation
@@ -182,17 +164,6 @@ def test_a_line_that_is_to_be_full_is_not_reported() -> None:
     run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
 
     assert world.reported == []
-
-
-def test_watchdogs_that_the_line_does_not_keep_are_reported() -> None:
-    world = World(computed={})
-
-    def leave() -> None:
-        world.line.watchdogs = {"load": 0.2, "longest_share": 1.3, "unit": 7}
-
-    run_virtually(watched(world, (5.0, leave), (70.0, None)))
-
-    assert world.reported == [("watchdog_unkept", Severity.ERROR)]
 
 
 class Fans(Line):

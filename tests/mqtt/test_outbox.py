@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.outbox import Outgoing
 from tests.mqtt.outboxes import (
-    STATUS,
     WIDE,
     acknowledge,
     event,
@@ -18,21 +17,6 @@ from tests.mqtt.outboxes import (
 )
 
 
-def test_news_during_the_opening_does_not_come_before_the_status() -> None:
-    box = outbox()
-    box.put(latest(STATUS, "starting"), 0.0)
-    box.put(latest("a", "1"), 0.0)
-    box.connected(WIDE)
-
-    first = box.take()
-    box.put(latest("b", "1"), 0.0)
-    box.put(event("1"), 0.0)
-    box.put(latest(STATUS, "online"), 0.0)
-
-    assert first is not None
-    assert texts([first, *take_all(box)]) == ["a=1", f"{STATUS}=online", "e=1", "b=1"]
-
-
 def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box = outbox()
     box.connected(WIDE)
@@ -42,19 +26,6 @@ def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box.put(event("2"), 0.0)
 
     assert texts(take_all(box)) == ["e=1", "r=1", "e=2", "a=1"]
-
-
-def test_an_acknowledgement_of_an_earlier_connection_is_ignored() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(event("0"), 0.0)
-    (taken,) = take_all(box)
-    box.disconnected()
-
-    box.acked(taken.ticket, 0)
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["e=0"]
 
 
 def test_a_refusal_is_set_aside_and_counted_and_not_sent_again() -> None:

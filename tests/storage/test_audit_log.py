@@ -86,17 +86,6 @@ def test_a_disk_that_is_away_is_reported_once_and_what_waited_is_written_later(
     assert [entry["seq"] for entry in entries(obstacle)] == [1, 2]
 
 
-def test_a_disk_that_stays_away_does_not_hold_up_the_end(
-    log: AuditLog, tmp_path: Path, trouble: Trouble
-) -> None:
-    (tmp_path / "audit").touch()
-    log.start(trouble.receive)
-    log.put(record(1))
-    trouble.until(1)
-
-    assert log.close(within_s=PATIENCE_S)
-
-
 def test_entries_that_are_too_many_are_counted(
     log: AuditLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: Trouble
 ) -> None:
@@ -110,27 +99,3 @@ def test_entries_that_are_too_many_are_counted(
     assert [entry.get("seq") for entry in reported] == [0, 1, 2, None]
     assert reported[-1]["code"] == "entries_lost"
     assert reported[-1]["text"].startswith("2 entries")
-
-
-def test_an_entry_that_cannot_be_written_at_all_is_counted_and_the_next_one_is_written(
-    log: AuditLog, tmp_path: Path, caplog: pytest.LogCaptureFixture, trouble: Trouble
-) -> None:
-    endless: dict[str, Any] = {}
-    endless["again"] = endless
-    gone = threading.Event()
-
-    class Listening(dict[str, Any]):
-        def items(self) -> Any:
-            gone.set()
-            return super().items()
-
-    log.start(trouble.receive)
-    log.put(record(1, args=Listening(endless)))
-    assert gone.wait(PATIENCE_S)
-    while not caplog.records:
-        gone.wait(0.001)
-    log.put(record(2))
-    assert log.close(within_s=PATIENCE_S)
-
-    reported = entries(tmp_path / "audit")
-    assert [entry.get("code") for entry in reported] == ["ok", "entries_lost"]

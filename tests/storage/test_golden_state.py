@@ -30,7 +30,6 @@ from gateway.storage.history_table import HistoryTable
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.outbox_table import OutboxTable
-from gateway.storage.spool import Kind as RowKind
 from gateway.storage.upkeep.versions import found_in, refuse_newer
 from gateway.system.clock_steps import ClockReading
 from tests.starters.plant import FakeMemory
@@ -95,30 +94,6 @@ def test_a_database_is_opened_as_it_is_and_stays_one_that_the_earlier_version_op
 
     assert shape(path) == before == shape(tmp_path / name)
     assert before["marks"] == [0x53474154, 1]
-
-
-def test_the_rows_of_the_databases_are_understood(state: Path) -> None:
-    ledger, outbox, history = LedgerTable(), OutboxTable(), HistoryTable()
-    stored: dict[str, Any] = {}
-    for name, table, work in (
-        ("gateway.sqlite", ledger, ledger.rows),
-        ("outbox.sqlite", outbox, outbox.recall),
-        ("history.db", history, history.rows),
-    ):
-        database = Database(path_of(state, name), [table], 2**26)
-        database.open()
-        (stored[name],) = database.transact([work])
-        database.close()
-
-    rows = {
-        row.id: (row.starter, row.verb, row.phase, row.may_be_written) for row in stored["gateway.sqlite"]
-    }
-    assert rows["c2"] == ("pump", "start", "confirmed", 1)
-    assert rows["c4"] == ("mill", "lock", "confirmed", 0)
-    _, recalled = stored["outbox.sqlite"]
-    assert recalled.shares[RowKind.VALUE].rows > 0
-    assert recalled.shares[RowKind.EVENT].rows > 0
-    assert {row.kind for row in stored["history.db"]} >= {"start", "curve"}
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
