@@ -101,18 +101,6 @@ async def test_what_a_killed_gateway_left_there_is_replaced(tmp_path: Path) -> N
         writer.close()
 
 
-async def test_a_file_that_is_no_socket_is_left_alone(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "c").write_text("mine")
-
-    async with serving(tmp_path / "c") as (_, task):
-        await asyncio.wait_for(task, LONG_S)
-
-    assert (tmp_path / "c").read_text() == "mine"
-    assert "no capture" in caplog.text
-
-
 async def test_a_reader_that_is_too_slow_is_cut_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -166,49 +166,6 @@ def test_a_line_that_is_to_be_full_is_not_reported() -> None:
     assert world.reported == []
 
 
-class Fans(Line):
-    """A line that comes later."""
-
-    name = "fans"
-
-
-def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_more() -> None:
-    world = World(lag=LagMeter())
-    lines = {"pumps": 0}
-    health: Health
-
-    def progress() -> dict[str, int]:
-        for name in lines:
-            lines[name] += 1
-        return dict(lines)
-
-    async def reload() -> None:
-        nonlocal health
-        world.progress = progress  # type: ignore[method-assign] # what the host says
-        health = world.health()
-        health.note_port("pumps", "unplugged")
-        running = asyncio.create_task(health.run())
-        await asyncio.sleep(10.0)
-        fed = len(world.fed_s)
-        lines.clear()
-        lines["fans"] = 0
-        fans: LineClient = Fans()  # type: ignore[assignment] # all that is asked of it
-        health.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}}, wiring={})
-        await asyncio.sleep(10.0)
-        assert len(world.fed_s) > fed + 5
-        world.lag.note(0.2, 20.0)
-        await asyncio.sleep(1.0)
-        running.cancel()
-        await asyncio.wait([running])
-
-    run_virtually(reload())
-
-    assert [record.line for record in world.records][-1] == "fans"
-    assert world.records[-1].statistics["computed"] == {"is_paced": True}
-    assert ("lag", Severity.ERROR) in world.reported
-    assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]
-
-
 def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_and_goes() -> None:
     world = World()
     counts = {"asked": 0, "corrupted": 0}

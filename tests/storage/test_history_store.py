@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.errors import StoreError
-from gateway.storage.history import FILE, MOST_UNSAVED, HistoryStore, read_history
+from gateway.storage.history import MOST_UNSAVED, HistoryStore, read_history
 from gateway.storage.worker import News
 
 PATIENCE_S = 10.0
@@ -90,24 +89,6 @@ async def test_what_is_not_urgent_is_collected_into_one_transaction(tmp_path: Pa
         ("start", {}),
     ]
     await here.store.close(PATIENCE_S)
-
-
-async def test_a_damaged_row_is_left_out_and_the_others_are_read(tmp_path: Path) -> None:
-    first = OpenHistory(tmp_path)
-    for name in ("a", "b", "c"):
-        first.put(name, value=name * 50)
-    await first.store.close(PATIENCE_S)
-    connection = sqlite3.connect(tmp_path / FILE)
-    with connection:
-        (data,) = connection.execute("SELECT data FROM history WHERE id = 'b'").fetchone()
-        wrong = bytes((*data[:-1], data[-1] ^ 1))
-        connection.execute("UPDATE history SET data = ? WHERE id = 'b'", (wrong,))
-    connection.close()
-
-    second = OpenHistory(tmp_path)
-
-    assert await second.ids() == ["a", "c"]
-    await second.store.close(PATIENCE_S)
 
 
 async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order(tmp_path: Path) -> None:

@@ -160,6 +160,20 @@ def test_a_disk(row: ScenarioRow) -> None:
     play(row)
 
 
+def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=6.0)
+        plant.command("pump/alice/stop")
+        plant.run(until=8.0)
+
+        assert plant.results()[0] == "start rejected ledger_unavailable"
+        assert plant.results()[-1] == "stop confirmed ok"
+        assert "ledger_slow" in plant.events()
+
+
 AMPS = 5  # more than a deadband
 
 
