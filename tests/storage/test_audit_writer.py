@@ -110,3 +110,22 @@ def test_a_damaged_anchor_without_segments_is_reported_when_the_chain_begins(tmp
     write(tmp_path, 1)
 
     assert said(tmp_path) == ["chain_begun_anew", "entry 0"]
+
+
+def test_a_segment_of_which_only_half_a_line_was_written_is_gone_on_with(tmp_path: Path) -> None:
+    tmp_path.joinpath("audit-00000001.jsonl").write_bytes(b'{"half of a li')
+
+    write(tmp_path, 1)
+
+    assert said(tmp_path) == ["line_torn", "entry 0"]
+    assert check(tmp_path).problems == ()
+
+
+def test_a_folder_emptied_while_the_disk_was_away_is_reported(tmp_path: Path) -> None:
+    with writer(tmp_path) as one:
+        one.append([{"what": "a"}], note=note)
+        one.close()
+        segment_path(tmp_path, 1).unlink()
+        one.append([{"what": "b"}], note=note)
+
+    assert said(tmp_path) == ["chain_begun_anew", "b"]

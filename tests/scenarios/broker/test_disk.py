@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -250,7 +251,7 @@ class Lives:
         for before, after in pairwise(numbers):
             assert before[0] != after[0] or before[1] < after[1]
 
-    def _events(self, code: str | None = None) -> list[dict[str, object]]:
+    def _events(self, code: str | None = None) -> list[dict[str, Any]]:
         """Return the events of the starter, each once: what was not acknowledged may come again as it was."""
         found = {each.payload: each.json for each in self.plant.messages("starter/pump/event")}
         return [each for each in found.values() if code in (None, each["code"])]
@@ -299,7 +300,7 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         assert lives.lost() == Counter()
 
 
-def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: int) -> tuple[Counter[str], set[int], int]:
+def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
     monkeypatch.setattr("gateway.app.uplink.OutboxDisk", partial(OutboxDisk, **bounds))
     with RigPlant(SSW07) as plant:
@@ -309,8 +310,8 @@ def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: int) -> tuple[Counter
             lives.step(step)
         lives.end()
         events = [each for each in plant.messages("#") if each.topic.endswith("/event")]
-        told = {each.payload for each in events if each.json["code"] != "gap"}
-        return lives.lost(), lives.missing_values(), len(told)
+        published = {each.payload for each in events if each.json["code"] != "gap"}
+        return lives.lost(), lives.missing_values(), len(published)
 
 
 @pytest.mark.usefixtures("small_windows")
@@ -364,7 +365,7 @@ def test_damaged_files_prevent_no_start_and_make_no_nonsense(seed: int) -> None:
 
 GOLDEN = [
     row(
-        "the state of 0.2.0 is taken over: locks, ids, what waited for the broker",
+        "the state of 0.2.0 is understood: locks, ids, what waited for the broker",
         given=FOUR + ALICE,
         before=lambda plant: unpack_golden(plant.folder / "state"),
         at={4.0: [command("pump/alice/start", id="c2"), command("mill/alice/start", id="new")]},
@@ -377,6 +378,7 @@ GOLDEN = [
                 frames("mill"),
                 never("gateway/event", code="ledger_lost"),
                 never("gateway/event", code="outbox_lost"),
+                seen("starter/+/history"),  # values of the run before
             ]
         },
     ),

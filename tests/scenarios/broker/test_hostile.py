@@ -317,7 +317,7 @@ def test_what_arrives(row: ScenarioRow) -> None:
 def test_random_messages_beside_the_commands_never_raise_and_start_nothing() -> None:
     """What is a bug in the log fails the test (`RigPlant`)."""
     dice = random.Random(1)
-    odd = [
+    odd: list[Any] = [
         None,
         True,
         7,
@@ -342,7 +342,7 @@ def test_random_messages_beside_the_commands_never_raise_and_start_nothing() -> 
                 {key: dice.choice(odd) for key in dice.sample(keys, dice.randrange(8))}
             ).encode()
             content = dice.choice([body, body[: dice.randrange(len(body))], dice.randbytes(20)])
-            flags = {"retain": dice.random() < 0.2, "client": "alice"}
+            flags: dict[str, Any] = {"retain": dice.random() < 0.2, "client": "alice"}
             plant.publish(f"command/pump/alice/{dice.choice(verbs)}", content, **flags)
             plant.run(until=plant.world.now_s() + 0.2)
         plant.run(until=plant.world.now_s() + 3.0)

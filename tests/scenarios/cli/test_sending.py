@@ -223,7 +223,7 @@ SENDING = [
     ),
     *(
         row(
-            f"a client that may not read {topic} is told so",
+            f"a client that may not read {topic} is named with what it lacks",
             given=SSW07 + ALICE,
             before=lambda plant, topic=topic: plant.broker.deny("*", f"starters/plant/{topic}", "read"),
             then={3.0: cli(START, code=1, err=f"does not let a client without login read {what}")},
