@@ -70,13 +70,6 @@ def test_mqtt_5_is_tried_anew_at_each_connect() -> None:
     assert choice.version is Version.V5
 
 
-def test_a_broker_that_refuses_us_for_another_reason_says_nothing_about_the_version() -> None:
-    choice = VersionChoice()
-
-    assert not choice.failed(0x86, is_closed=True)
-    assert choice.version is Version.V5
-
-
 @pytest.mark.parametrize("version", list(Version))
 def test_a_configured_version_is_never_left(version: Version) -> None:
     choice = VersionChoice(version)
