@@ -54,38 +54,6 @@ def test_the_time_constant_is_learnt_while_the_motor_cools() -> None:
     assert model.tau_s == pytest.approx(1200.0, rel=0.05)
 
 
-def test_the_time_to_restart_agrees_with_the_cooling_that_follows() -> None:
-    model = ThermalModel(trip_level=250.0)
-    end_s = cool(model, level=250.0, tau_s=1200.0, until_s=300.0)
-
-    estimate = model.restart_in_s(end_s)
-
-    reached_s = 1200.0 * math.log(250.0 / model.restart_level)
-    assert estimate == pytest.approx(reached_s - end_s, rel=0.15)
-
-
-def test_nothing_is_estimated_before_anything_is_known() -> None:
-    model = ThermalModel(trip_level=250.0)
-    assert model.restart_in_s(0.0) is None
-
-    model.note_level(250.0, at_s=0.0, is_standing=True)
-    assert model.restart_in_s(0.0) is None
-
-
-def test_what_the_starter_is_set_to_counts_until_something_is_learnt() -> None:
-    model = ThermalModel(trip_level=100.0, set_tau_s=1000.0)
-    model.note_level(100.0, at_s=0.0, is_standing=True)
-
-    assert model.restart_in_s(0.0) == pytest.approx(1000.0 * math.log(1 / 0.7))
-
-
-def test_a_cool_motor_needs_no_wait() -> None:
-    model = ThermalModel(trip_level=250.0)
-    model.note_level(50.0, at_s=0.0, is_standing=True)
-
-    assert model.restart_in_s(0.0) == 0.0
-
-
 def test_a_motor_that_runs_teaches_nothing_of_cooling() -> None:
     model = ThermalModel(trip_level=250.0)
     for count in range(100):
@@ -101,17 +69,6 @@ def test_a_silence_breaks_a_fall() -> None:
     model.note_level(100.0, at_s=1000.0, is_standing=True)
 
     assert model.tau_s is None
-
-
-def test_a_start_needs_the_room_that_starts_have_needed() -> None:
-    model = ThermalModel(trip_level=250.0)
-    model.note_level(20.0, at_s=0.0, is_standing=True)
-    model.note_start()
-    model.note_level(60.0, at_s=5.0, is_standing=False)
-    model.note_started()
-    model.note_level(70.0, at_s=10.0, is_standing=False)
-
-    assert model.restart_level == 200.0
 
 
 def test_an_ssw900_set_to_thirty_minutes_whose_starts_heat_by_forty_percent() -> None:
