@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.history.limits import LEAST_LEVEL, StartLimits, ThermalModel, pause_left_s, starts_left
 
 
 def test_starts_left_are_those_of_the_last_hour() -> None:
@@ -60,6 +60,16 @@ def test_a_motor_that_runs_teaches_nothing_of_cooling() -> None:
         model.note_level(200.0 - count, at_s=count * 10.0, is_standing=False)
 
     assert model.tau_s is None
+
+
+@pytest.mark.parametrize(("share", "tau_s"), [(1.0, pytest.approx(1200.0)), (0.99, None)])
+def test_a_level_below_the_least_teaches_nothing(share: float, tau_s: float | None) -> None:
+    model = ThermalModel(trip_level=250.0)
+    model.note_level(250.0, at_s=0.0, is_standing=True)
+    at_s = 1200.0 * math.log(1 / LEAST_LEVEL)
+    model.note_level(share * LEAST_LEVEL * 250.0, at_s=at_s, is_standing=True)
+
+    assert model.tau_s == tau_s
 
 
 def test_a_silence_breaks_a_fall() -> None:

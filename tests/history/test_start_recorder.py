@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.history.readings import Readings, Value
+from gateway.history.start_curve import crossings
 from gateway.history.start_record import Cause, StartOutcome, StartSource
 from gateway.history.start_recorder import (
     LONGEST_S,
@@ -113,6 +114,24 @@ def test_what_the_state_never_showed_is_found_by_the_current() -> None:
     below_s = 2.0 - (2.5 * RATED_A - 80.0) / 370.0 * 0.3
     assert finished.summary.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
     assert finished.summary.outcome is StartOutcome.FULL_VOLTAGE
+
+
+@pytest.mark.parametrize(
+    ("currents", "found"),
+    [
+        ((0, 100, 300, 300, 50, 50), (1.75, 3.2)),  # on the line through the samples on both sides
+        ((300, 300, 50), (0.0, 1.2)),  # above it from the first sample on
+        ((0, 300, 250, 400, 250), (250 / 300, 1.0 + 50 / 50)),  # at the level it is not above it
+        ((0, 100, 200), None),
+        ((0, 300, 300), None),
+    ],
+)
+def test_when_a_current_rose_over_a_level_and_fell_below_it(
+    currents: tuple[float, ...], found: tuple[float, float] | None
+) -> None:
+    crossed = crossings([(float(at_s), value) for at_s, value in enumerate(currents)], 250.0)
+
+    assert crossed == (None if found is None else pytest.approx(found))
 
 
 def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None:
@@ -302,3 +321,13 @@ def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | No
     assert lost.summary.cause.source == source
     assert lost.summary.standstill_s == pytest.approx(87.0)
     assert (lost.summary.acceleration_s, lost.summary.peak_a, lost.curve.t_s) == (None, None, ())
+
+
+@pytest.mark.parametrize("state", ["fault", "stopping"])
+def test_a_start_that_is_cut_has_its_peak_and_heat_but_no_acceleration_time(state: str) -> None:
+    motor = ReadMotor(AnalyticStart(begin_s=20.3), cut_s=24.0, cut_state=state, is_ours=True)
+
+    summary, _ = sole(records(motor, before=written(20.28)))
+
+    assert (summary.acceleration_s, summary.peak_a) == (None, pytest.approx(350.0))
+    assert summary.i2t_a2s == pytest.approx(350.0**2 * 3.4, rel=0.15)

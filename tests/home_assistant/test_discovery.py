@@ -90,12 +90,3 @@ def test_the_names_are_the_same_in_every_run() -> None:
     assert ALL["pump-1"]["components"]["current"]["unique_id"] == "sg_mcc1_pump-1_Ecurrent"
     assert ALL["pump-1"]["components"]["current"]["default_entity_id"] == "sensor.mcc1_pump_1_current"
     assert ALL["pump-1"]["components"]["current"]["object_id"] == "mcc1_pump_1_current"
-
-
-@pytest.mark.parametrize("base", ["x", "plant/area-1/line_2/cell/{gateway}"])
-def test_a_base_of_any_depth_is_announced(base: str) -> None:
-    found = announced(base=base)["fan"]["components"]
-
-    whole = base.replace("{gateway}", "mcc1")
-    assert found["state"]["state_topic"] == f"{whole}/starter/fan/state"
-    assert found["stop"]["command_topic"] == f"{whole}/command/fan/home-assistant/stop"

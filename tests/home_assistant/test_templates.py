@@ -71,7 +71,9 @@ def test_a_result_and_a_fault_become_events() -> None:
     said = {"verb": "start", "code": "ok", "text": text, "id": "1", "duplicate": False}
 
     result = json.loads(RENDERING.value(RESULT, {"phase": "confirmed", **said}))
-    fault = json.loads(RENDERING.value(TROUBLE, {"code": "fault", "text": text, "severity": "error", "time": "2026"}))
+    fault = json.loads(
+        RENDERING.value(TROUBLE, {"code": "fault", "text": text, "severity": "error", "time": "2026"})
+    )
 
     assert result == {"event_type": "confirmed", **said}
     assert (fault["event_type"], fault["text"]) == ("fault", text)

@@ -11,7 +11,7 @@ from gateway.metrics.catalogue import MOTOR_POINTS, SPECS
 from gateway.metrics.collector import exposition
 from gateway.metrics.counts import Counted, RecordCounts
 from gateway.metrics.scrape import ScrapedGateway
-from gateway.records import Quality, ValueRecord
+from gateway.records import Quality
 from gateway.starters.telemetry.decoding import unit_of
 from gateway.starters.telemetry.snapshot import Reading
 from tests.metrics.support import NOW_S, Scrape, good, scraped_gateway, scraped_starter
@@ -100,44 +100,6 @@ def test_each_fault_that_the_family_names_has_its_trips_from_0_on_and_another_fr
 
     trips = {labels["code"]: count for labels, count in found.samples["trips_total"]}
     assert trips == {"e05": 2.0, "e19": 0.0, "fault": 0.0, "e99": 1.0}
-
-
-def test_what_was_counted_of_a_starter_that_has_gone_is_left_out() -> None:
-    counted = Counted({}, {}, {}, {"gone": 1}, {"gone": 2, "pump-1": 3}, {("gone", "e05"): 1}, {}, {})
-
-    found = scrape(scraped_gateway(scraped_starter()), counted)
-
-    assert found.one("starts_total") == 3.0
-    assert found.all("trips_total") == []
-
-
-def test_other_points_come_only_on_request_as_numbers_with_their_unit() -> None:
-    readings = {
-        "current": good(1.0, "A"),
-        "torque_pct": good(55.5, "%"),
-        "remote": good(True),
-        "text": good("abc"),
-        "endless": good(float("inf")),
-        "stale": Reading(1.0, "", Quality.STALE, time_s=0.0),
-        "hours_total": good(7.0, "h"),
-    }
-    own = {
-        ("pump-1", "hours_total"): ValueRecord("pump-1", "hours_total", 9.0, "h", Quality.GOOD, 0.0, 1),
-        ("pump-1", "energy_kwh"): ValueRecord("pump-1", "energy_kwh", 2.5, "kWh", Quality.GOOD, 0.0, 1),
-        ("gone", "energy_kwh"): ValueRecord("gone", "energy_kwh", 2.5, "kWh", Quality.GOOD, 0.0, 1),
-    }
-    counted = Counted({}, {}, {}, {}, {}, {}, {}, own)
-    gateway = scraped_gateway(scraped_starter(readings=readings))
-
-    found = scrape(gateway, counted, has_all_points=True)
-
-    assert scrape(gateway, counted).all("point_value") == []
-    assert {(each["point"], each["unit"]): value for each, value in found.samples["point_value"]} == {
-        ("torque_pct", "%"): 55.5,
-        ("remote", ""): 1.0,
-        ("hours_total", "h"): 7.0,  # the starter's own wins
-        ("energy_kwh", "kWh"): 2.5,
-    }
 
 
 def test_names_that_hold_quotes_and_newlines_stay_within_their_label() -> None:

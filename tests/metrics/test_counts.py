@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.metrics.counts import MOST_PENDING, RecordCounts
+from gateway.metrics.counts import RecordCounts
 from gateway.records import (
     Phase,
     Quality,
@@ -44,15 +44,6 @@ def test_verbs_that_clients_invent_make_one_series() -> None:
         here.put(result(Phase.REJECTED, code="unknown_verb", verb=f"verb_{number}"), 1.0)
 
     assert here.taken().commands == {("other", "rejected", "unknown_verb"): 500}
-
-
-def test_commands_that_never_end_are_forgotten_beyond_a_bound() -> None:
-    here = counts()
-
-    for number in range(2 * MOST_PENDING):
-        here.put(result(Phase.ACCEPTED, id_=str(number)), 1.0)
-
-    assert len(here._pending) == MOST_PENDING
 
 
 def test_values_are_retained_only_of_the_gateways_own_points_and_only_when_they_are_exported() -> None:

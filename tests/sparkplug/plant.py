@@ -42,7 +42,7 @@ class NodeMessage:
 
 
 @dataclass
-class Said:
+class NodeSaid:
     """All messages in their order."""
 
     messages: list[NodeMessage]
@@ -63,7 +63,7 @@ def connected(*, speaks_5: bool) -> tuple[NodeMessage, NodeMessage, bool]:
 
 
 @cache
-def said() -> Said:
+def said() -> NodeSaid:
     """Let the node be born, its starters run, trip, fall silent and return, and the node end."""
     with RigPlant(PLANT, sim={"pump": SLOW, "fan": SLOW}) as plant:
         plant.run(until=5.0)
@@ -83,7 +83,7 @@ def said() -> Said:
         plant.run(until=120.0)
         plant.end()
         ours = [each for each in plant.messages("spBv1.0/#") if each.topic != born("NCMD")]
-        return Said([_read(plant, each) for each in ours])
+        return NodeSaid([_read(plant, each) for each in ours])
 
 
 def _read(plant: RigPlant, message: MqttMessage) -> NodeMessage:

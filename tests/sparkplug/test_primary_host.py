@@ -40,17 +40,6 @@ def test_a_host_that_goes_ends_the_connection_unless_its_message_is_old() -> Non
     assert not waits.is_online
 
 
-def test_each_server_is_asked_anew() -> None:
-    waits = host()
-    waits.take(host_says(True, 1000))
-
-    waits.begin()
-
-    assert not waits.is_online
-    waits.take(host_says(True, 5))
-    assert waits.is_online
-
-
 @pytest.mark.parametrize(
     "payload",
     [

@@ -13,7 +13,6 @@ from gateway.web.sessions import (
     LONGEST_OF_ONE_S,
     LONGEST_S,
     LONGEST_WAIT_S,
-    MOST_KEYS,
     MOST_SESSIONS,
     LoginLimiter,
     Sessions,
@@ -103,11 +102,3 @@ def test_a_login_tried_from_everywhere_and_an_address_that_tries_everything_wait
         assert limiter.wait_s("anna", "x", now_s=0.0) == LONGEST_OF_ONE_S
         assert limiter.wait_s("bert", "y", now_s=0.0) == 0.0
     assert failed(LoginLimiter(), FREE_OF_ONE - 1, *(("anna", f"x{n}") for n in range(20)))[-1] == 0.0
-
-
-def test_failures_of_a_bounded_number_of_addresses_are_remembered() -> None:
-    limiter = LoginLimiter()
-    for n in range(3 * MOST_KEYS):
-        limiter.failed(f"u{n}", f"x{n}", now_s=0.0)
-
-    assert len(limiter._failures) == MOST_KEYS
