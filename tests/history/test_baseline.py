@@ -86,16 +86,6 @@ def test_a_motor_without_current_transformer_drifts_in_its_acceleration_time_alo
     assert set(found[-1].drift) == {"acceleration_s"}
 
 
-def test_a_start_with_few_samples_is_compared_in_its_acceleration_time_alone() -> None:
-    trend = Trend()
-    verdicts(trend, lambda _: 1.0, range(FIRST))
-
-    found = [trend.add(start(n, 1.25, i2t_error_pct=10.1)) for n in range(FIRST, 20)]
-
-    assert set(found[-1].drift) == {"acceleration_s"}
-    assert set(trend.add(start(20, i2t_error_pct=9.9)).drift) == {"acceleration_s"}
-
-
 def test_fifty_ever_slower_starts_raise_a_drift_once_and_say_what_grew() -> None:
     for seed in range(50):
         chance, trend = random.Random(seed), Trend()

@@ -2,7 +2,15 @@ import math
 
 import pytest
 
-from gateway.history.limits import LEAST_LEVEL, StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.history.limits import (
+    LEAST_FALL,
+    LEAST_FALL_S,
+    LEAST_LEVEL,
+    StartLimits,
+    ThermalModel,
+    pause_left_s,
+    starts_left,
+)
 
 
 def test_starts_left_are_those_of_the_last_hour() -> None:
@@ -54,20 +62,22 @@ def test_the_time_constant_is_learnt_while_the_motor_cools() -> None:
     assert model.tau_s == pytest.approx(1200.0, rel=0.05)
 
 
-def test_a_motor_that_runs_teaches_nothing_of_cooling() -> None:
+@pytest.mark.parametrize(
+    ("level", "after_s", "is_standing", "tau_s"),
+    [
+        (LEAST_LEVEL * 250.0, 1200.0 * math.log(1 / LEAST_LEVEL), True, pytest.approx(1200.0)),
+        (LEAST_LEVEL * 250.0 - 0.1, 1200.0 * math.log(1 / LEAST_LEVEL), True, None),
+        (250.0 * (1 - LEAST_FALL) + 0.1, 600.0, True, None),
+        (180.0, LEAST_FALL_S - 1.0, True, None),
+        (180.0, 600.0, False, None),
+    ],
+)
+def test_a_motor_at_rest_teaches_by_a_fall_that_is_deep_and_long_and_ends_above_the_least_level(
+    level: float, after_s: float, is_standing: bool, tau_s: float | None
+) -> None:
     model = ThermalModel(trip_level=250.0)
-    for count in range(100):
-        model.note_level(200.0 - count, at_s=count * 10.0, is_standing=False)
-
-    assert model.tau_s is None
-
-
-@pytest.mark.parametrize(("share", "tau_s"), [(1.0, pytest.approx(1200.0)), (0.99, None)])
-def test_a_level_below_the_least_teaches_nothing(share: float, tau_s: float | None) -> None:
-    model = ThermalModel(trip_level=250.0)
-    model.note_level(250.0, at_s=0.0, is_standing=True)
-    at_s = 1200.0 * math.log(1 / LEAST_LEVEL)
-    model.note_level(share * LEAST_LEVEL * 250.0, at_s=at_s, is_standing=True)
+    model.note_level(250.0, at_s=500.0, is_standing=is_standing)
+    model.note_level(level, at_s=500.0 + after_s, is_standing=is_standing)
 
     assert model.tau_s == tau_s
 

@@ -297,7 +297,7 @@ class PahoConnection(Connection):
     def __init__(self, broker: Broker, client: Any, keepalive_s: int, properties: Properties | None) -> None:
         super().__init__(broker, client._client_id.decode(), 5 if client._protocol == 5 else 4)
         self.client = client
-        self.is_clean = False  # begun without a session, and none is kept after it
+        self.is_clean = False  # begun without a session, and none stays after it
         self.wire = RigWire(broker.loop)
         self.wire.is_stalled = broker.is_stalled
         self.wire.on_close = self._closed
@@ -441,10 +441,8 @@ class _Paho:
         if not broker.is_up:
             raise ConnectionRefusedError(111, "Connection refused")
         connection = self._rig = PahoConnection(broker, self, keepalive, properties)
-        is_kept = getattr(properties, "SessionExpiryInterval", 0) > 0
-        connection.is_clean = (
-            (clean_start and not is_kept) if connection.version == 5 else self._clean_session
-        )
+        connection.is_clean = self._clean_session if connection.version == 4 else clean_start
+        connection.is_clean &= getattr(properties, "SessionExpiryInterval", 0) == 0
         if self.on_socket_open is not None:
             self.on_socket_open(self, None, connection.wire)
         connection.send(connection.connect)

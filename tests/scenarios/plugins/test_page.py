@@ -300,6 +300,7 @@ REQUESTS = [
                 if (text := plant.get("/api/v1/diagnostics.json").text)
                 and "scrypt" not in text
                 and '"pump"' in text
+                and '"gateway/status":{"state":' in text.replace(" ", "")
                 else text
             )
         },
