@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.end_to_end.killed_writer import write_until_killed
-from tests.history.killed import kill_history_writer
+from tests.lab.torture.killed_history import kill_history_writer
 from tests.lab.torture.of_history import GATEWAY
 from tests.mosquitto import StartMosquitto
 

@@ -19,11 +19,11 @@ from typing import Any
 from gateway.storage.database import Database
 from gateway.storage.history import FILE, HistoryStore
 from gateway.system.gc_tuning import use_one_arena
-from tests.history.cost import cost
-from tests.history.mills import Mills
-from tests.history.simultaneous import deviations
+from tests.lab.bench.history_cost import cost
 from tests.lab.bench.history_demo import ROUNDS, demo_starts
 from tests.lab.bench.history_line import history_line
+from tests.lab.bench.history_mills import Mills
+from tests.lab.bench.history_simultaneous import deviations
 from tests.lab.bench.report import table
 from tests.virtual_time import run_virtually
 

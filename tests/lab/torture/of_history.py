@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.end_to_end.killed_writer import write_until_killed
-from tests.history.killed import kill_history_writer
+from tests.lab.torture.killed_history import kill_history_writer
 from tests.lab.torture.of_commands import Proof
 from tests.lab.torture.of_history_kills import HistoryListener, history_kills
 from tests.lab.torture.scenario import Row
