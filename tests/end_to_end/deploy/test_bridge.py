@@ -16,9 +16,9 @@ import pytest
 
 from gateway.records import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, TOP, KitPlace, commands
-from tests.end_to_end.deploy.link import Link, linked
 from tests.end_to_end.site import Program
 from tests.mosquitto import Certificate, MosquittoBroker, Seen, StartMosquitto, Watcher
+from tests.relay import Relay
 
 pytestmark = [
     pytest.mark.paired,
@@ -116,7 +116,7 @@ class Bridged:
 
     place: KitPlace
     central: MosquittoBroker
-    link: Link
+    link: Relay
     at_edge: Observed
     at_central: Observed
     logins: dict[str, str]  # of the central broker
@@ -152,7 +152,7 @@ def plain_port(place: KitPlace) -> int:
     return place.loopback_port if "mqtts" in place.config.read_text("utf-8") else place.port
 
 
-def install(place: KitPlace, link: Link, authority: Path, *, is_tls: bool) -> None:
+def install(place: KitPlace, link: Relay, authority: Path, *, is_tls: bool) -> None:
     """Follow the pages: a kit, then the bridge; only the addresses are this test's."""
     (place.root / "etc/starter-gateway").mkdir()
     text = SITE.format(port=place.root / "ttyHALL").replace(":8883", f":{place.port}")
@@ -187,7 +187,7 @@ async def bridged(
     certificate = Certificate.make(folder)
     place = KitPlace(folder / "edge")
     async with AsyncExitStack() as stack:
-        link = await stack.enter_async_context(linked(0))
+        link = await stack.enter_async_context(Relay(0))
         stack.callback(place.stop_broker)
         await asyncio.to_thread(install, place, link, certificate.cert, is_tls=is_tls)
         users = central_users(place)
@@ -283,7 +283,7 @@ async def check_fresh(site: Bridged) -> None:
 
 async def check_severed(site: Bridged) -> None:
     """A start of while the link was cut never arrives; what happened meanwhile does, without a storm."""
-    site.link.sever()
+    site.link.cut()
     await notice(site, "0")
     before = len(site.at_central.messages), len(site.at_edge.messages)
     attempts = site.place.log("bridge").count(ATTEMPT)
@@ -293,7 +293,7 @@ async def check_severed(site: Bridged) -> None:
     await site.local("stop")
     assert len(site.at_central.messages) - before[0] <= 2  # the notice, and the start itself
 
-    await site.link.restore()
+    await site.link.join()
     await notice(site, "1")
     await settled(site)
 
@@ -316,7 +316,7 @@ async def check_stalled(site: Bridged) -> None:
     await asyncio.sleep(STALLED_S)
     assert "held-up" not in str(site.at_edge.messages)
 
-    await site.link.restore()
+    await site.link.join()
 
     refusal = await site.at_central.until("result/pump/dispatch", id="held-up", phase="rejected")
     assert refusal["code"] == "expired"

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, Route, expect
 
-from tests.end_to_end.page.relay import relayed
 from tests.end_to_end.page.support import (
     HOLD,
     PagePlant,
@@ -26,6 +25,7 @@ from tests.end_to_end.page.support import (
 )
 from tests.end_to_end.web.raw_client import until
 from tests.mosquitto import StartMosquitto
+from tests.relay import Relay
 
 pytestmark = [pytest.mark.long]
 
@@ -194,14 +194,14 @@ async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_br
 ) -> None:
     async with (
         page_plant(start_mosquitto(), tmp_path) as plant,
-        relayed(plant.url) as (url, relay),
+        Relay(plant.port) as relay,
         browser() as chromium,
     ):
-        page = await chromium.open(f"{url}#/starter/pump")
+        page = await chromium.open(f"http://127.0.0.1:{relay.port}/#/starter/pump")
         await page.add_init_script(QUICK_TIMERS)
         await page.reload()
         await logged_in(page)
-        relay.cut()
+        relay.stall()
         await expect(page.locator("#veil")).to_contain_text("NOT LIVE", timeout=NOT_LIVE_MS)
 
         await page.click("button.stop")
@@ -210,7 +210,7 @@ async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_br
             "not known whether it arrived", timeout=4000.0
         )
 
-        relay.join()
+        await relay.join()
         await plant.scada.result("pump", verb="stop", phase="confirmed")
 
 
