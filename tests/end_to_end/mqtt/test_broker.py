@@ -2,40 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
+import logging
 from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.connection.reconnect import taken_over
-from gateway.mqtt.connection.settings import TlsSettings
+from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
+from gateway.mqtt.connection.reconnect import Version, taken_over
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.contract.commands import MAX_PAYLOAD_BYTES
 from tests.mosquitto import Certificate
-from tests.mqtt.fake_broker import (
-    LEVEL_5,
-    FakeBroker,
-)
-from tests.mqtt.rig import MqttRig, event, settings, value
-
-
-async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_one_sent() -> None:
-    packets_up_to_400 = bytes.fromhex("20 08 00 00 05 27 00 00 01 90")
-    async with FakeBroker(answers={LEVEL_5: packets_up_to_400}) as broker:
-        rig = MqttRig(settings(broker.port))
-        rig.publisher.put(value(1, 1.0))
-        rig.publisher.put(event(1))
-        rig.outbox.put(rig.payloads.history("b/starter/pump-1/history", ["0" * 500], "boot-1"), 0.0)
-        rig.publisher.put(event(2))
-        async with rig:
-            topics = [(await broker.publication()).topic for _ in range(4)]
-            await rig.until_idle()
-
-    assert topics == [
-        "b/starter/pump-1/value/current",
-        "b/gateway/status",
-        "b/starter/pump-1/event",
-        "b/starter/pump-1/event",
-    ]
-    assert list(rig.outbox.refusals) == [("b/starter/pump-1/history", 0x95)]
+from tests.mqtt.fake_broker import LEVEL_5, LEVEL_311, FakeBroker
+from tests.mqtt.rig import MqttRig, settings
 
 
 @pytest.mark.parametrize(
@@ -62,51 +40,6 @@ async def test_what_no_client_can_live_with_ends_the_connection_and_the_next_one
     assert trouble == f"broker 127.0.0.1:{broker.port}: {reason}"
 
 
-async def test_a_command_on_a_topic_that_is_not_utf_8_is_ignored() -> None:
-    bad = bytes.fromhex("30 05 00 02 FF FE 00")
-    good = bytes.fromhex("30 06 00 01 61 00 68 69")
-    async with FakeBroker(after_suback=bad + good) as broker, MqttRig(settings(broker.port)) as rig:
-        incoming = await rig.command()
-
-    assert (incoming.topic, incoming.payload) == ("a", b"hi")
-
-
-async def test_a_callback_that_fails_does_not_end_the_connection() -> None:
-    failures: asyncio.Queue[dict[str, object]] = asyncio.Queue()
-    asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.put_nowait(context))
-    two = bytes.fromhex("30 06 00 01 61 00 68 69") * 2
-    async with FakeBroker(after_suback=two) as broker:
-        rig = MqttRig(settings(broker.port))
-        rig.connection._on_incoming = lambda incoming: [][0]  # an IndexError
-        async with rig:
-            await rig.until_connected()
-            for _ in range(2):
-                async with asyncio.timeout(5.0):
-                    assert isinstance((await failures.get())["exception"], IndexError)
-            await rig.until_idle()
-            assert rig.links.empty()  # it was not lost
-
-
-async def test_a_bug_in_an_acknowledgement_ends_the_session_with_its_reason() -> None:
-    async with FakeBroker() as broker:
-        rig = MqttRig(settings(broker.port))
-        acked = rig.outbox.acked
-
-        def fail_once(ticket: int, code: int) -> None:
-            rig.outbox.acked = acked  # type: ignore[method-assign]  # the fault lasts for one call
-            raise KeyError("lost ticket")
-
-        rig.outbox.acked = fail_once  # type: ignore[method-assign, assignment]  # the fault
-        async with rig:
-            await rig.until_connected()
-            is_connected, trouble = await rig.link()
-            await rig.until_connected()
-            await rig.until_idle()
-
-    assert not is_connected
-    assert trouble.endswith("cannot be read: KeyError('lost ticket')")
-
-
 async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> None:
     certificate = Certificate.make(tmp_path)
     many = bytes.fromhex("30 06 00 01 61 00 68 69") * 250
@@ -119,23 +52,62 @@ async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> Non
             await rig.command()
 
 
-async def test_acknowledgements_are_answered_by_the_half_window_not_one_by_one() -> None:
-    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, window=4)) as rig:
-        await rig.until_connected()
-        for seq in range(7):
-            rig.publisher.put(event(seq))
-        session = rig.connection._session
-        assert session is not None
-        in_flight = []
-        async with asyncio.timeout(10.0):
-            while session.in_flight < session.window:  # noqa: ASYNC110 - a few rounds
-                await asyncio.sleep(0)
-            for _ in range(8):  # the gateway's status is one
-                before = session.in_flight
-                broker.acknowledge(await broker.publication())
-                while session.in_flight == before:  # noqa: ASYNC110 - a few rounds
-                    await asyncio.sleep(0)
-                await asyncio.sleep(0)  # what goes out because of it is on its way
-                in_flight.append(session.in_flight)
+@pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
+async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_it_is_read(
+    level: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    size = MOST_SKIPPED_BYTES + 1
+    version = Version.V5 if level == LEVEL_5 else Version.V311
+    with caplog.at_level(logging.WARNING):
+        async with (
+            FakeBroker(after_suback=announced(size)) as broker,  # which sends nothing of the rest
+            MqttRig(settings(broker.port, version=version)) as rig,
+        ):
+            for _ in range(3):
+                await rig.until_connected()
+                is_connected, trouble = await rig.link()
+                assert not is_connected
+                assert f"a packet of {size} bytes, more than {MAX_INCOMING_BYTES}" in trouble
 
-    assert in_flight == [3, 4, 3, 4, 3, 2, 1, 0]
+    assert [notice.code for notice in rig.notices] == ["message_too_large"]
+    assert [record.levelname for record in caplog.records] == ["WARNING"]  # once, though it goes on
+    assert broker.levels[:3] == [level] * 3
+
+
+@pytest.mark.parametrize(
+    ("size", "is_retained"),
+    [
+        (MAX_INCOMING_BYTES + 1, False),
+        (20 * MOST_SKIPPED_BYTES, True),
+    ],
+)
+async def test_a_packet_that_is_too_large_is_read_over_and_what_follows_it_comes(
+    size: int, is_retained: bool
+) -> None:
+    large = b"\x00\x0eb/command/p1/a" + bytes(size - 16)
+    small = b"\x00\x0eb/command/p1/c"
+    packets = announced(size, is_retained=is_retained) + large + announced(len(small)) + small
+    async with FakeBroker(after_suback=packets) as broker, MqttRig(v311(broker.port)) as rig:
+        first, second = await rig.command(), await rig.command()
+        assert await rig.link() == (True, "")
+        assert rig.links.empty()  # it was not lost
+
+    assert (first.topic, first.is_retained) == ("b/command/p1/a", is_retained)
+    assert MAX_PAYLOAD_BYTES < len(first.payload) <= 2 * MAX_INCOMING_BYTES
+    assert (second.topic, second.payload) == ("b/command/p1/c", b"")
+    assert [notice.code for notice in rig.notices] == ["message_too_large"]
+    assert f"a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: it was not read" in rig.notices[0].text
+
+
+def v311(port: int) -> BrokerSettings:
+    return settings(port, version=Version.V311)
+
+
+def announced(size: int, *, is_retained: bool = False) -> bytes:
+    """Return the fixed header of a PUBLISH of so many bytes [MQTT3 2.2.3]."""
+    header = bytearray([0x31 if is_retained else 0x30])
+    while size >= 0x80:
+        header.append(size % 0x80 | 0x80)
+        size //= 0x80
+    header.append(size)
+    return bytes(header)

@@ -54,6 +54,21 @@ async def test_another_client_with_our_name_makes_no_storm_and_loses_no_event(
     assert list(dict.fromkeys(numbers(messages))) == [str(number) for number in range(1, ROUNDS + 1)]
 
 
+async def test_a_broker_with_a_foreign_certificate_gets_no_password(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto(tls=Certificate.make(tmp_path))
+    how = settings(broker.port, host="localhost", tls=TlsSettings(), username="mcc1", password="secret")
+
+    async with MqttRig(how) as rig:
+        is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble.startswith(f"broker localhost:{broker.port}: its certificate: self")
+    assert trouble.endswith("(check ca_file)")
+    assert "CONNECT" not in broker.log()
+
+
 async def test_an_expired_certificate_is_reported_once_and_its_successor_is_taken_without_a_restart(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
