@@ -11,9 +11,9 @@ import pytest
 
 from gateway.errors import BrokerError, NoResultError
 from gateway.mqtt.connection.command_client import CommandClient, Order
+from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.topics import Topics
 from tests.mqtt.fake_broker import ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker, Packet
-from tests.mqtt.rig import settings
 
 TOPICS = Topics("b")
 ORDER = Order("pump-1", "alice", "start")
@@ -44,7 +44,7 @@ class PickyBroker(FakeBroker):
 
 
 async def send(broker: FakeBroker, *, within_s: float = 10.0) -> Mapping[str, Any] | None:
-    sender = CommandClient(settings(broker.port), TOPICS)
+    sender = CommandClient(BrokerSettings("127.0.0.1", broker.port, "mcc1"), TOPICS)
     return await sender.send(ORDER, now_s=1e9, within_s=within_s, on_phase=lambda _: None)
 
 

@@ -11,9 +11,16 @@ from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import LineRecord
-from tests.mqtt.rig import event, value
+from gateway.records import EventRecord, LineRecord, Quality, Severity, ValueRecord
 from tests.virtual_time import VirtualClock, run_virtually
+
+
+def value(seq: int, number: float, *, point: str = "current") -> ValueRecord:
+    return ValueRecord("pump-1", point, number, "A", Quality.GOOD, 1_760_000_000.0 + seq, seq)
+
+
+def event(seq: int) -> EventRecord:
+    return EventRecord("pump-1", "started", Severity.INFO, f"event {seq}", 1_760_000_000.0 + seq, seq)
 
 
 class Desk:
