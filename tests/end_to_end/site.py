@@ -150,11 +150,6 @@ class Scada:
         found: dict[str, Any] = self.latest[topic]
         return found
 
-    async def boot(self) -> str:
-        """Return the name of the present connection."""
-        status = await self.until("gateway/status", state="online")
-        return str(status["boot"])
-
     async def token(self) -> str:
         """Return the present proof of freshness."""
         await self.until("gateway/status", state="online")

@@ -149,14 +149,15 @@ async def test_a_broker_that_is_away_means_that_nothing_was_sent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("url", "name"), [("http://broker", "alice"), ("mqtt://", "alice"), ("mqtt://broker", "Alice")]
+    ("url", "base", "name"),
+    [
+        ("http://broker", "starters/mcc1", "alice"),
+        ("mqtt://", "starters/mcc1", "alice"),
+        ("mqtt://broker", "starters/mcc1", "Alice"),
+        ("mqtt://broker", "acme//mcc1", "alice"),
+        ("mqtt://broker", "acme/+/mcc1", "alice"),
+    ],
 )
-def test_an_unfit_url_or_client_is_refused_at_once(url: str, name: str) -> None:
+def test_an_unfit_url_base_or_client_is_refused_at_once(url: str, base: str, name: str) -> None:
     with pytest.raises(UsageError):
-        Client(url, base="starters/mcc1", client=name)
-
-
-@pytest.mark.parametrize("base", ["", "acme/", "acme//mcc1", "acme/+/mcc1", "Acme/mcc1", "acme/{gateway}"])
-def test_an_unfit_base_is_refused_at_once(base: str) -> None:
-    with pytest.raises(UsageError, match="is no base"):
-        Client("mqtt://broker", base=base, client="alice")
+        Client(url, base=base, client=name)

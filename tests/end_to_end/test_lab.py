@@ -22,10 +22,9 @@ pytestmark = [
     pytest.mark.skipif(bool(missing_programs()), reason="needs mosquitto (apt-get install mosquitto)"),
 ]
 PATIENCE_S = 240.0  # on a machine with much other work
-IN_PROCESS = ("errors 1 %", "malformed")
 PLAN = FleetPlan(gateways=2, starters=2, seconds=2.0)
 PROGRAMS = [
-    pytest.param(["torture", "--short", *IN_PROCESS], id="torture, in one process"),
+    pytest.param(["torture", "--short", "errors 1 %", "malformed"], id="torture, in one process"),
     pytest.param(["torture", "--quick", "SIGKILL"], id="torture, a kill"),
     pytest.param(["bench", "--only", "judge"], id="bench"),
     pytest.param(["slow_box", "--share", "1", "--size", "1,1", "--seconds", "3"], id="slow box"),
