@@ -13,7 +13,7 @@ REFUSED, BEGUN = "start rejected", "start accepted"
 
 
 def kept(*stored: tuple[str, str, float], room: int = 2) -> str:
-    """Store results (id, verb and phase, when) in a ledger of two; return the ids that it knows after that."""
+    """Store results (id, verb and phase, when) in a ledger of two; return the ids that it knows then."""
     gone: list[Key] = []
     ledger = Ledger(most_entries=room, on_forgotten=gone.extend)
     for id_, what, now_s in stored:
