@@ -23,7 +23,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, Expectation, act
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, operator, table
+from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
 from tests.scenarios.commands import do
 
 SITE = SSW07 + ALICE
@@ -165,7 +165,7 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
 def not_acting(
     name: str, text: re.Pattern[str], *pdus: str, at: list[Action], said: str = "unconfirmed not_seen"
 ) -> object:
-    """A start of a motor that does not turn; what its end says, and what was written."""
+    """A start that does not act; what its end says, and what was written."""
     return row(
         name,
         given=SITE,
@@ -465,7 +465,7 @@ def written_once_at_most(plant: RigPlant) -> str:
 
 KILLED = [
     row(
-        f"a start whose gateway is killed {1000 * after_s:.0f} ms after it goes out once at most, and has one end",
+        f"a start goes out once at most and has one end: the gateway is killed after {1000 * after_s:.0f} ms",
         given=SITE,
         sim={"pump": QUICK},
         at={
@@ -477,6 +477,40 @@ KILLED = [
     )
     for after_s in (0.001, 0.015, 0.03, 0.045, 0.055, 0.065, 0.08, 0.12, 0.3, 0.7)
 ]
+
+
+MANY = line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 41)) + ALICE
+
+
+def too_many(verb: str, taken: int) -> Expectation:
+    """Of as many commands as there are starters so many were taken."""
+    return lambda plant: (
+        ""
+        if plant.results().count(f"{verb} rejected too_many") == 40 - taken
+        and plant.results().count(f"{verb} accepted ok") == taken
+        else str(plant.results()[-40:])
+    )
+
+
+LIMITS = [
+    row(
+        "no more commands wait for a line than it can serve while they are fresh",
+        given=MANY,
+        at={9.0: [command(f"p{n}/alice/start") for n in range(1, 41)]},
+        then={12.0: too_many("start", 32)},
+    ),
+    row(
+        "reads beyond their share of a line are refused, a start beside them is not",
+        given=MANY,
+        at={9.0: [*(do(f"p{n} read", parameter="P003") for n in range(1, 41)), do("p40 start")]},
+        then={12.0: [too_many("read", 16), seen("result/p40/alice", verb="start", phase="accepted")]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", LIMITS)
+def test_what_a_line_takes(row: ScenarioRow) -> None:
+    play(row)
 
 
 @pytest.mark.parametrize("row", CLEARED)

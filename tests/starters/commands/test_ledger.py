@@ -12,7 +12,7 @@ START, READ, STOP = "start confirmed", "read confirmed", "stop confirmed"
 REFUSED, BEGUN = "start rejected", "start accepted"
 
 
-def kept(*stored: tuple[str, str, float], room: int = 2) -> str:
+def known_of(*stored: tuple[str, str, float], room: int = 2) -> str:
     """Store results (id, verb and phase, when) in a ledger of two; return the ids that it knows then."""
     gone: list[Key] = []
     ledger = Ledger(most_entries=room, on_forgotten=gone.extend)
@@ -46,7 +46,7 @@ def kept(*stored: tuple[str, str, float], room: int = 2) -> str:
 def test_what_a_copy_could_repeat_is_remembered_and_the_oldest_of_the_rest_is_forgotten(
     stored: list[tuple[str, str, float]], known: str
 ) -> None:
-    assert kept(*stored) == known
+    assert known_of(*stored) == known
 
 
 def test_a_ledger_full_of_what_was_acted_on_has_no_room_until_the_first_proof_is_over() -> None:
@@ -65,4 +65,4 @@ def test_a_ledger_full_of_what_was_acted_on_has_no_room_until_the_first_proof_is
 def test_ten_thousand_commands_are_remembered() -> None:
     everything = [(str(number), REFUSED, 0.0) for number in range(10_001)]
 
-    assert kept(*everything, room=Ledger()._most_entries).split() == [id_ for id_, _, _ in everything[1:]]
+    assert known_of(*everything, room=10_000).split() == [id_ for id_, _, _ in everything[1:]]
