@@ -24,8 +24,8 @@ from tests.starters.rig import CommandRig
 class PublishingRig(CommandRig):
     """A starter with its dispatcher, whose records become MQTT messages in an outbox."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self) -> None:
+        super().__init__()
         topics, self.boot = Topics("b"), RunToken("run")
         self.tokens = Tokens(self.boot)
         payloads = Payloads(topics, self.boot)

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.records import RecordWriter
-from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.policy.write_budget import HOUR_S, WriteBudget
-from tests.starters.fakes import RecordingSink
-from tests.starters.plant import FakeMemory
-from tests.starters.rig import virtually
-from tests.virtual_time import VirtualClock
 
 P313, P314 = 313, 314
 
@@ -86,24 +77,3 @@ def test_each_count_is_reported_with_the_hour_and_the_total() -> None:
 def test_counts_that_are_damaged_are_not_taken_over(writes: object) -> None:
     with pytest.raises(DamagedError):
         WriteBudget().restore({"writes": writes})
-
-
-def precautions(memory: FakeMemory, sink: RecordingSink) -> Policy:
-    return Policy(
-        PolicySettings(),
-        ["pump"],
-        rights=Rights(()),
-        records=RecordWriter(sink, VirtualClock(asyncio.get_running_loop())),
-        write_budget_memory=memory,
-    )
-
-
-@virtually
-async def test_damaged_counts_are_put_aside_and_begin_again() -> None:
-    memory, sink = FakeMemory({"writes": 7}), RecordingSink()
-
-    begun = precautions(memory, sink)
-
-    assert begun.write_budget.total("pump") == 0
-    assert memory.set_asides == 1
-    assert sink.events() == ["memory_damaged"]
