@@ -174,26 +174,12 @@ class MosquittoBroker:
         payload: str,
         *options: str,
         user: tuple[str, str] | None = None,
-        port: int | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Publish with mosquitto_pub, QoS 1; `options` are further arguments, `port` a relay's."""
-        where = [] if port is None else ["-p", str(port)]
-        command = [str(_find("mosquitto_pub")), *self._client_arguments(user), *where, "-q", "1", "-t", topic]
+        """Publish with mosquitto_pub, QoS 1; `options` are further arguments."""
+        command = [str(_find("mosquitto_pub")), *self._client_arguments(user), "-q", "1", "-t", topic]
         what = ["-m", payload] if payload else ["-n"]
         subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=patience_s)
-
-    async def leave_will(
-        self, topic: str, payload: str, *, user: tuple[str, str] | None = None
-    ) -> asyncio.subprocess.Process:
-        """Return a client with a last will; killed, it leaves that."""
-        known = self.log().count("will/sub (QoS 0)")
-        will = ["--will-topic", topic, "--will-payload", payload, "--will-qos", "1"]
-        client = await asyncio.create_subprocess_exec(
-            str(_find("mosquitto_sub")), *self._client_arguments(user), "-t", "will/sub", *will
-        )
-        await asyncio.to_thread(self._wait_for_log, "will/sub (QoS 0)", known + 1)
-        return client
 
     def watch(
         self, *filters: str, options: Sequence[str] = (), user: tuple[str, str] | None = None
@@ -210,13 +196,6 @@ class MosquittoBroker:
         if user is not None:
             arguments += ["-u", user[0], "-P", user[1]]
         return arguments
-
-    def _wait_for_log(self, text: str, count: int) -> None:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while self.log().count(text) < count:
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"never logged {text!r}:\n{self.log()}")
-            time.sleep(0.02)
 
     def _write_passwords(self, users: Mapping[str, str]) -> Path:
         path = self._folder / "passwords"

@@ -54,7 +54,7 @@ def test_each_group_of_tests_is_one_piece_of_work_and_every_other_test_one_of_it
     assert {name for name, files in found.items() if name not in names} == GROUPS.keys()
     assert found["broker kit"] == {"tests/end_to_end/deploy/test_broker_kit.py"}
     assert found["deb12"] == found["deb13"]
-    assert len(found["demo"]) == 3
+    assert len(found["demo"]) == 2
 
 
 def test_no_test_module_is_imported() -> None:

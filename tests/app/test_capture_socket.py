@@ -82,26 +82,6 @@ async def test_frames_are_reported_with_their_time_while_somebody_reads(tmp_path
         assert lines.on_frame is None
 
 
-async def test_lines_are_not_bothered_while_no_one_reads_and_once_when_two_do(tmp_path: Path) -> None:
-    async with serving(tmp_path / "c") as (lines, _):
-        assert not lines.turned.is_set()
-        first, first_writer = await connect(tmp_path / "c")
-        await lines.step()
-        second, second_writer = await connect(tmp_path / "c")
-        await first.readline()
-        await second.readline()
-
-        first_writer.close()
-        await first_writer.wait_closed()
-        assert lines.on_frame is not None
-        lines.on_frame("fans", 0.0, "<<", b"\x02")
-        assert json.loads(await second.readline())["line"] == "fans"
-        second_writer.close()
-        await lines.step()
-
-        assert lines.on_frame is None
-
-
 async def test_only_the_gateways_user_may_connect_and_nothing_is_left_behind(tmp_path: Path) -> None:
     path = tmp_path / "c"
     async with serving(path):
@@ -119,30 +99,6 @@ async def test_what_a_killed_gateway_left_there_is_replaced(tmp_path: Path) -> N
         assert await reader.readline()
         await lines.step()
         writer.close()
-
-
-async def test_where_the_folder_cannot_be_made_the_gateway_does_without(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "file").touch()
-
-    async with serving(tmp_path / "file" / "state" / "c") as (_, task):
-        await asyncio.wait_for(task, LONG_S)
-
-    assert "no capture" in caplog.text
-    assert "Not a directory" in caplog.text
-
-
-async def test_a_file_that_is_no_socket_is_left_alone(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "c").write_text("mine")
-
-    async with serving(tmp_path / "c") as (_, task):
-        await asyncio.wait_for(task, LONG_S)
-
-    assert (tmp_path / "c").read_text() == "mine"
-    assert "no capture" in caplog.text
 
 
 async def test_a_reader_that_is_too_slow_is_cut_off(

@@ -105,16 +105,6 @@ async def watched(world: World, *steps: tuple[float, Any]) -> None:
     await asyncio.wait([running])
 
 
-def test_the_watchdog_is_fed_well_within_its_limit_while_every_line_moves() -> None:
-    world = World()
-
-    run_virtually(watched(world, (21.0, None)))
-
-    gaps_s = [after - before for before, after in zip(world.fed_s, world.fed_s[1:], strict=False)]
-    assert max(gaps_s) <= LIMIT_S / 8 + 0.25
-    assert set(world.armed_s) == {LIMIT_S / 2}
-
-
 def test_a_line_that_stands_still_starves_the_watchdog() -> None:
     world = World()
 
@@ -152,14 +142,6 @@ def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -
     assert world.reported == [("lag", Severity.ERROR)] * 2
 
 
-def test_without_any_stated_watchdog_nothing_alarms() -> None:
-    world = World(shortest_watchdog_s=None)
-
-    run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
-
-    assert world.reported == []
-
-
 def fill(world: World, utilisation: float) -> Any:
     def act() -> None:
         world.line.utilisation = utilisation
@@ -182,60 +164,6 @@ def test_a_line_that_is_to_be_full_is_not_reported() -> None:
     run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
 
     assert world.reported == []
-
-
-def test_watchdogs_that_the_line_does_not_keep_are_reported() -> None:
-    world = World(computed={})
-
-    def leave() -> None:
-        world.line.watchdogs = {"load": 0.2, "longest_share": 1.3, "unit": 7}
-
-    run_virtually(watched(world, (5.0, leave), (70.0, None)))
-
-    assert world.reported == [("watchdog_unkept", Severity.ERROR)]
-
-
-class Fans(Line):
-    """A line that comes later."""
-
-    name = "fans"
-
-
-def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_more() -> None:
-    world = World(lag=LagMeter())
-    lines = {"pumps": 0}
-    health: Health
-
-    def progress() -> dict[str, int]:
-        for name in lines:
-            lines[name] += 1
-        return dict(lines)
-
-    async def reload() -> None:
-        nonlocal health
-        world.progress = progress  # type: ignore[method-assign] # what the host says
-        health = world.health()
-        health.note_port("pumps", "unplugged")
-        running = asyncio.create_task(health.run())
-        await asyncio.sleep(10.0)
-        fed = len(world.fed_s)
-        lines.clear()
-        lines["fans"] = 0
-        fans: LineClient = Fans()  # type: ignore[assignment] # all that is asked of it
-        health.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}}, wiring={})
-        await asyncio.sleep(10.0)
-        assert len(world.fed_s) > fed + 5
-        world.lag.note(0.2, 20.0)
-        await asyncio.sleep(1.0)
-        running.cancel()
-        await asyncio.wait([running])
-
-    run_virtually(reload())
-
-    assert [record.line for record in world.records][-1] == "fans"
-    assert world.records[-1].statistics["computed"] == {"is_paced": True}
-    assert ("lag", Severity.ERROR) in world.reported
-    assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]
 
 
 def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_and_goes() -> None:

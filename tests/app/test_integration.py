@@ -96,37 +96,6 @@ def _run(scenario: Callable[[Rig], Any], site: str = "first") -> Rig:
     return run_virtually(main())
 
 
-def test_records_go_to_it_while_it_is_wanted() -> None:
-    async def scenario(rig: Rig) -> None:
-        rig.integration.put(RECORD)
-
-    assert _run(scenario).log == [("begun", "first"), RECORD, "ended"]
-
-
-def test_a_reload_begins_it() -> None:
-    async def scenario(rig: Rig) -> None:
-        rig.integration.put(RECORD)
-        rig.move("second")
-
-    assert _run(scenario, "off").log == [("begun", "second"), "ended"]
-
-
-def test_a_reload_changes_it() -> None:
-    async def scenario(rig: Rig) -> None:
-        rig.move("second")
-
-    assert _run(scenario).log == [("begun", "first"), ("moved", "second"), "ended"]
-
-
-def test_a_reload_ends_it() -> None:
-    async def scenario(rig: Rig) -> None:
-        rig.move("off")
-        await asyncio.sleep(0.1)
-        assert rig.integration.service is None
-
-    assert _run(scenario).log == [("begun", "first"), "ended"]
-
-
 @pytest.mark.parametrize("fault", ["put", "move", "run"])
 def test_a_bug_in_it_ends_it_alone_and_it_begins_anew(fault: str) -> None:
     async def scenario(rig: Rig) -> None:
@@ -159,20 +128,6 @@ def test_what_is_not_installed_is_said_once_until_the_next_configuration() -> No
         rig.move("third")
 
     assert _run(scenario).log[-2:] == [("begun", "third"), "ended"]
-
-
-def test_it_begins_and_imports_once_the_lines_poll() -> None:
-    async def scenario(rig: Rig) -> None:
-        rig.move("off")
-        await asyncio.sleep(0.1)
-        rig.is_polling = False
-        rig.move("second")
-        await asyncio.sleep(5.0)
-        assert rig.log[-1] == "ended"
-        rig.is_polling = True
-        await asyncio.sleep(0.5)
-
-    assert _run(scenario).log[-2:] == [("begun", "second"), "ended"]
 
 
 def test_what_is_not_wanted_any_more_when_the_lines_poll_never_begins() -> None:

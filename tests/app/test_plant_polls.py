@@ -70,27 +70,6 @@ def test_a_line_that_stays_is_polled_at_the_same_instants_as_without_a_reload(
     assert longest_gap_s(undisturbed["hall 1"]) < REGULAR_S
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        ((FAN, ""),),
-        ((FAN, FAN + starter("new", 3, "ssw07")),),
-    ],
-    ids=["gone", "one more that is not there"],
-)
-def test_a_starter_that_stays_on_a_changed_line_misses_no_poll(changes: tuple[tuple[str, str], ...]) -> None:
-    reloaded = run_virtually(times_of(*changes))
-
-    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + SLOT_S
-
-
-def test_a_line_that_is_opened_anew_keeps_no_one_waiting_longer_than_two_slots() -> None:
-    reloaded = run_virtually(times_of(('framing = "8N2"', 'framing = "8N2"\nadapter_allowance_s = 0.03')))
-
-    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + 2 * SLOT_S
-    assert longest_gap_s(reloaded["hall 2"]) < REGULAR_S + 2 * SLOT_S
-
-
 @virtually
 async def test_a_starter_that_comes_to_an_overfull_line_is_known_soon_and_stays_known() -> None:
     pump = starter("pump", 1, "ssw07").replace(WATCHED, "")

@@ -71,16 +71,6 @@ def handled_in(method: Any) -> set[type]:
     return {kind for kind in KINDS if kind.__name__ in method.__code__.co_names}
 
 
-def test_what_was_put_before_there_were_subscribers_reaches_them_first() -> None:
-    bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
-    bus.put(event("early"))
-
-    bus.connect(Subscriber("only", seen))
-    bus.put(event("late"))
-
-    assert seen == [("only", "early"), ("only", "late")]
-
-
 def test_a_subscriber_that_fails_keeps_nothing_from_the_others(caplog: pytest.LogCaptureFixture) -> None:
     bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
     bus.connect(Broken(), Subscriber("second", seen))

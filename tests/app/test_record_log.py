@@ -38,11 +38,6 @@ async def test_a_command_that_was_not_carried_out_says_why() -> None:
 
 
 @virtually
-async def test_a_repeated_result_is_not_logged_again() -> None:
-    assert await logged([result(Phase.CONFIRMED, is_duplicate=True)]) == []
-
-
-@virtually
 async def test_a_starter_is_named_when_it_answers_first_and_then_by_its_events() -> None:
     def availability(state: str, reason: str | None) -> AvailabilityRecord:
         return AvailabilityRecord("pump-1", state, 0.0, reason)

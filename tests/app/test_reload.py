@@ -106,34 +106,6 @@ async def test_a_bug_is_reported_and_the_next_reload_tries_again(
     assert len(world.changed) == 1
 
 
-async def test_requests_that_come_meanwhile_are_one_more_reload(world: World) -> None:
-    reload = world.reload()
-    reload.begin()
-    await world.begun()
-    for _ in range(5):
-        reload.begin()
-
-    world.gate.set()
-    await world.done(2)
-
-    assert world.reads == 2
-    assert [said.split(":")[0] for said in world.systemd] == ["reloading", "ready"] * 2
-
-
-async def test_a_reload_that_is_cancelled_changes_nothing(world: World) -> None:
-    reload = world.reload()
-    reload.cancel()  # nothing is under way
-    reload.begin()
-    await world.begun()
-
-    reload.cancel()
-    world.gate.set()
-    await asyncio.to_thread(world.gate.wait)
-
-    assert world.changed == []
-    assert world.systemd == ["reloading"]
-
-
 async def test_the_memory_of_starters_that_are_gone_is_cleared_only_now_and_then(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,22 +5,11 @@ from __future__ import annotations
 import pytest
 
 from gateway.app.capacity import prospects_of
-from gateway.app.restart import STOP_S, RestartGap, announcement, restart_gaps
-from gateway.line.capacity.outage import START_UP_S
+from gateway.app.restart import RestartGap, announcement
 from tests.config.sites import site
 
 PROSPECTS = prospects_of(site())
 LIMITS: dict[str, float | None] = {"pump-1": 5.0, "pump-2": None}
-
-
-def test_the_gap_is_that_of_the_polls_and_the_end_and_the_start_of_the_process() -> None:
-    gaps = {gap.starter: gap for gap in restart_gaps(PROSPECTS, limit_of=LIMITS.get)}
-
-    (line,) = PROSPECTS
-    for starter in line.starters:
-        gap = gaps[starter.table.name]
-        assert gap.gap_s == pytest.approx(starter.gap_s + STOP_S + START_UP_S + starter.first_poll_s)
-        assert gap.limit_s == LIMITS[gap.starter]
 
 
 @pytest.mark.parametrize(

@@ -12,47 +12,26 @@ from pathlib import Path
 from typing import Any
 
 from gateway.system.password_hash import password_line
+from tests.rig.sites import line, operator, starter, table
 from tests.storage.golden.state import unpack_golden
 
 HASH = password_line("correct horse")
-CONFIG = f"""\
-[gateway]
-name = "plant"
-state_dir = "state"
-
-[mqtt]
-url = "mqtts://broker.plant"
-username = "plant"
-password_file = "secret/mqtt.password"
-ca_file = "OUTSIDE/ca.pem"
-
-[web]
-[[web.user]]
-name = "ann"
-operator = "alice"
-password = "{HASH}"
-
-[[line]]
-name = "hall"
-port = "/dev/rs485"
-baud = 19200
-framing = "8N2"
-
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-
-[[line.starter]]
-name = "mill"
-address = 3
-family = "ssw900"
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
+CONFIG = (
+    table("gateway", name="plant", state_dir="state")
+    + table(
+        "mqtt",
+        url="mqtts://broker.plant",
+        username="plant",
+        password_file="secret/mqtt.password",
+        ca_file="OUTSIDE/ca.pem",
+    )
+    + "[web]\n"
+    + table("[web.user]", name="ann", operator="alice", password=HASH)
+    + line("hall")
+    + starter("pump", 1, "ssw07")
+    + starter("mill", 3, "ssw900")
+    + operator("alice")
+)
 
 
 def names_in(path: Path) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,7 @@ from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
-from tests.cli.backup_site import HASH, files_below, lock_of, manifest_of, names_in, running
+from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
 
 
 def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_asked_for(
@@ -57,22 +56,6 @@ def test_a_login_whose_password_cannot_be_found_in_the_text_is_not_stored_by_mis
 
     assert "the password of login ann cannot be left out (write it without escapes" in capsys.readouterr().err
     assert not (tmp_path / "plant.tar.gz").exists()
-
-
-def test_a_database_that_another_process_holds_is_said_and_leaves_nothing(
-    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("gateway.storage.database.LOCKED_WITHIN_S", 0.01)
-    holder = sqlite3.connect(site.parent / "state" / "outbox.sqlite", isolation_level=None)
-    holder.execute("PRAGMA locking_mode = EXCLUSIVE")  # as 0.2.0 does
-    holder.execute("PRAGMA journal_mode = WAL")
-    holder.execute("DELETE FROM loss")
-
-    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
-    holder.close()
-
-    assert "outbox.sqlite is in use by another process" in capsys.readouterr().err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["etc", "ssl"]
 
 
 def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
@@ -133,64 +116,3 @@ def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(si
     later = ClockReading(year_s + 5.0, here.utc_s + 5.0, "another")
     history.restore(stored, now_s=1000.0, reading=later)
     assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
-
-
-def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    state = site.parent / "state"
-    before = files_below(site.parent)
-    (state / "wear.json").write_text('{"writes": {"pump": 9}}')
-
-    assert main(["restore", str(backup)]) == 1
-    assert files_below(site.parent) == before
-    assert "already there: " in capsys.readouterr().err
-    assert main(["restore", str(backup), "--replace"]) == 0
-
-    assert json.loads((state / "wear.json").read_text())["writes"] == {"pump": 1}
-    assert json.loads((state / "before-restore" / "wear.json").read_text())["writes"] == {"pump": 9}
-    assert (state / "before-restore" / "audit" / "audit-00000001.jsonl").exists()
-    assert (state / "before-restore").stat().st_mode & 0o077 == 0
-    assert HASH in (site.parent / "site.toml.before-restore").read_text()
-    assert (
-        site.parent / "secret" / "mqtt.password"
-    ).read_text() == "hunter2\n"  # not in the backup: it stays
-    assert main(["restore", str(backup), "--replace"]) == 0  # one generation
-
-
-def test_a_gateway_that_runs_is_left_alone(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = files_below(site.parent) | {"state/gateway.lock"}
-    with running(site.parent / "state"):
-        assert main(["restore", str(backup), "--replace"]) == 1
-
-    assert files_below(site.parent) == before
-    assert "another gateway (" in capsys.readouterr().err
-
-
-def test_with_another_place_a_state_of_elsewhere_stays_below_it(
-    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (site.parent / "state").rename(tmp_path / "var")
-    site.write_text(site.read_text().replace('"state"', f'"{tmp_path / "var"}"'))
-    main(["backup", str(site), str(tmp_path / "plant.tar.gz")])
-    before = files_below(tmp_path / "var")
-
-    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
-
-    assert (tmp_path / "new" / "state" / "gateway.sqlite").exists()
-    assert files_below(tmp_path / "var") == before
-    assert "the configuration names another state_dir" in capsys.readouterr().out
-
-
-def test_a_gateway_without_operators_is_not_locked(site: Path, tmp_path: Path) -> None:
-    text = site.read_text()
-    site.write_text(
-        text[: text.index("[[operator]]")].replace(text[text.index("[web]") : text.index("[[line]]")], "")
-    )
-    main(["backup", str(site), str(tmp_path / "plant.tar.gz")])
-
-    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
-
-    assert lock_of(tmp_path / "new" / "state", "pump") is None

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.doctor.machine import judged
+from gateway.cli.doctor.doctor import verdict
+from gateway.cli.doctor.machine import DoctorFinding, judged
 from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.families.devices.findings import Weight
 
@@ -32,10 +33,6 @@ def test_where_nothing_can_be_stored_the_disk_is_not_measured(tmp_path: Path) ->
     assert not missing.exists()
 
 
-def test_timers_that_are_right_and_a_quick_disk_are_no_problem() -> None:
-    assert [(each.where, each.weight) for each in judged(QUICK)] == [("timers", None), ("disk", None)]
-
-
 def test_late_timers_are_a_problem() -> None:
     (late,) = [each for each in judged(replace(QUICK, timer_late_s=0.004)) if each.where == "timers"]
 
@@ -49,3 +46,18 @@ def test_a_disk_that_makes_starts_wait_is_a_problem(sync_s: float | None, weight
     found = [each for each in judged(replace(QUICK, sync_s=sync_s)) if each.where == "disk"]
 
     assert [each.weight for each in found] == ([] if sync_s is None else [weight])
+
+
+@pytest.mark.parametrize(
+    ("weights", "code", "said"),
+    [
+        ([None, Weight.NOTE], 0, "no problems\n"),
+        ([Weight.WARNING, Weight.NOTE], 1, "0 errors, 1 warning\n"),
+        ([Weight.ERROR, Weight.ERROR], 1, "2 errors, 0 warnings\n"),
+    ],
+)
+def test_the_exit_code_says_whether_anything_is_a_problem(
+    weights: list[Weight | None], code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert verdict([DoctorFinding("line hall", "is odd", weight) for weight in weights]) == code
+    assert capsys.readouterr().out == said

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -19,19 +18,16 @@ from gateway.cli.broker_kit.bridge import (
     telemetry,
 )
 from gateway.cli.broker_kit.expected import topics_of
-from gateway.cli.broker_kit.folder import drawn_passwords, password_line, write_private
+from gateway.cli.broker_kit.folder import password_line
 from gateway.cli.broker_kit.kit import broker_conf
 from gateway.cli.broker_kit.lint import overlap, warnings
 from gateway.cli.broker_kit.logins import KitSettings, Login, access_list, logins_of, remote_clients
 from gateway.cli.main import main
-from gateway.config.schema import Config
 from gateway.errors import ConfigError, UsageError
-from gateway.mqtt.contract.strict_json import read_object
 from tests.config.sites import changed, site
 
 URL = 'url = "mqtts://broker.plant:8883"'
 NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
-DEEP = (URL, f'{URL}\nusername = "mcc1"\nbase = "acme/site1/{{gateway}}"')
 DATED = ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"')
 SPARKPLUG = """
 [sparkplug]
@@ -49,21 +45,8 @@ CENTRAL = CentralBroker("central", 8883, "acme/mcc1", "/ca.pem")
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
 
 
-def by_name(config: Config, guests: KitSettings) -> dict[str, Login]:
-    return {login.name: login for login in logins_of(config, guests)}
-
-
 def allows(login: Login, topic: str, *, writing: bool) -> bool:
     return any(overlap(each, topic) for each in (login.writes if writing else login.reads))
-
-
-def test_the_list_is_of_the_operators_and_of_a_base_of_any_depth() -> None:
-    text = access_list(logins_of(site(DEEP), KitSettings(viewers=("panel",))))
-
-    assert "user alice\n" in text
-    assert "topic write acme/site1/mcc1/command/+/alice/#\n" in text
-    assert "user panel\n" in text
-    assert "starters/" not in text
 
 
 @pytest.mark.parametrize("bridged", [False, True])
@@ -76,26 +59,6 @@ def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: 
         assert {each.name for each in logins if allows(each, topic.name, writing=True)} == topic.writers
         if topic.writers:
             assert {each.name for each in logins if allows(each, topic.name, writing=False)} == topic.readers
-
-
-def test_no_probe_of_the_proof_gets_through_where_something_exists() -> None:
-    config = site(NAMED, DATED, WITH_ALL)
-    logins = logins_of(config, KitSettings())
-
-    real = [topic for topic in topics_of(config, logins) if "pump-1" in topic.name]
-    assert {topic.name.rpartition("/")[2] for topic in real} >= {"start", "state", "pump-1"}
-    assert all(topic.is_real for topic in real)
-
-
-def test_a_probe_is_no_payload_of_a_command_but_a_stop() -> None:
-    with pytest.raises(ValueError, match="JSON"):
-        read_object(b"acl-probe-0123456789ab 17")
-
-
-def test_a_further_login_has_its_operators_rights() -> None:
-    found = by_name(site(NAMED), KitSettings(further={"alice-send": "alice"}))
-
-    assert found["alice-send"].writes == found["alice"].writes
 
 
 @pytest.mark.parametrize(
@@ -112,11 +75,6 @@ def test_a_further_login_has_its_operators_rights() -> None:
 def test_logins_that_cannot_be_are_refused(guests: KitSettings, what: str) -> None:
     with pytest.raises(UsageError, match=what):
         logins_of(site(NAMED), guests)
-
-
-def test_a_gateway_without_a_login_is_refused_with_what_to_write() -> None:
-    with pytest.raises(ConfigError, match='username = "mcc1"'):
-        logins_of(site(), KitSettings())
 
 
 def test_sparkplug_needs_a_login_of_its_own_at_this_broker() -> None:
@@ -138,40 +96,12 @@ def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:
     assert password_line("alice", "secret") != password_line("alice", "secret")
 
 
-def test_stored_passwords_are_drawn_no_second_time(tmp_path: Path) -> None:
-    write_private(tmp_path / "alice", "known\n")
-
-    passwords = drawn_passwords(["alice", "bob"], tmp_path)
-
-    assert passwords["alice"] == "known"
-    assert len(passwords["bob"]) >= 27
-    assert (tmp_path / "alice").stat().st_mode & 0o777 == 0o600
-
-
 def test_only_operators_whose_commands_are_dated_pass_the_bridge() -> None:
     twice = ("[[operator]]", '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]')
 
     assert remote_clients(site(NAMED, twice)) == ()
     assert remote_clients(site(NAMED, twice, DATED)) == ("alice",)
     assert commands(site(NAMED), "acme/mcc1") == ()
-
-
-def test_an_operator_with_another_entry_that_takes_tokens_does_not_pass() -> None:
-    also = (
-        "[[operator]]",
-        '[[operator]]\nclient = "alice"\nmay = ["read"]\nstarters = ["*"]\n\n[[operator]]',
-    )
-
-    assert remote_clients(site(NAMED, DATED, also)) == ()
-
-
-def test_without_remote_operators_nothing_comes_in() -> None:
-    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
-
-    conf = bridge_conf(site(NAMED), CENTRAL, passwords, passwords)
-
-    assert conf.count("\nconnection ") == 2
-    assert "command" not in conf.partition("connection")[2]
 
 
 def test_the_bridge_names_every_topic_and_waits_only_with_telemetry() -> None:
@@ -211,19 +141,6 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(url: str, po
     assert sum(each.startswith(f"{port} 127.0.0.1\n") for each in listeners) == 1
     assert all("\nuse_username_as_clientid true\n" in each for each in listeners), "it is a listener's own"
     assert "127.0.0.1" not in broker_conf(site(NAMED), has_bridge=False)
-
-
-def test_the_broker_listens_on_the_loopback_address_of_the_configuration() -> None:
-    config = site((URL, 'url = "mqtt://[::1]"\nusername = "mcc1"'))
-
-    assert "\nlistener 1883 ::1\n" in broker_conf(config, has_bridge=False)
-
-
-def test_an_operator_with_the_name_of_a_bridges_login_is_refused() -> None:
-    named = ('client = "alice"', 'client = "mcc1-up"')
-
-    with pytest.raises(UsageError, match="has the name of the bridge's login"):
-        central_logins(site(NAMED, DATED, named), "acme/mcc1")
 
 
 def test_discovery_passes_a_bridge_whose_bases_are_the_same() -> None:
@@ -269,26 +186,6 @@ def test_a_bridge_whose_commands_this_clock_refuses_says_so(
 
 
 @needs_openssl
-def test_an_update_adds_what_is_new_and_keeps_passwords_and_authority(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kit = tmp_path / "kit"
-    assert (
-        main(["broker-kit", str(config_file), str(kit), "--host", "broker.plant", "--viewer", "panel"]) == 0
-    )
-    before = {name: (kit / name).read_text("utf-8") for name in ("logins/alice", "ca.pem", "broker.pem")}
-    config_file.write_text(changed(NAMED).replace('client = "alice"', 'client = "bob"'), "utf-8")
-
-    assert main(["broker-kit", str(config_file), str(kit), "--update"]) == 0
-
-    assert (kit / "ca.pem").read_text("utf-8") == before["ca.pem"]
-    assert (kit / "broker.pem").read_text("utf-8") != before["broker.pem"]
-    assert sorted(os.listdir(kit / "logins")) == ["auditor", "bob", "mcc1", "panel", "prover"]
-    assert "user alice" not in (kit / "acl").read_text("utf-8")
-    assert "is valid until" in capsys.readouterr().out
-
-
-@needs_openssl
 def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
     config_file: Path, tmp_path: Path
 ) -> None:
@@ -302,23 +199,6 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
     subprocess.run(verify, capture_output=True, check=True, timeout=20)
     assert (kit / "ca.key").stat().st_mode & 0o777 == 0o600
     assert (kit / "broker.key").stat().st_mode & 0o777 == 0o600
-
-
-@needs_openssl
-def test_the_plants_certificates_are_taken_and_must_fit_together(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    plant, other = tmp_path / "plant", tmp_path / "other"
-    for folder in (plant, other):
-        assert main(["broker-kit", str(config_file), str(folder)]) == 0
-    given = ["--ca", str(plant / "ca.pem"), "--cert", str(plant / "broker.pem")]
-
-    kit = ["broker-kit", str(config_file), str(tmp_path / "kit"), *given]
-    assert main([*kit, "--key", str(other / "broker.key")]) == 2
-    assert "--key is not the key of --cert" in capsys.readouterr().err
-    assert main([*kit, "--key", str(plant / "broker.key")]) == 0
-
-    assert not (tmp_path / "kit" / "ca.key").exists()
 
 
 @pytest.mark.parametrize(
@@ -343,22 +223,3 @@ def test_wrong_options_are_refused_before_anything_is_written(
 
     assert what in capsys.readouterr().err
     assert not (tmp_path / "kit").exists()
-
-
-def test_a_topic_with_a_space_is_refused_for_a_bridge(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    spaced = (WITH_ALL[0], WITH_ALL[1].replace('"plant"', '"Werk Süd"'))
-    config_file.write_text(changed(NAMED, spaced), "utf-8")
-
-    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--bridge", "central"]) == 2
-
-    assert "spBv1.0/Werk Süd/NBIRTH/mcc1: Mosquitto's bridges take no space" in capsys.readouterr().err
-
-
-def test_a_proof_without_a_kit_says_so(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--prove"]) == 2
-
-    assert "no kit that can be read" in capsys.readouterr().err

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.folder import replaced
 from gateway.cli.broker_kit.kit import read_settings
 from gateway.cli.main import main
 from tests.config.sites import changed
@@ -40,47 +37,9 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def openssl(folder: Path, *arguments: str) -> None:
-    subprocess.run(["openssl", *arguments], cwd=folder, check=True, capture_output=True, timeout=20)
-
-
-class Plant:
-    """An authority of the plant, one below it, and what that signs."""
-
-    _NEW = ("req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-    _CA = "basicConstraints=critical,CA:TRUE\nkeyUsage=critical,keyCertSign\n"
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        folder.mkdir()
-        extension = ("-addext", "keyUsage=critical,keyCertSign")
-        openssl(
-            folder, *self._NEW, "-x509", "-subj", "/CN=root", *extension, "-keyout", "r.key", "-out", "ca"
-        )
-        self._sign("between", "r.key", "ca", self._CA)
-
-    def options(self, *, name: str = "broker.plant", use: str = "serverAuth") -> list[str]:
-        """Sign a certificate and return the options that give it to a kit."""
-        self._sign(
-            "leaf", "between.key", "between.pem", f"subjectAltName=DNS:{name}\nextendedKeyUsage={use}\n"
-        )
-        chain = "".join((self.folder / each).read_text("utf-8") for each in ("leaf.pem", "between.pem"))
-        (self.folder / "chain.pem").write_text(chain, "utf-8")
-        files = {"--ca": "ca", "--cert": "chain.pem", "--key": "leaf.key"}
-        return [part for option, name in files.items() for part in (option, str(self.folder / name))]
-
-    def _sign(self, name: str, key: str, authority: str, extensions: str) -> None:
-        (self.folder / "extensions").write_text(extensions, "utf-8")
-        openssl(
-            self.folder, *self._NEW, "-subj", f"/CN={name}", "-keyout", f"{name}.key", "-out", f"{name}.csr"
-        )
-        signed = ("-CA", authority, "-CAkey", key, "-CAcreateserial", "-extfile", "extensions", "-days", "9")
-        openssl(self.folder, "x509", "-req", "-in", f"{name}.csr", *signed, "-out", f"{name}.pem")
-
-
-@pytest.fixture
-def plant(tmp_path: Path) -> Plant:
-    return Plant(tmp_path / "plant")
+def given(folder: Path, key: str = "broker.key") -> list[str]:
+    """Return the options that give the certificates of another kit to this one."""
+    return ["--ca", str(folder / "ca.pem"), "--cert", str(folder / "broker.pem"), "--key", str(folder / key)]
 
 
 @pytest.mark.parametrize("option", [(), ("--force",)])
@@ -98,153 +57,32 @@ def test_a_folder_with_other_things_in_it_is_left_alone(
     assert contents(tmp_path / "kit") == before
 
 
-def test_an_empty_folder_becomes_its_owners_alone(kit: Kit, tmp_path: Path) -> None:
-    (tmp_path / "kit").mkdir(mode=0o755)
-
-    assert kit() == 0
-
-    assert (tmp_path / "kit").stat().st_mode & 0o777 == 0o700
-    assert (tmp_path / "kit/logins").stat().st_mode & 0o777 == 0o700
-    assert [name for name in contents(tmp_path / "kit") if name.startswith(".")] == []
-
-
-def test_another_users_folder_is_refused(
-    kit: Kit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_this_broker(
+    kit: Kit, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "kit").mkdir()
-    monkeypatch.setattr("os.geteuid", lambda: (tmp_path / "kit").stat().st_uid + 1)
-
-    assert kit() == 2
-
-    assert "belongs to another user" in capsys.readouterr().err
-    assert contents(tmp_path / "kit") == {}
-
-
-def test_an_update_closes_what_a_copy_has_opened(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    for path in (tmp_path / "kit", tmp_path / "kit/ca.key", tmp_path / "kit/broker.key"):
-        path.chmod(0o755)
-
-    assert kit("--update") == 0
-
-    opened = [path.name for path in (tmp_path / "kit").rglob("*") if path.stat().st_mode & 0o077]
-    assert (tmp_path / "kit").stat().st_mode & 0o777 == 0o700
-    assert sorted(opened) == ["broker.pem", "ca.pem", "kit.json", "mosquitto.conf"]
-
-
-@pytest.mark.parametrize("name", ["ca.key", "mosquitto.conf", "kit.json"])
-def test_a_symbolic_link_in_a_kit_is_replaced_and_not_followed(kit: Kit, tmp_path: Path, name: str) -> None:
-    assert kit() == 0
-    elsewhere = tmp_path / "elsewhere"
-    (tmp_path / "kit" / name).rename(elsewhere)
-    (tmp_path / "kit" / name).symlink_to(elsewhere)
-    before = elsewhere.read_bytes()
-
-    assert kit("--force") == 0
-
-    assert not (tmp_path / "kit" / name).is_symlink()
-    assert elsewhere.read_bytes() == before
-
-
-def test_a_link_in_place_of_the_logins_is_refused(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    (tmp_path / "kit/logins").rename(tmp_path / "moved")
-    (tmp_path / "kit/logins").symlink_to(tmp_path / "moved")
-
-    assert kit("--update") == 2
-
-
-def test_what_is_refused_changes_nothing_in_a_kit(kit: Kit, tmp_path: Path, plant: Plant) -> None:
+    assert kit(folder="plant") == 0
+    config_file.write_text(changed(NAMED).replace("broker.plant", "other.plant"), "utf-8")
+    assert kit(folder="other") == 0
+    config_file.write_text(changed(NAMED), "utf-8")
     assert kit() == 0
     before = contents(tmp_path / "kit")
-    given = plant.options()
-    given[-1] = str(plant.folder / "between.key")
+    capsys.readouterr()
 
-    assert kit("--update", *given) == 2
-    assert kit("--update", "--bridge-ca", str(tmp_path / "site.toml"), "--bridge", "central") == 2
-
-    assert contents(tmp_path / "kit") == before
-
-
-def test_a_refused_first_kit_leaves_nothing(kit: Kit, tmp_path: Path, plant: Plant) -> None:
-    assert kit(*plant.options(name="other.plant")) == 2
-
-    assert contents(tmp_path / "kit") == {}
-    assert kit() == 0
-
-
-def test_what_a_killed_run_has_left_of_keys_and_passwords_goes_with_the_next(
-    kit: Kit, tmp_path: Path
-) -> None:
-    assert kit() == 0
-    left = tmp_path / "kit" / ".new-killed"
-    (left / "logins").mkdir(parents=True)
-    shutil.copy(tmp_path / "kit" / "ca.key", left)
-
-    assert kit("--update") == 0
-
-    assert [each.name for each in (tmp_path / "kit").glob(".*")] == []
-
-
-def test_two_runs_do_not_write_to_one_folder(
-    kit: Kit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit() == 0
-    before = contents(tmp_path / "kit")
-
-    with replaced(tmp_path / "kit") as stage:
-        assert kit("--update") == 2
-        assert "is being written by another broker-kit" in capsys.readouterr().err
-        assert contents(tmp_path / "kit") == before
-        shutil.copytree(tmp_path / "kit", stage, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".new-*"))
-
-    assert contents(tmp_path / "kit") == before
-
-
-def test_an_authority_between_the_plants_and_the_broker_stands_in_the_certificates_file(
-    kit: Kit, tmp_path: Path, plant: Plant, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit(*plant.options()) == 0
-
-    assert (tmp_path / "kit/broker.pem").read_text("utf-8").count("BEGIN CERTIFICATE") == 2
-    assert "certificate, for broker.plant, is valid until" in capsys.readouterr().out
-
-
-def test_a_certificate_of_another_host_or_use_is_refused(
-    kit: Kit, plant: Plant, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit(*plant.options(name="other.plant")) == 2
+    assert kit("--update", *given(tmp_path / "other")) == 2
     assert "--cert is not for broker.plant" in capsys.readouterr().err
+    assert kit("--update", *given(tmp_path / "plant", "../other/broker.key")) == 2
+    assert "--key is not the key of --cert" in capsys.readouterr().err
+    (tmp_path / "plant" / "ca.pem").write_bytes((tmp_path / "other" / "ca.pem").read_bytes())
+    assert kit("--update", *given(tmp_path / "plant")) == 2
+    assert "do not fit together: " in capsys.readouterr().err
+    assert kit("--update", "--bridge-ca", str(config_file), "--bridge", "central") == 2
+    assert contents(tmp_path / "kit") == before
 
-    assert kit(*plant.options(use="clientAuth")) == 2
-    assert re.search("do not fit together: .*purpose", capsys.readouterr().err)
-
-
-@pytest.mark.parametrize(
-    ("command", "what"),
-    [
-        (("-outform", "DER"), "is no PEM file"),
-        (("-aes256", "-passout", "pass:x"), "has a passphrase"),
-    ],
-)
-def test_a_key_that_the_broker_cannot_read_is_refused(
-    kit: Kit, plant: Plant, capsys: pytest.CaptureFixture[str], command: tuple[str, ...], what: str
-) -> None:
-    given = plant.options()
-    openssl(plant.folder, "pkey", "-in", "leaf.key", *command, "-out", "other.key")
-    given[-1] = str(plant.folder / "other.key")
-
-    assert kit(*given) == 2
-
-    assert what in capsys.readouterr().err
-
-
-def test_the_broker_of_the_configuration_is_always_among_the_certificates_names(
-    kit: Kit, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert kit("--host", "b.plant") == 0
-
-    assert "for b.plant, broker.plant, is valid until" in capsys.readouterr().out
+    assert kit(folder="again") == 0
+    assert kit(*given(tmp_path / "again"), folder="third") == 0
+    assert not (tmp_path / "third" / "ca.key").exists()
+    assert contents(tmp_path / "third")["broker.pem"] == contents(tmp_path / "again")["broker.pem"]
+    assert "certificate, for broker.plant, is valid until" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("host", ["a,DNS:evil", "bröker.plant", "a b", "-a"])
@@ -269,18 +107,9 @@ def test_without_the_authoritys_key_the_certificate_stays_and_must_do(
     assert "no certificate here is for new.plant (fetch ca.key back" in capsys.readouterr().err
 
 
-def test_an_authority_is_never_made_anew_by_an_update(kit: Kit, tmp_path: Path) -> None:
-    assert kit() == 0
-    for name in ("ca.key", "broker.pem", "broker.key"):
-        (tmp_path / "kit" / name).unlink()
-
-    assert kit("--update") == 2
-
-    assert (tmp_path / "kit/ca.pem").exists()
-
-
-def test_an_update_takes_away_what_an_empty_option_names(kit: Kit, tmp_path: Path, plant: Plant) -> None:
-    authority = str(plant.folder / "ca")
+def test_an_update_takes_away_what_an_empty_option_names(kit: Kit, tmp_path: Path) -> None:
+    assert kit(folder="plant") == 0
+    authority = str(tmp_path / "plant" / "ca.pem")
     assert kit("--bridge", "central", "--bridge-ca", authority, "--login", "two=alice") == 0
     assert kit("--update") == 0
     assert (tmp_path / "kit/central-ca.pem").exists()
@@ -297,15 +126,6 @@ def test_an_update_takes_away_what_an_empty_option_names(kit: Kit, tmp_path: Pat
         "logins/viewer",
     ]
     assert read_settings(tmp_path / "kit").bridge == ""
-
-
-def test_an_update_keeps_the_passwords_at_the_central_broker(kit: Kit, tmp_path: Path) -> None:
-    assert kit("--bridge", "central") == 0
-    before = (tmp_path / "kit/central/logins/mcc1-up").read_bytes()
-
-    assert kit("--update") == 0
-
-    assert (tmp_path / "kit/central/logins/mcc1-up").read_bytes() == before
 
 
 def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of_the_first(

@@ -56,21 +56,8 @@ def test_only_dated_commands_may_come_in(topic: str, is_found: bool) -> None:
     assert bool(found) == is_found
 
 
-def test_a_name_that_begins_like_this_machines_is_another_machine() -> None:
-    conf = "connection a\naddress localhost.acme:1883\ncleansession true\ntopic # in 1 starters/mcc1/ x/\n"
-
-    assert "what only the gateway may" in "".join(warnings(conf, "starters/mcc1"))
-
-
 def test_each_listener_counts_where_each_has_settings_of_its_own() -> None:
     conf = "per_listener_settings true\nlistener 1\nallow_anonymous 1\nlistener 2\nallow_anonymous false\n"
 
     assert [each.partition(":")[0] for each in warnings(conf, "x")] == ["line 1", "line 3"]
     assert list(warnings("allow_anonymous true\nallow_anonymous false\n", "x")) == []
-
-
-def test_a_bridge_of_its_own_that_takes_all_to_the_edge_is_found() -> None:
-    conf = "connection a\naddress 127.0.0.1:18883\ncleansession true\nbridge_protocol_version mqttv50\n"
-    conf += "topic # out\n"
-
-    assert len(list(warnings(conf, "starters/mcc1"))) == 1

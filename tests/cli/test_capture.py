@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-import builtins
 import contextlib
 import json
 import socket
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +10,10 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.capture import CaptureFile
 from gateway.cli.main import main
-from gateway.errors import CaptureError
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
+from tests.config.sites import SITE
 from tests.tshark import dissect, need_tshark, summaries
 
 START_US = 1_760_000_000_000_001
@@ -24,23 +21,6 @@ READ = ReadHoldingRegisters(3, 2)
 ASKED = adu.encode(1, READ.encode())
 SAID = adu.encode(1, READ.encode_reply((500, 400)))
 GARBLED = SAID[:-1] + bytes((SAID[-1] ^ 1,))
-
-SITE = """
-[gateway]
-name = "mcc1"
-state_dir = "state"
-[mqtt]
-url = "mqtt://127.0.0.1"
-[[line]]
-name = "pumps"
-port = "/dev/ttyUSB0"
-baud = 19200
-framing = "8E1"
-[[line.starter]]
-name = "pump-1"
-address = 1
-family = "ssw07"
-"""
 
 
 def reported(line: str, time_us: int, direction: str, frame: bytes) -> dict[str, Any]:
@@ -61,7 +41,7 @@ FRAMES = [
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     path = tmp_path / "site.toml"
-    path.write_text(SITE)
+    path.write_text(SITE.replace('name = "mcc1"', 'name = "mcc1"\nstate_dir = "state"'))
     (tmp_path / "state").mkdir()
     return path
 
@@ -138,28 +118,6 @@ def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
     assert file.stat().st_size > 300
 
 
-def test_an_interrupt_ends_it_in_order(
-    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(CaptureFile, "write", interrupted)
-
-    with gateway(config, [GREETING, *FRAMES]):
-        assert main(["capture", str(config), str(tmp_path / "x")]) == 0
-
-    assert "0 frames" in capsys.readouterr().err
-
-
-def test_a_gateway_that_does_not_run_is_reported(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["capture", str(config), str(tmp_path / "x")]) == 1
-
-    assert "mcc1.capture: No such file or directory (is this gateway running" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("greeting", [{"capture": 2, "lines": []}, {}])
 def test_a_gateway_of_another_version_is_reported(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], greeting: dict[str, Any]
@@ -168,35 +126,3 @@ def test_a_gateway_of_another_version_is_reported(
         assert main(["capture", str(config), str(tmp_path / "x")]) == 1
 
     assert "of another version" in capsys.readouterr().err
-
-
-def test_a_file_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(CaptureError, match="No such file"):
-        CaptureFile(tmp_path / "nowhere" / "x", ["pumps"])
-
-
-def test_without_python_pcapng_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    true_import = builtins.__import__
-
-    def refuse(name: str, *rest: Any) -> Any:
-        if name == "pcapng":
-            raise ImportError(name)
-        return true_import(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
-    for name in [name for name in sys.modules if name.startswith("pcapng")]:
-        monkeypatch.delitem(sys.modules, name)
-
-    with pytest.raises(CaptureError, match=r"pip install 'starter-gateway\[capture\]'"):
-        CaptureFile(tmp_path / "x", ["pumps"])
-
-
-@pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1"])
-def test_a_time_that_is_none_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], seconds: str
-) -> None:
-    (tmp_path / "site.toml").write_text(SITE)
-    arguments = [str(tmp_path / "site.toml"), str(tmp_path / "x.pcapng"), f"--seconds={seconds}"]
-
-    assert main(["capture", *arguments]) == 2
-    assert "--seconds" in capsys.readouterr().err

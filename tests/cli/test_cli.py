@@ -1,20 +1,11 @@
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
-import types
 
 import pytest
 
 from gateway.cli.main import COMMANDS, main
-
-
-def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == 0
-
-    out = capsys.readouterr().out
-    assert all(f"    {command} " in out for command in COMMANDS)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -53,34 +44,3 @@ def test_a_reader_who_has_had_enough_draws_no_traceback() -> None:
 
         assert process.stderr.read() == b""
         assert process.wait(30.0) == 1
-
-
-def test_completion_is_left_to_argcomplete(monkeypatch: pytest.MonkeyPatch) -> None:
-    completed: list[argparse.ArgumentParser] = []
-    fake = types.ModuleType("argcomplete")
-    fake.autocomplete = completed.append  # type: ignore[attr-defined]  # a module of our own making
-    monkeypatch.setitem(sys.modules, "argcomplete", fake)
-    monkeypatch.setenv("_ARGCOMPLETE", "1")
-
-    main([])
-
-    (parser,) = completed
-    assert parser.parse_args(["encode", "ssw07", "1", "start"]).last_word is None  # it knows every command's
-    assert parser.parse_args(["check", "site.toml"]).json is False
-
-
-def test_without_argcomplete_there_is_no_completion(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "argcomplete", None)
-    monkeypatch.setenv("_ARGCOMPLETE", "1")
-
-    assert main([]) == 2
-
-
-def test_without_arguments_those_of_the_process_count(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["starter-gateway", "encode", "ssw07", "1", "start"])
-
-    assert main() == 0
-
-    assert capsys.readouterr().out == "01 05 00 64 FF 00 CD E5\n"

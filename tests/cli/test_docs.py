@@ -32,11 +32,6 @@ def test_the_documentation_is_served_on_loopback(site: Path) -> None:
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_the_folder_of_the_documentation_is_printed(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["docs", "--path"]) == 0
-    assert capsys.readouterr().out == f"{site}\n"
-
-
 def test_a_port_in_use_is_said_with_a_remedy(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
@@ -55,21 +50,3 @@ def test_a_program_without_its_documentation_says_how_to_build_it(
 
     assert main(["docs"]) == 1
     assert "make site" in capsys.readouterr().err
-
-
-def test_the_folder_of_the_deploy_kit_is_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(docs, "KIT", tmp_path)
-
-    assert main(["docs", "--deploy"]) == 0
-    assert capsys.readouterr().out == f"{tmp_path}\n"
-
-
-def test_a_source_tree_says_where_its_deploy_kit_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(docs, "KIT", tmp_path / "none")
-
-    assert main(["docs", "--deploy"]) == 1
-    assert "deploy/ of the source" in capsys.readouterr().err

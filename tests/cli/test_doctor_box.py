@@ -9,13 +9,11 @@ import pytest
 
 from gateway.cli.doctor.machine import (
     clock_remark,
-    dated_remark,
     latency_remark,
     state_dir_remark,
     wear_remarks,
 )
 from gateway.families.devices.findings import Weight
-from tests.config.sites import site
 from tests.ordinary_user import give
 from tests.storage.golden.state import unpack_golden
 
@@ -34,36 +32,9 @@ def test_an_adapter_that_holds_replies_back_is_a_problem(
     assert remark.weight is weight
 
 
-def test_an_adapter_without_a_latency_timer_is_no_matter(tmp_path: Path) -> None:
-    assert latency_remark("/dev/ttyS0", "line hall", sysfs=tmp_path) is None
-    assert latency_remark("socket://box:4001", "line hall", sysfs=tmp_path) is None
-
-
 @pytest.mark.parametrize(("said", "weight"), [(True, None), (False, Weight.WARNING), (None, Weight.NOTE)])
 def test_a_clock_that_is_not_synchronised_is_a_problem(said: bool | None, weight: Weight | None) -> None:
     assert clock_remark(lambda: said).weight is weight
-
-
-@pytest.mark.parametrize(("clock", "is_refused"), [("auto", True), ("untrusted", True), ("trusted", False)])
-def test_an_operator_of_issued_at_without_a_clock_that_counts_is_a_problem(
-    clock: str, *, is_refused: bool
-) -> None:
-    name = 'name = "mcc1"'
-    dated = ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"')
-    config = site((name, f'{name}\nclock = "{clock}"'), dated)
-    remark = dated_remark(config, lambda: False)
-
-    assert (remark is not None) is is_refused
-    if remark is not None:
-        assert str(remark).startswith("warning operator alice: commands need issued_at, but ")
-        assert '"trusted" in [gateway]' in remark.text
-        assert remark.text.endswith('or, without a bridge, give the operator freshness = "token"')
-    assert dated_remark(config, lambda: True) is None or clock == "untrusted"
-    assert dated_remark(site(), lambda: False) is None
-
-
-def test_the_clock_of_this_machine_can_be_looked_at() -> None:
-    assert clock_remark().where == "clock"
 
 
 def test_a_state_directory_must_be_there_and_be_a_folder(tmp_path: Path) -> None:

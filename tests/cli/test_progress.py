@@ -27,17 +27,6 @@ def test_on_a_terminal_one_line_changes_and_is_taken_away_at_the_end() -> None:
     assert terminal.getvalue().endswith("\r\x1b[Kfound\n")
 
 
-def test_elsewhere_a_line_is_written_at_every_tenth() -> None:
-    stream = io.StringIO()
-    progress = Progress(stream)
-
-    for step in range(101):
-        progress.show(step / 100, "reading", left_s=1.0)
-
-    assert len(stream.getvalue().splitlines()) == 11
-    assert stream.getvalue().splitlines()[0] == "  0% reading, 1.0 s left"
-
-
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [

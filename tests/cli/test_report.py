@@ -5,18 +5,16 @@ from __future__ import annotations
 import asyncio
 import re
 import shutil
-from collections.abc import Iterator, Sequence
-from html.parser import HTMLParser
+from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
-from gateway.cli.main import FAILED, USAGE, main
-from gateway.cli.report import facts
 from gateway.cli.report.html import to_html
-from gateway.cli.report.labels import _WORDS, translator
+from gateway.cli.report.labels import translator
 from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.report import make_report
 from gateway.cli.report.text import WIDTH, to_text
@@ -51,39 +49,6 @@ def page_of(path: Path, language: str = "en", published: dict[str, Any] | None =
     return to_html(made, translator(language), language=language)
 
 
-class Page(HTMLParser):
-    """The tags, attributes and texts of a page; every tag that is opened must be closed."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.attributes: list[tuple[str, str]] = []
-        self.texts: list[str] = []
-        self.open: list[str] = []
-        self.feed(page)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += [(name, value or "") for name, value in attrs]
-        if tag != "meta":
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += [(name, value or "") for name, value in attrs]
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.texts.append(data)
-
-
-def test_a_motor_that_ages_has_raised_one_drift_in_its_year(year: Year) -> None:
-    assert [event.code for event in year.events] == ["start_drift"]
-
-
 def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
     text = text_of(stored)
 
@@ -102,28 +67,13 @@ def test_no_line_of_the_text_is_wider_than_a_terminal(stored: Path, language: st
     assert max(len(line) for line in text_of(stored, language).splitlines()) <= WIDTH
 
 
-@pytest.mark.parametrize("language", ["es", "pt"])
-def test_the_words_of_the_report_are_all_in_every_language(language: str) -> None:
-    sources = (Path(facts.__file__).parent).glob("*.py")
-    used = {
-        word
-        for path in sources
-        for word in re.findall(r"\bt\(\s*['\"]([^'\"]+)['\"]", path.read_text("utf-8"))
-    }
-
-    assert len(used) > 40
-    assert used - _WORDS.keys() == set()
-    assert all(_WORDS[word] for word in used)
-
-
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_page_stands_alone_and_is_small(stored: Path, language: str) -> None:
     page = page_of(stored, language)
-    parsed = Page(page)
 
-    assert parsed.open == []
-    assert {"script", "link", "img", "iframe"}.isdisjoint(parsed.tags)
-    assert {"src", "href", "onload"}.isdisjoint(name for name, _ in parsed.attributes)
+    assert not re.search(r"<(script|link|img|iframe)|\s(src|href|on\w+)=", page)
+    opened, closed = (re.findall(rf"<{slash}([a-z]\w*)(?:\s[^>]*[^>/])?>", page) for slash in ("", "/"))
+    assert sorted(tag for tag in opened if tag != "meta") == sorted(closed)
     assert set(re.findall(r"\w+://[^\"' ]+", page)) == {"http://www.w3.org/2000/svg"}
     assert "url(" not in page
     assert "@page { size: A4" in page
@@ -151,20 +101,10 @@ def test_what_comes_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
     base = "starters/cement-mill"
     published = {f"{base}/gateway/line/cooling": line, f"{base}/starter/{STARTER}/info": info}
 
-    parsed = Page(page_of(path, published=published))
+    page = page_of(path, published=published)
 
-    assert "script" not in parsed.tags
-    assert sum(EVIL in text for text in parsed.texts) >= 5
-
-
-def test_each_start_says_what_it_is_known_to(stored: Path) -> None:
-    rows = re.findall(r"full voltage .*", text_of(stored))
-
-    assert len(rows) >= 5
-    assert all(
-        re.search(r"\d±0\.\d+ .* \d\.\d+±\d+ %", row.replace("\xa0±", "±").replace("\xa0", " "))
-        for row in rows
-    )
+    assert "<script" not in page
+    assert page.count(escape(EVIL)) >= 5
 
 
 def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(year: Year, tmp_path: Path) -> None:
@@ -189,41 +129,6 @@ def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(year: Y
 
 def replace_data(row: HistoryRow, **data: Any) -> HistoryRow:
     return row._replace(data={**row.data, **data})
-
-
-def test_damaged_records_are_left_out_and_that_is_said(year: Year, tmp_path: Path) -> None:
-    start = next(row for row in year.rows if row.kind == "start")
-    rows = [replace_data(row, outcome="?") if row is start else row for row in year.rows]
-
-    assert "1 damaged records are left out" in text_of(asyncio.run(write(tmp_path, rows)), published={})
-
-
-def test_the_command_prints_or_writes_and_says_what_it_could_not_have(
-    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "report.html"
-
-    assert main(["report", str(stored), STARTER]) == 0
-    assert (
-        "limits and the line's quality are left out: broker 127.0.0.1:1"
-        in capsys.readouterr().out.replace("\n    ", " ")
-    )
-    assert main(["report", str(stored), STARTER, "--no-broker", "--html", str(page), "--language", "pt"]) == 0
-    assert "Relatório de estado" in page.read_text("utf-8")
-
-
-def test_bad_arguments_have_clear_errors(
-    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["report", str(stored), "pump"]) == USAGE
-    assert f"no starter 'pump' (one of {STARTER})" in capsys.readouterr().err
-    assert (
-        main(["report", str(stored), STARTER, "--no-broker", "--html", str(tmp_path / "no" / "x")]) == FAILED
-    )
-    assert "cannot be written: No such file or directory" in capsys.readouterr().err
-    (tmp_path / "site.toml").write_text(stored.read_text())
-    assert main(["report", str(tmp_path / "site.toml"), STARTER, "--no-broker"]) == FAILED
-    assert "history.db: No such file or directory" in capsys.readouterr().err
 
 
 def test_a_point_stands_where_the_axes_say() -> None:

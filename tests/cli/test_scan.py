@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gateway.cli.command import Progress
-from gateway.cli.scan.scan import addresses_in, clean, config_text, scan, stable_name
-from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
+from gateway.cli.scan.scan import addresses_in, config_text, scan, stable_name
+from gateway.cli.scan.search import Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
-from gateway.errors import PortError, UsageError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, Reply
-from gateway.sim.bus.port import SimulatedLine, SimulatedPort
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.virtual_time import run_virtually
@@ -68,40 +65,6 @@ def test_x_05_nothing_is_written_and_only_reads_that_every_family_allows_are_sen
     assert functions(bus) <= READS
     assert [list(unit.writes) for unit in bus.units] == [[], [], [], []]
     assert bus.violations == []
-
-
-def test_running_motors_go_on_running() -> None:
-    bus = SimulatedLine(TIMING, four_units())
-    for unit in bus.units:
-        unit.motor.start()
-
-    search(bus)
-
-    assert all(unit.motor.is_turned_on for unit in bus.units)
-
-
-def test_likely_addresses_are_tried_at_every_setting_before_the_others() -> None:
-    bus = SimulatedLine(LineTiming(9600, Framing.parse("8N2")), [make_unit("ssw07", 2)])
-    steps = io.StringIO()
-
-    search(
-        bus,
-        timings=timings_in_order((19200, 9600), ("8N2",)),
-        addresses="1-247",
-        progress=Progress(steps),
-    )
-
-    opened_at_9600 = steps.getvalue().index("9600")
-    assert "address 17" not in steps.getvalue()[:opened_at_9600]
-
-
-def test_the_other_settings_are_tried_too_when_asked_for() -> None:
-    bus = SimulatedLine(TIMING, [make_unit("ssw07", 2)])
-    timings = timings_in_order((19200, 9600), ("8N2",))
-
-    search(bus, timings=timings, addresses="1-4", goes_on=True)
-
-    assert bus.opened == 2
 
 
 def test_the_likeliest_setting_comes_first_and_none_is_left_out() -> None:
@@ -153,17 +116,6 @@ def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -
     return Find(address, LineTiming(19200, Framing.parse(framing)), profile, Identity(**facts))
 
 
-def test_a_watchdog_stands_in_the_configuration_as_far_as_the_line_can_keep_it() -> None:
-    stored, missed = (
-        search(SimulatedLine(TIMING, [make_unit("ssw07", 1, settings={314: after_s})])) for after_s in (30, 1)
-    )
-
-    assert parse(config_text("/dev/ttyUSB0", stored), "x").lines[0].starters[0].watchdog_s == 30.0
-    text = config_text("/dev/ttyUSB0", [replace(missed[0], address=address) for address in range(1, 40)])
-    assert parse(text, "x").lines[0].starters[0].watchdog_s is None
-    assert "too slow" in text
-
-
 def test_strangers_and_impossible_settings_are_left_out_with_the_reason() -> None:
     finds = [find("ssw07", 1), find("sst", 2, "8E1"), find(None, 3, reason="a\nb\x1b[2J")]
 
@@ -174,25 +126,9 @@ def test_strangers_and_impossible_settings_are_left_out_with_the_reason() -> Non
     assert "# address 3 at 19200 8N2: no known starter: a?b?[2J" in text
 
 
-def test_no_configuration_comes_of_nothing_or_of_strangers() -> None:
-    assert config_text("/dev/ttyUSB0", []) == ""
-    assert config_text("/dev/ttyUSB0", [find(None, 3)]) == ""
-    assert config_text("/dev/ttyUSB0", [find("sst", 3, "8E1")]) == ""
-
-
-def test_texts_of_a_unit_cannot_harm_the_terminal() -> None:
-    assert clean("SSW-07\x07 \u202e85A") == "SSW-07? ?85A"
-
-
 @pytest.mark.parametrize(("text", "expected"), [("7", (7,)), ("1-3", (1, 2, 3)), ("2,1-2,247", (2, 1, 247))])
 def test_addresses_are_given_as_ranges(text: str, expected: tuple[int, ...]) -> None:
     assert addresses_in(text) == expected
-
-
-@pytest.mark.parametrize("text", ["0", "248", "5-2", "a", "", "1-"])
-def test_impossible_addresses_are_refused(text: str) -> None:
-    with pytest.raises(UsageError):
-        addresses_in(text)
 
 
 def test_the_stable_name_of_an_adapter_is_preferred(tmp_path: Path) -> None:
@@ -205,99 +141,3 @@ def test_the_stable_name_of_an_adapter_is_preferred(tmp_path: Path) -> None:
     assert stable_name(str(tmp_path / "ttyS0"), by_id) == str(tmp_path / "ttyS0")
     assert stable_name(str(device), tmp_path / "none") == str(device)
     assert stable_name("socket://box:4001", by_id) == "socket://box:4001"
-
-
-class SlowlyClosed:
-    """An adapter that is closed some time after it was given up; until then it is busy."""
-
-    def __init__(self, bus: SimulatedLine) -> None:
-        self.bus = bus
-        self.timings: list[LineTiming] = []
-        self.loses_at: list[int] = []  # counts of openings that fail
-        self._is_closed = asyncio.Event()
-        self._is_closed.set()
-
-    def opener(self, timing: LineTiming) -> SlowlyClosedOpener:
-        return SlowlyClosedOpener(self, timing)
-
-    async def open(self, timing: LineTiming) -> SimulatedPort:
-        if not self._is_closed.is_set():
-            raise PortError("adapter", "busy")
-        self.timings.append(timing)
-        if len(self.timings) in self.loses_at:
-            raise PortError("adapter", "no such port")
-        self._is_closed.clear()
-        return self.bus.open(timing)
-
-    async def wait_closed(self) -> None:
-        await asyncio.sleep(0.05)
-        self._is_closed.set()
-
-
-class SlowlyClosedOpener:
-    """One setting of it; each setting has an opener of its own."""
-
-    name = "adapter"
-
-    def __init__(self, adapter: SlowlyClosed, timing: LineTiming) -> None:
-        self._adapter = adapter
-        self._timing = timing
-
-    async def __call__(self) -> SimulatedPort:
-        return await self._adapter.open(self._timing)
-
-    async def wait_closed(self) -> None:
-        await self._adapter.wait_closed()
-
-
-def test_all_rates_framings_and_addresses_of_a_silent_line_are_tried_on_a_port_that_closes_late() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    timings = timings_in_order(BAUDS, FRAMINGS)
-
-    async def search_all() -> list[Find]:
-        quiet = Progress(io.StringIO())
-        return await scan(SearchSettings(timings, addresses_in("1-247")), adapter.opener, quiet)
-
-    assert run_virtually(search_all()) == []
-    assert adapter.timings == [*timings, *timings]
-    requests = [decode(frame.data).unit for frame in adapter.bus.transcript]
-    assert requests[-231:] == list(range(17, 248))
-
-
-def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, [make_unit("ssw07", 3)]))
-    adapter.loses_at = [2, 3]
-    timings = [*timings_in_order((9600,), ("8N2",)), TIMING]
-
-    async def search_all() -> list[Find]:
-        wish = SearchSettings(tuple(timings), addresses_in("1-4"))
-        return await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    assert families(run_virtually(search_all())) == {3: "ssw07"}
-    assert adapter.timings == [timings[0], TIMING, TIMING, TIMING]
-
-
-def test_a_port_that_never_opened_is_an_error_at_once() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    adapter.loses_at = [1]
-
-    async def search_all() -> None:
-        wish = SearchSettings((TIMING,), addresses_in("1-4"))
-        with pytest.raises(PortError):
-            await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    run_virtually(search_all())
-    assert adapter.timings == [TIMING]
-
-
-def test_a_port_that_stays_away_ends_the_search() -> None:
-    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
-    adapter.loses_at = list(range(2, 100))
-
-    async def search_all() -> None:
-        wish = SearchSettings(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
-        with pytest.raises(PortError, match="no such port"):
-            await scan(wish, adapter.opener, Progress(io.StringIO()))
-
-    run_virtually(search_all())
-    assert len(adapter.timings) == 7

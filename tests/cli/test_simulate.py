@@ -10,7 +10,7 @@ import pytest
 from gateway.cli.demo.simulate import simulate, simulated_unit
 from gateway.config.load import parse
 from gateway.errors import ConfigError, UsageError
-from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from tests.config.sites import changed
 from tests.sim.wire import Talk
@@ -50,34 +50,6 @@ def test_firmware_and_parameters_are_the_configurations() -> None:
     talk.ask(WriteCoil(100, is_on=True))
     assert word(talk, 6) == 11
     assert not talk.unit.motor.is_turned_on
-
-
-def test_an_sst_has_the_firmware_and_registers_of_the_configuration() -> None:
-    talk = talk_to("sst", '[line.starter.simulated]\nfirmware = "4.21"\nparameters = { R41 = 8 }')
-
-    assert talk.ask(ReadInputRegisters(2, 2)) == (0x0204, 0x0001)
-    assert talk.ask(ReadInputRegisters(41, 1)) == (8,)
-
-
-def test_an_ssw900_has_the_softplc_markers_of_the_configuration() -> None:
-    talk = talk_to("ssw900", "[line.starter.simulated]\nmarkers = { DI7 = true, COIL9 = false }")
-
-    assert talk.ask(ReadDiscreteInputs(7, 1)) == (True,)
-    talk.ask(WriteCoil(9, is_on=True))
-    assert talk.ask(ReadCoils(9, 1)) == (True,)
-
-
-def test_a_braked_motor_shows_it_until_standstill() -> None:
-    talk = talk_to("ssw06", "[line.starter.simulated]\nbraking_s = 3.0")
-    talk.ask(WriteCoil(100, is_on=True))
-    talk.wait(10.0)
-
-    talk.ask(WriteCoil(100, is_on=False))
-    talk.wait(1.0)
-    assert word(talk, 5001) & 0x0201 == 0x0200
-    talk.wait(2.1)
-    assert word(talk, 5001) & 0x0201 == 0
-    assert not talk.unit.motor.is_turning
 
 
 @pytest.mark.parametrize(
@@ -135,19 +107,6 @@ def test_the_motor_of_a_simulated_starter_and_its_supply_are_as_configured() -> 
     assert (motor.data.ramp_up_s, motor.data.wear_per_start_pct) == pytest.approx((12.0, 2.0))
     assert motor.line_voltage_pct == pytest.approx(95.0)
     assert motor.lost_phase == 2
-
-
-def test_a_motor_of_which_nothing_is_configured_is_as_ever() -> None:
-    motor = talk_to("ssw07", "").unit.motor
-
-    assert motor.line_voltage_pct == pytest.approx(100.0)
-    assert motor.lost_phase is None
-    assert motor.friction_pct == pytest.approx(0.0)
-
-
-@pytest.mark.parametrize(("model", "number"), [("SST130i", 130), ("sst360i", 360), ("SST130i-140-M-ES", 130)])
-def test_an_sst_is_simulated_by_the_name_that_it_gives_itself(model: str, number: int) -> None:
-    assert talk_to("sst", f'model = "{model}"').ask(ReadInputRegisters(0, 1)) == (number,)
 
 
 def test_a_model_that_cannot_be_simulated_is_named() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.config.convert import wired_starters
-from gateway.config.diff import ConfigChanges, changes_of, fixed
+from gateway.config.diff import ConfigChanges, changes_of
 from gateway.config.load import parse
 from tests.config.sites import SITE, site
 
@@ -38,35 +38,6 @@ def found(more: str, *changes: tuple[str, str]) -> ConfigChanges:
     return changes_of(parse(SITE + more, "site.toml"), parse(text, "site.toml"))
 
 
-def test_nothing_is_touched_when_only_operators_rules_or_groups_differ() -> None:
-    rules = '[[rules]]\nstarters = ["pump-*"]\nstarts_per_hour = 4\n'
-    group = '[[group]]\nname = "pumps"\nstarters = ["*"]\n'
-
-    assert reported(('may = ["start", "stop"]', 'may = ["*"]')) == {}
-    assert reported(('framing = "8E1"', 'framing = "8E1"  # as ever')) == {}
-    assert reported(("[[operator]]", f"{rules}{group}[[operator]]")) == {}
-    assert reported(("every_s = 2.0", "every_s = 2.0\nrules = { starts_per_hour = 4 }")) == {}
-
-
-def test_another_period_is_not_another_starter() -> None:
-    changes = found("", ("every_s = 2.0", "every_s = 3.0"))
-
-    assert changes.to_dict() == {"starters_paced": ["pump-2"]}
-    assert changes.paces == (("pump-2", 3.0),)
-    assert changes.starters_gone == ()
-
-
-def test_a_starter_comes_and_goes_without_the_others() -> None:
-    new = 'name = "pump-3"\naddress = 3\nfamily = "ssw07"\n\n[[line.starter]]\nname = "pump-2"'
-
-    assert reported(('name = "pump-2"', new)) == {"starters_added": ["pump-3"]}
-    changes = found("", ('name = "pump-1"', 'name = "pump-9"'))
-    assert changes.to_dict() == {"starters_added": ["pump-9"], "starters_removed": ["pump-1"]}
-    assert changes.starters_gone == changes.starters_forgotten == ("pump-1",)
-    assert [each.name for comers in changes.starters_new for each in comers.starters] == ["pump-9"]
-    assert changes.lines_gone == changes.lines_new == ()
-
-
 def test_a_starter_that_is_another_machine_ends_and_begins() -> None:
     for change in (
         ("address = 1", "address = 9"),
@@ -91,15 +62,6 @@ def test_a_line_whose_way_differs_ends_and_begins_with_all_its_starters() -> Non
         assert changes.starters_new == ()
 
 
-def test_lines_come_and_go() -> None:
-    one, two = parse(SITE, "site.toml"), parse(SITE + SECOND_LINE, "site.toml")
-
-    assert changes_of(one, two).to_dict() == {"lines_added": ["fans"], "starters_added": ["fan"]}
-    gone = changes_of(two, one)
-    assert gone.to_dict() == {"lines_removed": ["fans"], "starters_removed": ["fan"]}
-    assert (gone.lines_gone, gone.starters_gone) == (("fans",), ("fan",))
-
-
 def test_a_starter_that_moves_to_another_line_is_not_forgotten() -> None:
     moved = parse(
         SITE.replace('name = "pump-2"', 'name = "fan"') + SECOND_LINE.replace('"fan"', '"pump-2"'), "x"
@@ -109,36 +71,6 @@ def test_a_starter_that_moves_to_another_line_is_not_forgotten() -> None:
 
     assert changes.to_dict() == {"starters_changed": ["fan", "pump-2"]}
     assert changes.starters_forgotten == ()
-
-
-def test_the_order_of_lines_and_starters_changes_nothing() -> None:
-    one = parse(SITE + SECOND_LINE, "x")
-    pumps, fans = one.lines
-    turned = pumps.model_copy(update={"starters": pumps.starters[::-1]})
-
-    assert changes_of(one, one.model_copy(update={"lines": (fans, turned)})).to_dict() == {}
-
-
-def test_name_language_state_dir_and_topics_need_a_restart() -> None:
-    other = site(
-        ('name = "mcc1"', 'name = "mcc2"\nlanguage = "es"\nstate_dir = "/var/other"'),
-        ("[mqtt]", '[mqtt]\nbase = "plant/{gateway}"'),
-    )
-
-    problems = fixed(site(), other)
-
-    assert [problem.key for problem in problems] == [
-        "gateway.name",
-        "gateway.language",
-        "gateway.state_dir",
-        "mqtt.base",
-    ]
-    assert "restart" in problems[0].hint
-    assert fixed(site(), site()) == []
-
-
-def test_another_order_along_the_cable_reopens_nothing() -> None:
-    assert reported(('framing = "8E1"', 'framing = "8E1"\norder = ["pump-2", "pump-1"]')) == {}
 
 
 def test_starters_stand_in_the_order_of_the_cable_without_the_disabled_ones() -> None:

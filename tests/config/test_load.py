@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.config.convert import rights_of
 from gateway.config.load import load, parse
 from gateway.config.schema import Verb
-from gateway.config.values import split_listen
 from gateway.errors import ConfigError
 from gateway.families.command.build import verbs
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -37,60 +35,9 @@ def test_a_right_configuration_is_loaded_with_its_defaults() -> None:
     assert (config.web, config.metrics, config.home_assistant, config.sparkplug) == (None,) * 4
 
 
-def test_tables_that_are_empty_have_their_defaults() -> None:
-    config = parse(SITE + "[web]\n[metrics]\n[homeassistant]\n", "site.toml")
-
-    assert config.web is not None
-    assert config.home_assistant is not None
-    assert split_listen(config.web.listen) == ("127.0.0.1", 8480)
-    table = config.home_assistant
-    assert (table.operator, table.commands, table.discovery_prefix) == (None, False, "homeassistant")
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_familys_verbs_may_be_given_to_an_operator(family: str) -> None:
     assert set(verbs(load_profile(family))) <= set(Verb.__args__)  # type: ignore[attr-defined]  # of the Literal
-
-
-@pytest.mark.parametrize(
-    ("url", "port"),
-    [("mqtts://b", 8883), ("mqtts://b:1", 1), ("mqtt://localhost", 1883), ("mqtt://[::1]", 1883)],
-)
-def test_the_port_of_the_broker_follows_the_scheme(url: str, port: int) -> None:
-    config = site(("mqtts://broker.plant:8883", url))
-
-    assert config.mqtt.port == port
-
-
-def test_the_base_may_be_a_deeper_path() -> None:
-    config = site(("[mqtt]", '[mqtt]\nbase = "acme/north/{gateway}/motors"'))
-
-    assert config.base == "acme/north/mcc1/motors"
-
-
-@pytest.mark.parametrize("empty", ["line = []", "operator = 3\nline = []"])
-def test_a_site_without_lines_is_reported(empty: str) -> None:
-    text = f'{empty}\n[gateway]\nname = "a"\n[mqtt]\nurl = "mqtts://b"\n'
-
-    assert any(
-        reported.endswith("line: is empty (at least one [[line]] is needed)") for reported in problems(text)
-    )
-
-
-def test_the_same_address_on_another_line_is_right() -> None:
-    other = '[[line]]\nname="b"\nport="socket://h:1"\nbaud=9600\nframing="8N2"\n'
-
-    config = parse(f'{SITE}{other}[[line.starter]]\nname="fan"\naddress=1\nfamily="sst"\n', "site.toml")
-
-    assert [len(line.starters) for line in config.lines] == [2, 1]
-
-
-def test_files_for_tls_are_refused_without_tls() -> None:
-    reported = problems(
-        changed(("mqtts://broker.plant:8883", "mqtt://localhost"), ("[mqtt]", '[mqtt]\nca_file = "a"'))
-    )
-
-    assert reported == ["line 5: mqtt.ca_file: has no meaning with mqtt:// (use mqtts://, or leave it out)"]
 
 
 def test_a_password_in_the_url_is_not_repeated() -> None:
@@ -98,35 +45,6 @@ def test_a_password_in_the_url_is_not_repeated() -> None:
     also = problems(changed(("mqtts://broker.plant:8883", "mqtts://bob:secret@:x")))
 
     assert "secret" not in reported[0] + also[0]
-
-
-def test_an_sst_takes_any_baud_but_only_8n2() -> None:
-    config = site(
-        ('"ssw07"', '"sst"'), ('"ssw900"\nevery_s', '"sst"\nevery_s'), ('"8E1"', '"8N2"'), ("19200", "115200")
-    )
-    reported = problems(changed(('"ssw07"', '"sst"')))
-
-    assert config.lines[0].baud == 115200
-    assert reported == ["line 11: line[0].framing: '8E1' is not for sst (pump-1) (its manual allows 8N2)"]
-
-
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("[gateway]\nname = \n", "line 2: syntax: there is no value after the =, at column 8 ("),
-        (
-            "[gateway]\nname = 1\nname = 2\n",
-            "line 3: syntax: a key is given twice, or as a value and as a table",
-        ),
-        ('[gateway]\nname = "a', "line 2: syntax: "),
-        ("a = " + "[" * 5000, "syntax: brackets are nested too deeply"),
-        ("a = " + "1" * 5000, "line 1: syntax: a number has too many digits"),
-        ("", "gateway: is missing (a table [gateway] is needed)"),
-        ("gateway = 3", "mqtt: is missing"),
-    ],
-)
-def test_a_broken_text_is_reported_with_its_line(text: str, problem: str) -> None:
-    assert problems(text)[0].startswith(problem)
 
 
 def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
@@ -160,29 +78,3 @@ def test_whatever_is_changed_is_either_right_or_reported(at: int, cut: int, new:
 
     with contextlib.suppress(ConfigError):
         parse(text, "site.toml")
-
-
-@pytest.mark.parametrize("freshness", ["token", "issued_at"])
-def test_an_operator_says_what_proves_his_commands_fresh(freshness: str) -> None:
-    config = site(('may = ["start", "stop"]', f'may = ["start", "stop"]\nfreshness = "{freshness}"'))
-
-    assert rights_of(config).freshness("alice", verb="start", starter="pump-1") == (freshness,)
-
-
-def test_by_default_a_token_proves_it_and_what_proves_nothing_is_no_setting() -> None:
-    wrong = changed(('may = ["start", "stop"]', 'may = ["start", "stop"]\nfreshness = "none"'))
-
-    assert site().operators[0].freshness == "token"
-    assert any("freshness" in problem for problem in problems(wrong))
-
-
-@pytest.mark.parametrize(
-    ("refresh_s", "demand"), [("0.5", "at least 1"), ("1e5", "at most 86400"), ("nan", "")]
-)
-def test_values_are_published_again_after_a_second_at_the_soonest_and_a_day_at_the_latest(
-    refresh_s: str, demand: str
-) -> None:
-    (problem,) = problems(SITE.replace("[mqtt]\n", f"[mqtt]\nrefresh_s = {refresh_s}\n", 1))
-
-    assert "mqtt.refresh_s" in problem
-    assert demand in problem

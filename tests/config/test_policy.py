@@ -7,8 +7,8 @@ import pytest
 from gateway.config.convert import policy_of
 from gateway.config.load import parse
 from gateway.errors import ConfigError
-from gateway.starters.policy.start_rules import NO_RULES, RuleSet
-from tests.config.sites import SITE, site
+from gateway.starters.policy.start_rules import RuleSet
+from tests.config.sites import SITE
 
 OWN = 'family = "ssw07"\n'
 
@@ -21,18 +21,6 @@ def problems(more: str = "", own: str = "") -> list[str]:
     with pytest.raises(ConfigError) as caught:
         policy(more, own)
     return [str(problem).partition(": ")[2] for problem in caught.value.problems]
-
-
-def test_nothing_is_demanded_by_default() -> None:
-    assert policy().rules == {"pump-1": NO_RULES, "pump-2": NO_RULES}
-    assert policy().groups == {}
-    assert site().gateway.clock == "auto"
-
-
-def test_a_starter_has_rules_of_its_own() -> None:
-    own = "[line.starter.rules]\nstarts_per_hour = 6\nminimum_pause_s = 30.0\n"
-
-    assert policy(own=own).rules["pump-1"] == RuleSet(starts_per_hour=6, minimum_pause_s=30.0)
 
 
 def test_shared_rules_hold_for_all_that_fit_and_the_nearest_wins_key_by_key() -> None:
@@ -52,18 +40,6 @@ def test_a_group_has_all_starters_that_fit_in_the_order_of_the_lines() -> None:
     assert policy('[[group]]\nname = "hall"\nstarters = ["pump-2", "pump-*"]\n').groups == {
         "hall": ("pump-1", "pump-2")
     }
-
-
-def test_an_unknown_rule_of_a_starter_is_reported_with_what_might_be_meant() -> None:
-    reported = problems(own="[line.starter.rules]\nminimum_pauses_s = 5\n")
-
-    assert reported == [
-        "line[0].starter[0].rules.minimum_pauses_s: unknown key (did you mean minimum_pause_s?)"
-    ]
-
-
-def test_a_table_that_should_be_one_is_reported() -> None:
-    assert problems(own="rules = 7\n")[0].startswith("line[0].starter[0].rules: is 7")
 
 
 @pytest.mark.parametrize("head", ["group = [7]", "rules = [7]", "group = 7", "rules = 7"])

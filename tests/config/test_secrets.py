@@ -41,18 +41,6 @@ def test_a_file_without_a_password_is_refused(tmp_path: Path, content: bytes, re
         mqtt_password(site(WITH_FILE), tmp_path, {})
 
 
-def test_a_missing_file_is_refused_even_if_the_environment_has_a_password(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"No such file or directory \(create it, mode 0600\)"):
-        mqtt_password(site(WITH_FILE), tmp_path, {VARIABLE: "x"})
-
-
-def test_a_directory_in_the_files_place_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "mqtt.password").mkdir(mode=0o700)
-
-    with pytest.raises(ConfigError, match="Is a directory"):
-        mqtt_password(site(WITH_FILE), tmp_path, {})
-
-
 def test_a_credential_of_systemd_comes_before_the_environment(tmp_path: Path) -> None:
     write(tmp_path / "mqtt.password", b"credential\n", 0o440)
     environ = {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path), VARIABLE: "environment"}
@@ -81,17 +69,6 @@ def test_each_secret_may_be_a_credential_of_systemd(tmp_path: Path) -> None:
 
     assert sparkplug_password(site(SPARKPLUG), "/nowhere", "broker's", environ) == "edge's"
     assert metrics_token(site(METRICS), "/nowhere", environ) == "token"
-
-
-def test_without_a_credential_sparkplugs_servers_and_a_scrape_need_no_secret() -> None:
-    assert sparkplug_password(site(SPARKPLUG), "/nowhere", "broker's", {}) is None
-    assert metrics_token(site(METRICS), "/nowhere", {}) is None
-
-
-def test_a_credential_asks_for_nothing_that_the_configuration_does_not_have(tmp_path: Path) -> None:
-    write(tmp_path / "metrics.token", b"token\n", 0o440)
-
-    assert metrics_token(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}) is None
 
 
 def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path) -> None:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import random
 import re
 import tomllib
 from tomllib import _parser  # type: ignore[attr-defined]  # its source lists its messages
 
 import pytest
 
-from gateway.config.schema import REPEATED_TABLES
 from gateway.config.toml_errors import _MEANINGS, syntax_problem
-from tests.config.sites import SITE
 
 BAD = [  # text, line, what it begins with, a part of the hint
     ("[gateway]\nname = \n", 2, "there is no value after the =, at column 8", "name ="),
@@ -98,42 +95,7 @@ def test_every_message_of_the_parser_is_known() -> None:
     assert [message for message in reported if not message.startswith(known)] == []
 
 
-@pytest.mark.parametrize(
-    "message", ["Something new (at line 2, column 3)", "Something new (at end of document)", "New"]
-)
-def test_a_message_that_is_not_known_is_a_plain_sentence(message: str) -> None:
-    problem = syntax_problem(tomllib.TOMLDecodeError(message), "a = 1\nb = 2\n")
-
-    assert problem.what.startswith("this is not written as TOML")
-    assert problem.hint == "see https://toml.io"
-
-
-def test_no_damage_to_a_file_is_reported_in_the_parsers_words() -> None:
-    dice, seen = random.Random(13), 0
-    for _ in range(3000):
-        text = SITE
-        for _ in range(dice.randint(1, 3)):
-            at = dice.randrange(len(text))
-            text = (
-                text[:at]
-                + dice.choice(["", '"', "'", "[", "]", "=", "\n", ",", "\\", "{", "é", "\x00"])
-                + text[at + 1 :]
-            )
-        try:
-            tomllib.loads(text)
-        except ValueError as error:
-            seen += 1
-            problem = syntax_problem(error, text)
-            assert problem.line is not None
-            assert not ENGLISH.search(problem.what), problem
-    assert seen > 1000
-
-
 def error_of(text: str) -> ValueError:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - which one is what is being tested
         tomllib.loads(text)
     return caught.value
-
-
-def test_the_tables_that_may_stand_several_times_are_those_of_the_configuration() -> None:
-    assert {"line", "line.starter", "operator", "rules", "group", "web.user"} == REPEATED_TABLES

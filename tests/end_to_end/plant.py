@@ -6,23 +6,32 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.end_to_end.site import FOUR_FAMILIES, Program, Scada, site_config, write_config
 from tests.mosquitto import MosquittoBroker
 
 STARTERS = ("pump", "fan", "mill", "belt")
 
 
 @asynccontextmanager
-async def plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Scada, Program, Path]]:
-    """Run simulator and gateway, and wait until all four starters are ready."""
-    config = write_config(folder, site_config(broker_port=broker.port, port=str(folder / "ttyHALL")))
+async def plant(
+    broker: MosquittoBroker,
+    folder: Path,
+    *,
+    starters: str = FOUR_FAMILIES,
+    names: tuple[str, ...] = STARTERS,
+    more: str = "",
+    options: tuple[str, ...] = (),
+) -> AsyncIterator[tuple[Scada, Program, Path]]:
+    """Run simulator and gateway, and wait until the starters of these names are ready."""
+    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"), starters=starters)
+    config = write_config(folder, text + more)
     async with (
-        Program("gateway", "simulate", str(config)) as simulator,
+        Program("gateway", "simulate", str(config), "--knobs", broker.url) as simulator,
         broker.watch("starters/plant/#") as watcher,
     ):
         await simulator.says("line hall")
-        async with Program("gateway", "run", str(config)) as gateway:
+        async with Program("gateway", "run", *options, str(config)) as gateway:
             scada = Scada(broker, watcher)
-            for starter in STARTERS:
+            for starter in names:
                 await scada.ready(starter)
             yield scada, gateway, config

@@ -14,47 +14,27 @@ from types import TracebackType
 from typing import Any
 
 from tests.mosquitto import MosquittoBroker, Seen, Watcher
+from tests.rig.sites import ALICE, line, starter, table
 
 PATIENCE_S = 20.0
 
-FOUR_FAMILIES = """
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-every_s = 0.2
-
-[[line.starter]]
-name = "fan"
-address = 2
-family = "ssw06"
-every_s = 0.2
-
-[[line.starter]]
-name = "mill"
-address = 3
-family = "ssw900"
-every_s = 0.2
-
-[[line.starter]]
-name = "belt"
-address = 4
-family = "sst"
-every_s = 0.2
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
+PUMP = starter("pump", 1, "ssw07", every_s=0.2)
+FOUR_FAMILIES = (
+    PUMP
+    + starter("fan", 2, "ssw06", every_s=0.2)
+    + starter("mill", 3, "ssw900", every_s=0.2)
+    + starter("belt", 4, "sst", every_s=0.2)
+    + ALICE
+)
 
 
 def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
     """Return the TOML text of a site with one line; its simulator may be late, as on a busy machine."""
     return (
-        f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\n\n'
-        f'[[line]]\nname = "hall"\nport = "{port}"\nbaud = 19200\nframing = "{framing}"\n'
-        f"adapter_allowance_s = 0.3\n{starters}"
+        table("gateway", name="plant", state_dir="state")
+        + table("mqtt", url=f"mqtt://127.0.0.1:{broker_port}")
+        + line("hall", port=port, framing=framing, adapter_allowance_s=0.3)
+        + starters
     )
 
 
@@ -123,8 +103,8 @@ class Program:
     async def _read(self) -> None:
         assert self._process is not None
         assert self._process.stdout is not None
-        while line := await self._process.stdout.readline():
-            self.output += line.decode(errors="replace")
+        while text := await self._process.stdout.readline():
+            self.output += text.decode(errors="replace")
             self._spoke.set()
 
 
@@ -169,11 +149,6 @@ class Scada:
             ) from None
         found: dict[str, Any] = self.latest[topic]
         return found
-
-    async def boot(self) -> str:
-        """Return the name of the present connection."""
-        status = await self.until("gateway/status", state="online")
-        return str(status["boot"])
 
     async def token(self) -> str:
         """Return the present proof of freshness."""

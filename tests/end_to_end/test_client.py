@@ -10,7 +10,6 @@ import pytest
 
 from gateway.client import Client, Result
 from gateway.errors import BrokerError, NoResultError, UsageError
-from gateway.mqtt.connection.session import Session
 from gateway.mqtt.contract.payloads import to_json
 from gateway.mqtt.contract.topics import Topics
 from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
@@ -108,33 +107,6 @@ async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosqu
     assert "look at the starter" in str(unknown.value)
 
 
-@pytest.mark.parametrize(
-    ("verb", "words", "args"),
-    [
-        ("start", ("pump-1",), {}),
-        ("stop", ("pump-1",), {}),
-        ("read", ("pump-1", "P003"), {"parameter": "P003"}),
-        ("set", ("pump-1", "P102", 5), {"parameter": "P102", "value": 5}),
-    ],
-)
-async def test_the_usual_verbs_have_methods_of_their_own(
-    start_mosquitto: StartMosquitto, verb: str, words: tuple[Any, ...], args: dict[str, Any]
-) -> None:
-    broker = start_mosquitto()
-    PlayedGateway.come_online(broker)
-    async with broker.watch(TOPICS.command_filter) as watcher:
-        gateway = PlayedGateway(broker, watcher)
-        asking = asyncio.create_task(getattr(client(broker), verb)(*words))
-        topic, body = await gateway.command()
-        await gateway.answer(body["id"], "rejected", "fault_active")
-        result = await asking
-
-    assert topic.endswith(f"/{verb}")
-    assert body["args"] == args
-    assert (result.phase, result.is_confirmed, result.may_have_acted) == ("rejected", False, False)
-    assert result.what_to_do == "Find its cause, then reset."
-
-
 @pytest.mark.parametrize("state", ["offline", None])
 async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     start_mosquitto: StartMosquitto, state: str | None, monkeypatch: pytest.MonkeyPatch
@@ -150,62 +122,6 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
 
     assert topic == "starters/mcc1/command/pump-1/alice/stop"
     assert "boot" not in body
-
-
-async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
-    start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.2)
-    broker = start_mosquitto()
-    broker.publish(TOPICS.gateway_status, json.dumps({"state": "online", "boot": "boot-1"}), "-r")
-    async with broker.watch(TOPICS.command_filter) as watcher:
-        gateway = PlayedGateway(broker, watcher)
-        with pytest.raises(
-            BrokerError, match="no gateway publishes its token in starters/mcc1/gateway/fresh"
-        ):
-            await client(broker).start("pump-1")
-        asking = asyncio.create_task(client(broker).stop("pump-1"))
-        topic, body = await gateway.command()
-        await gateway.answer(body["id"], "confirmed")
-        await asking
-
-    assert topic.endswith("/stop")
-
-
-async def test_a_stop_that_no_gateway_seemed_to_receive_may_still_be_answered(
-    start_mosquitto: StartMosquitto,
-) -> None:
-    broker = start_mosquitto()
-    async with broker.watch(TOPICS.command_filter) as watcher:
-        gateway = PlayedGateway(broker, watcher)
-        asking = asyncio.create_task(client(broker).stop("pump-1"))
-        _, body = await gateway.command()
-        await gateway.answer(body["id"], "confirmed")
-
-        assert (await asking).is_confirmed
-
-
-async def test_a_client_that_may_not_read_results_may_stop_all_the_same_but_nothing_else(
-    start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    subscribe = Session.subscribe
-
-    async def refuse_results(session: Session, topic: str, *, with_retained: bool = False) -> bool:
-        is_let_in = await subscribe(session, topic, with_retained=with_retained)
-        return is_let_in and "/result/" not in topic  # as brokers do that look at the list already here
-
-    monkeypatch.setattr(Session, "subscribe", refuse_results)
-    monkeypatch.setattr("gateway.mqtt.connection.command_client.TROUBLED_WITHIN_S", 0.1)
-    broker = start_mosquitto()
-    PlayedGateway.come_online(broker)
-    async with broker.watch(TOPICS.command_filter) as watcher:
-        with pytest.raises(BrokerError, match="read the results"):
-            await client(broker).start("pump-1")
-        with pytest.raises(BrokerError, match="the stop was sent"):
-            await client(broker).stop("pump-1")
-        topic, _ = await PlayedGateway(broker, watcher).command()
-
-    assert topic.endswith("/stop")
 
 
 async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
@@ -233,21 +149,15 @@ async def test_a_broker_that_is_away_means_that_nothing_was_sent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("url", "name"), [("http://broker", "alice"), ("mqtt://", "alice"), ("mqtt://broker", "Alice")]
+    ("url", "base", "name"),
+    [
+        ("http://broker", "starters/mcc1", "alice"),
+        ("mqtt://", "starters/mcc1", "alice"),
+        ("mqtt://broker", "starters/mcc1", "Alice"),
+        ("mqtt://broker", "acme//mcc1", "alice"),
+        ("mqtt://broker", "acme/+/mcc1", "alice"),
+    ],
 )
-def test_an_unfit_url_or_client_is_refused_at_once(url: str, name: str) -> None:
+def test_an_unfit_url_base_or_client_is_refused_at_once(url: str, base: str, name: str) -> None:
     with pytest.raises(UsageError):
-        Client(url, base="starters/mcc1", client=name)
-
-
-@pytest.mark.parametrize("base", ["", "acme/", "acme//mcc1", "acme/+/mcc1", "Acme/mcc1", "acme/{gateway}"])
-def test_an_unfit_base_is_refused_at_once(base: str) -> None:
-    with pytest.raises(UsageError, match="is no base"):
-        Client("mqtt://broker", base=base, client="alice")
-
-
-def test_mqtts_is_encrypted() -> None:
-    secure = Client("mqtts://broker", base="starters/mcc1", client="alice", ca_file="ca.pem")
-
-    assert secure._settings().tls is not None
-    assert secure._settings().port == 8883
+        Client(url, base=base, client=name)

@@ -9,40 +9,13 @@ import shutil
 import signal
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gateway.cli.main import main
 from tests.end_to_end.demo_site import demo
-from tests.end_to_end.site import Scada
-from tests.mosquitto import StartMosquitto, _find, missing_programs
+from tests.mosquitto import _find, missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
-
-
-async def by_hand(scada: Scada, starter: str, knob: str, setting: str) -> dict[str, Any]:
-    """Set a knob of a simulated starter and return the answer."""
-    scada.latest.pop(f"simulator/{starter}/done", None)
-    await scada.set_knob(starter, knob, setting)
-    return await scada.until(f"simulator/{starter}/done", knob=knob)
-
-
-async def test_a_hand_at_the_starter_trips_a_motor_that_topics_started_and_takes_control_away(
-    tmp_path: Path,
-) -> None:
-    async with demo(tmp_path) as scada:
-        await scada.command("pump", "start", "1")
-        await scada.result("pump", id="1", phase="confirmed")
-        assert (await by_hand(scada, "pump", "trip", "E05"))["text"] == "tripped: E05"
-        await scada.until("starter/pump/alarm/e05", active=True, severity="fault")
-        await scada.command("pump", "reset", "2")
-        await scada.result("pump", id="2", phase="confirmed")
-        await by_hand(scada, "pump", "control", "local")
-        await scada.until("starter/pump/state", remote=False)
-        refused = await by_hand(scada, "pump", "trip", "often")
-
-    assert "no number 'often'" in refused["error"]
 
 
 @pytest.mark.parametrize("has_mosquitto", [True, False], ids=["Mosquitto", "the embedded broker"])
@@ -88,11 +61,3 @@ async def pasted(commands: str, environ: Mapping[str, str], folder: Path) -> asy
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
     )
-
-
-@pytest.mark.parametrize("option", ["--watch=a#b", "--watch=", "--publish=a/#=x"])
-def test_a_topic_that_mqtt_does_not_allow_is_wrong_usage(
-    start_mosquitto: StartMosquitto, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
-    assert main(["demo", "--broker", str(start_mosquitto().port), option]) == 2
-    assert option.partition("=")[0] in capsys.readouterr().err

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.end_to_end.plant import plant
 from tests.mosquitto import StartMosquitto
 
 pytestmark = pytest.mark.alone
@@ -22,16 +22,7 @@ STOP_FRAME = re.compile(r"^(\S+ \S+),(\d+) .*line=hall .*>> 01 05 00 64 00 00", 
 async def test_a_stop_goes_out_at_once_on_a_disk_that_fails_and_files_are_private(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
-    broker = start_mosquitto()
-    config = write_config(tmp_path, site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL")))
-    async with (
-        Program("gateway", "simulate", str(config)) as simulator,
-        broker.watch("starters/plant/#") as watcher,
-        Program("gateway", "run", "-v", str(config)) as gateway,
-    ):
-        await simulator.says("line hall")
-        scada = Scada(broker, watcher)
-        await scada.ready("pump")
+    async with plant(start_mosquitto(), tmp_path, options=("-v",)) as (scada, gateway, _):
         await scada.command("pump", "start", "up")
         await scada.result("pump", id="up", phase="confirmed")
         assert {

@@ -13,56 +13,30 @@ import pytest
 
 from tests.end_to_end import independent_client
 from tests.end_to_end.independent_client import Client, ModbusExceptionError
+from tests.rig.sites import line, starter, table
 
 SSW06, SSW07, SSW900, SST = 1, 2, 3, 4
-SITE = """
-[gateway]
-name = "walk"
-[mqtt]
-url = "mqtt://127.0.0.1:1"
-[[line]]
-name = "hall"
-port = "{port}"
-baud = 19200
-framing = "8N2"
-[[line.starter]]
-name = "a"
-address = 1
-family = "ssw06"
-model = "SSW-06 950A"
-[line.starter.simulated]
-firmware = "1.71"
-parameters = {{ P251 = 7, P630 = 2 }}
-braking_s = 0.5
-[[line.starter]]
-name = "b"
-address = 2
-family = "ssw07"
-model = "SSW-07 85A"
-[line.starter.simulated]
-firmware = "1.30"
-[[line.starter]]
-name = "c"
-address = 3
-family = "ssw900"
-slot = 2
-[line.starter.simulated]
-markers = {{ DI100 = true, DI101 = false, DI102 = true, COIL200 = false }}
-[[line.starter]]
-name = "d"
-address = 4
-family = "sst"
-model = "SST330i"
-[line.starter.simulated]
-firmware = "4.21"
-"""
+SIMULATED = "line.starter.simulated"
+SITE = (
+    table("gateway", name="walk")
+    + table("mqtt", url="mqtt://127.0.0.1:1")
+    + line("hall", port="PORT")
+    + starter("a", SSW06, "ssw06", model="SSW-06 950A")
+    + table(SIMULATED, firmware="1.71", parameters={"P251": 7, "P630": 2}, braking_s=0.5)
+    + starter("b", SSW07, "ssw07", model="SSW-07 85A")
+    + table(SIMULATED, firmware="1.30")
+    + starter("c", SSW900, "ssw900", slot=2)
+    + table(SIMULATED, markers={"DI100": True, "DI101": False, "DI102": True, "COIL200": False})
+    + starter("d", SST, "sst", model="SST330i")
+    + table(SIMULATED, firmware="4.21")
+)
 
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     folder = tmp_path_factory.mktemp("walk")
     config = folder / "site.toml"
-    config.write_text(SITE.format(port=folder / "line"), "utf-8")
+    config.write_text(SITE.replace("PORT", str(folder / "line")), "utf-8")
     process = subprocess.Popen(
         [sys.executable, "-m", "gateway", "simulate", str(config)], stdout=subprocess.PIPE, text=True
     )
@@ -142,30 +116,6 @@ def test_the_words_of_the_ssw06(client: Client) -> None:
     assert client.registers(SSW06, 5009) == [8191]
     client.write(SSW06, 5010, 8191)  # VB10: P253 is not
     assert client.registers(SSW06, 5010) == [0]
-
-
-def test_the_ssw06_obeys_words_with_masks(client: Client) -> None:
-    time.sleep(2.1)  # P630
-    client.write(SSW06, 5003, 0x0003)  # no mask: nothing
-    assert client.registers(SSW06, 5001)[0] & 1 == 0
-    client.write(SSW06, 5003, 0x0303)
-    assert client.registers(SSW06, 5001)[0] & 0x0B == 0x0B  # running, enabled, ramp up
-    pct, tenths = client.registers(SSW06, 2)[0], client.registers(SSW06, 3)[0]
-    assert tenths == pytest.approx(pct / 1000 * 950, rel=0.5)  # 950 A and more: raw 1 is 1 A (4.4)
-
-    client.write(SSW06, 5003, 0x0100)  # stop: it brakes
-    assert client.registers(SSW06, 5001)[0] & 0x0201 == 0x0200
-    time.sleep(0.6)
-    assert client.registers(SSW06, 5001)[0] & 0x0281 == 0
-    client.write(SSW06, 5003, 0x0303)  # ignored without a word: P630 runs (4.3)
-    assert client.registers(SSW06, 5001)[0] & 1 == 0
-    assert client.registers(SSW06, 6) == [11]
-
-    client.write(SSW06, 5003, 0x0200)  # general disable
-    assert client.registers(SSW06, 5001)[0] & 2 == 0
-    assert client.registers(SSW06, 6) == [12]
-    client.write(SSW06, 5003, 0x0202)
-    assert client.registers(SSW06, 5001)[0] & 2 == 2
 
 
 def test_the_words_of_the_ssw07(client: Client) -> None:

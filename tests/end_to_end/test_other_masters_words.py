@@ -11,14 +11,9 @@ from tests.end_to_end.libmodbus_server import library
 from tests.end_to_end.pty_pair import PtyPair
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import StartMosquitto
+from tests.rig.sites import starter
 
-STARTER = """
-[[line.starter]]
-name = "pump"
-address = 7
-family = "ssw07"
-every_s = 0.2
-"""
+STARTER = starter("pump", 7, "ssw07", every_s=0.2)
 # ready, general enabled, remote, supplied; P001-P003; P014; all other registers of the family
 WORDS = dict.fromkeys((5, 6, 7, 11, 14, 30, 31, 32, 50, 81), 0) | {
     1: 300,

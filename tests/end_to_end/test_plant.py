@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
+from tests.clients_page import example
 from tests.end_to_end.plant import STARTERS, plant
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import StartMosquitto
@@ -51,3 +53,20 @@ async def test_a_lost_port_makes_everything_stale_and_comes_back(
 
     assert online["reason"] is None
     assert lost["value"] is False
+
+
+async def test_the_example_for_mosquitto_pub_starts_and_stops(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    lines = [each for each in example("sh").splitlines() if "/result/" not in each]
+    script = "\n".join(lines).replace("B=starters/mcc1", "B=starters/plant").replace("pump-1", "pump")
+    for program in ("mosquitto_sub", "mosquitto_pub"):
+        script = script.replace(f"{program} ", f"{program} -p {broker.port} ")
+    async with plant(broker, tmp_path) as (scada, _, _):
+        shell = await asyncio.create_subprocess_exec("sh", "-c", script)
+        await scada.result("pump", verb="start", phase="accepted")
+        await scada.result("pump", verb="stop", phase="confirmed")
+        code = await shell.wait()
+
+    assert code == 0

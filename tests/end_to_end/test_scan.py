@@ -105,17 +105,3 @@ async def test_a_port_that_another_program_holds_is_named_as_busy_in_one_line() 
 
     assert code == 1
     assert re.fullmatch(rf"starter-gateway: port {port}: busy \(.*\)\n", errors)
-
-
-async def test_a_line_full_of_other_bytes_is_searched_to_its_end() -> None:
-    with silent_tty() as (port, ours):
-        scanning = asyncio.ensure_future(scanned(port, "--address", "1-2", "--baud", "19200"))
-        while not scanning.done():
-            with suppress(BlockingIOError):  # between two settings no one reads
-                os.write(ours, b"\x55\xaa\x00")
-            await asyncio.sleep(0.003)
-        code, out, errors = await scanning
-
-    assert code == 1
-    assert out == ""
-    assert "nothing that was found can be configured" in errors or "no starter was found" in errors

@@ -9,54 +9,33 @@ from pathlib import Path
 import pytest
 
 from gateway.system.stalls import SUSPEND_LIMIT_S
-from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.end_to_end.plant import plant
+from tests.end_to_end.site import PUMP, Scada
 from tests.mosquitto import StartMosquitto
+from tests.rig.sites import ALICE
 
 STOPPED_AFTER_S = (0.0, 0.03, 0.06)  # within reading, deciding, writing and reading back
-ONE_STARTER = """
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-every_s = 0.2
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
 
 
 @pytest.mark.alone
 async def test_no_start_is_written_on_what_was_read_before_the_process_was_stopped(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
-    broker = start_mosquitto()
-    text = site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL"), starters=ONE_STARTER)
-    config = write_config(tmp_path, text)
     ends = []
-    async with (
-        Program(
-            "gateway", "simulate", str(config), "--knobs", f"mqtt://127.0.0.1:{broker.port}"
-        ) as simulator,
-        broker.watch("starters/plant/#") as watcher,
-    ):
-        await simulator.says("line hall")
-        async with Program("gateway", "run", str(config)) as gateway:
-            scada = Scada(broker, watcher)
-            await scada.ready("pump")
-            for number, after_s in enumerate(STOPPED_AFTER_S):
-                await scada.command("pump", "start", f"start-{number}")
-                await asyncio.sleep(after_s)
-                gateway.signal(signal.SIGSTOP)
-                await scada.set_knob("pump", "control", "local")
-                await asyncio.sleep(SUSPEND_LIMIT_S + 0.5)
-                gateway.signal(signal.SIGCONT)
-                result = await final(scada, f"start-{number}")
-                ends.append((result["phase"], result["code"]))
-                await scada.set_knob("pump", "keypad", "stop")
-                await scada.set_knob("pump", "control", "remote")
-                await scada.until("starter/pump/state", state="ready", quality="good", remote=True)
+    site = plant(start_mosquitto(), tmp_path, starters=PUMP + ALICE, names=("pump",))
+    async with site as (scada, gateway, _):
+        for number, after_s in enumerate(STOPPED_AFTER_S):
+            await scada.command("pump", "start", f"start-{number}")
+            await asyncio.sleep(after_s)
+            gateway.signal(signal.SIGSTOP)
+            await scada.set_knob("pump", "control", "local")
+            await asyncio.sleep(SUSPEND_LIMIT_S + 0.5)
+            gateway.signal(signal.SIGCONT)
+            result = await final(scada, f"start-{number}")
+            ends.append((result["phase"], result["code"]))
+            await scada.set_knob("pump", "keypad", "stop")
+            await scada.set_knob("pump", "control", "remote")
+            await scada.until("starter/pump/state", state="ready", quality="good", remote=True)
 
     # Written before the stop and seen to run after it, or not at all; written in local it has no effect.
     assert {phase for phase, _ in ends} <= {"confirmed", "rejected"}, ends
@@ -65,19 +44,10 @@ async def test_no_start_is_written_on_what_was_read_before_the_process_was_stopp
 async def test_the_broker_says_offline_within_16_s_for_a_gateway_that_hangs(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
-    broker = start_mosquitto()
-    text = site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL"), starters=ONE_STARTER)
-    config = write_config(tmp_path, text)
-    async with Program("gateway", "simulate", str(config)) as simulator:
-        await simulator.says("line hall")
-        async with (
-            Program("gateway", "run", str(config)) as gateway,
-            broker.watch("starters/plant/gateway/status") as watcher,
-        ):
-            scada = Scada(broker, watcher)
-            await scada.until("gateway/status", state="online")
-            gateway.signal(signal.SIGSTOP)
-            said = await scada.until("gateway/status", state="offline", within_s=16.0)
+    site = plant(start_mosquitto(), tmp_path, starters=PUMP + ALICE, names=("pump",))
+    async with site as (scada, gateway, _):
+        gateway.signal(signal.SIGSTOP)
+        said = await scada.until("gateway/status", state="offline", within_s=16.0)
 
     assert said["reason"] == "connection lost"
 

@@ -1,38 +1,22 @@
-"""docs/tutorial.md as somebody follows it: every command that needs no root, on simulated starters.
-
-Whatever comes over MQTT meanwhile is compared with the reference.
-"""
+"""docs/tutorial.md as somebody follows it: every command that needs no root, on simulated starters."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 import os
-import re
 import sys
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
 
-from jsonschema import Draft7Validator
-
 from gateway.config.load import parse
 from tests.end_to_end.site import Program
-from tests.mosquitto import READY, Certificate, MosquittoBroker, StartMosquitto, Watcher, free_port
+from tests.mosquitto import READY, Certificate, MosquittoBroker, StartMosquitto, free_port
 from tests.reference import tutorial
-from tests.reference.asyncapi import payload_schema
-from tests.reference.topics import TOPICS
 
 BASE = "starters/mcc1"
 WITHIN_S = 60.0
 MAY_FAIL = ("starter-gateway doctor",)  # this machine is no plant
-SCHEMAS = [
-    (
-        re.compile(f"{BASE}/" + re.sub(r"{\w+}", "[a-z0-9_-]+", topic.address)),
-        Draft7Validator(payload_schema(topic, is_closed=False)),
-    )
-    for topic in TOPICS
-]
 
 
 class Reader:
@@ -95,7 +79,6 @@ class Follower:
         self._gateway = AsyncExitStack()  # ends before the rest
         stack.push_async_callback(self._gateway.aclose)
         self._broker: MosquittoBroker
-        self.watcher: Watcher
         self.printed: dict[str, str] = {}
 
     async def follow(self, line: str) -> None:
@@ -109,7 +92,6 @@ class Follower:
                 await gateway.says("pump-1 ready for remote control")
                 await gateway.says("pump-2 ready for remote control")
             case ["starter-gateway", "parameters"]:
-                await check_messages(self.watcher)
                 await self._gateway.aclose()
                 await self._reader.type(line)
             case ["install", _] if line.endswith(" ca.pem"):
@@ -117,10 +99,6 @@ class Follower:
                 await self._start_broker()
             case ["starter-gateway", "broker-kit"] if line.endswith("--prove"):
                 self.printed["prove"] = await self._reader.type(line)
-                watching = self._broker.watch(
-                    f"{BASE}/#", user=("prover", self._reader.passwords()["prover"])
-                )
-                self.watcher = await self._stack.enter_async_context(watching)
             case _:
                 name = words[4] if words[1] == "send" else words[1]
                 self.printed[name] = await self._reader.type(line)
@@ -165,21 +143,3 @@ async def test_the_tutorial_ends_with_a_motor_that_ran(
     assert "confirmed" in printed["start"]
     assert "confirmed" in printed["read"]
     assert "P003" in (tmp_path / "pump-1.toml").read_text("utf-8")
-
-
-async def check_messages(watcher: Watcher) -> None:
-    """Compare everything that was published so far with the reference."""
-    kinds: set[str] = set()
-    wrong: list[str] = []
-    while watcher.has_more():
-        seen = await watcher.next()
-        if not seen.payload:
-            continue
-        schema = next((schema for pattern, schema in SCHEMAS if pattern.fullmatch(seen.topic)), None)
-        assert schema is not None, f"{seen.topic} is not in the reference"
-        kinds.add(seen.topic.removeprefix(f"{BASE}/").split("/")[0])
-        if seen.topic.startswith(f"{BASE}/command/") and not seen.payload.startswith("{"):
-            continue
-        wrong += [f"{seen.topic}: {error.message}" for error in schema.iter_errors(json.loads(seen.payload))]
-    assert sorted(set(wrong)) == []
-    assert {"gateway", "starter", "result", "audit"} <= kinds

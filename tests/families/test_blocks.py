@@ -119,23 +119,6 @@ def test_rows_are_joined(family: str, codes: str, baud: int | None, expected: st
     assert joined(family, codes, baud) == expected
 
 
-def test_a_row_that_points_of_two_groups_need_is_read_once() -> None:
-    profile = load_profile("ssw07")
-    points = {"running": Point(code="VB01", bit=0, group="status"), "word": Point(code="VB01", group="slow")}
-
-    blocks = plan_blocks(profile.model_copy(update={"points": points}), UNKNOWN)
-
-    assert [block.name for block in blocks] == ["status:VB01"]
-
-
-def test_a_row_that_only_newer_firmware_has_is_not_polled_on_an_old_starter() -> None:
-    late = {"late": Point(code="P314", since_firmware="1.40")}
-    profile = load_profile("ssw07").model_copy(update={"points": late})
-
-    assert plan_blocks(profile, rows("firmware=V1.30")[0]) == ()
-    assert len(plan_blocks(profile, rows("firmware=V1.40")[0])) == 1
-
-
 def test_a_refused_block_is_split_into_its_rows() -> None:
     (block,) = plan_blocks(polling("ssw900", {"S1.1.4", "S1.6.2"}), UNKNOWN)
 

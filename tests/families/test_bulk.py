@@ -10,7 +10,6 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.rows import Access
 from gateway.families.reading import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
-from tests.families.notation import shown
 
 
 def count(read: Read) -> int:
@@ -32,25 +31,6 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     assert all(not each.request.is_write for each in reads)
 
 
-def test_a_limit_on_the_length_is_met_and_longer_rows_stay_whole() -> None:
-    profile = load_profile("ssw900")
-
-    reads = bulk_reads(profile, readable_codes(profile), longest=24)
-
-    assert max(count(each) for each in reads) <= 24
-    owners = {row.code: row for row in profile.parameters.values()}
-    for read in reads:
-        start = read.request.address  # type: ignore[attr-defined]
-        ends = [owners[code].address + owners[code].words for code in read.codes]
-        assert start + count(read) == max(ends)
-
-
-def test_a_row_of_which_the_manual_is_not_sure_is_read_alone_where_unknown_registers_read_0() -> None:
-    reads = bulk_reads(load_profile("ssw900"), ["S3.1.1", "S3.1.2"])
-
-    assert {each.codes for each in reads} == {("S3.1.1",), ("S3.1.2",)}
-
-
 def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
     profile = load_profile("ssw900")
 
@@ -58,24 +38,6 @@ def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
 
     assert sum(count(each) == 1 for each in reads) > 5
     assert all(count(read) != count(following) for read, following in pairwise(reads))
-
-
-def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() -> None:
-    profile = load_profile("ssw07")
-
-    codes = readable_codes(profile, with_unnamed=True)
-    reads = bulk_reads(profile, codes)
-
-    assert "P500" in codes
-    assert "P089" not in codes
-    assert "P200" not in codes
-    assert "h500*1" in [shown(each.request) for each in reads]
-
-
-def test_a_family_without_raw_words_has_no_more_than_it_names() -> None:
-    profile = load_profile("sst")
-
-    assert readable_codes(profile, with_unnamed=True) == readable_codes(profile)
 
 
 def test_a_refused_read_is_halved_down_to_its_rows() -> None:
@@ -86,17 +48,6 @@ def test_a_refused_read_is_halved_down_to_its_rows() -> None:
 
     assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
     assert halves(profile, first) == ()
-
-
-def test_two_names_of_one_register_stay_distinct() -> None:
-    profile = load_profile("ssw900")
-    (read,) = bulk_reads(profile, ["S6.4.1", "C11.3.1", "S6.4.2"])
-
-    first, second = halves(profile, read)
-
-    assert set(first.codes) == {"S6.4.1", "C11.3.1"}
-    assert second.codes == ("S6.4.2",)
-    assert [len(part.codes) for part in halves(profile, first)] == [1, 1]
 
 
 @pytest.mark.parametrize(

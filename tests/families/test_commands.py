@@ -11,8 +11,6 @@ from gateway.families.command.build import build, verbs
 from gateway.families.profile.arguments import MOST
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation
-from gateway.families.profile.rows import Access, Table
-from gateway.modbus.adu import encode
 from gateway.modbus.writes import MaskWriteRegister
 from tests.families.notation import built, command, prepared, reads, refusal, rows, shown, writes
 
@@ -141,21 +139,6 @@ WRITES = [
 @pytest.mark.parametrize(("family", "text", "known", "expected"), WRITES)
 def test_a_command_writes(family: str, text: str, known: str, expected: str) -> None:
     assert writes(family, text, known) == expected
-
-
-@pytest.mark.parametrize(
-    ("family", "text", "known", "frame"),
-    [
-        ("ssw06", "start", "", "01 06 13 8B 01 01 3D 34"),
-        ("ssw07", "start", "", "01 05 00 64 FF 00 CD E5"),
-        ("ssw900", "start", "S5.2.5=0x12", "01 06 02 AD 00 13 58 5E"),
-        ("sst", "start", "", "01 05 00 00 FF 00 8C 3A"),
-    ],
-)
-def test_a_start_is_this_frame(family: str, text: str, known: str, frame: str) -> None:
-    (step,) = built(family, text, known).steps
-
-    assert encode(1, step.request.encode()) == bytes.fromhex(frame)
 
 
 STARTING = "running=0 reversing=0 s5_1_1_3=0 s5_1_1_12=0"  # and not about to start, of an SSW900
@@ -442,19 +425,6 @@ def test_a_command_is_refused_for_what_was_read(family: str, text: str, known: s
     assert caught.value.code == code
 
 
-def test_local_and_remote_read_their_source() -> None:
-    assert "P220" in reads(prepared("ssw06", "local_remote local"))
-    assert "P220" in reads(prepared("ssw07", "local_remote local"))
-    assert "C3.1" in reads(prepared("ssw900", "local_remote local"))
-
-
-@pytest.mark.parametrize("text", ["start", "reset", "general_enable on"])
-def test_everything_but_a_stop_of_an_ssw900_needs_the_slot(text: str) -> None:
-    assert refusal("ssw900", *command(text), known="slot=0").code == "slot_unknown"
-    assert prepared("ssw900", "read S1.1.4", "slot=0").reads
-    assert prepared("ssw900", "set S5.3.1=1", "slot=0").reads
-
-
 @pytest.mark.parametrize("text", ["jog on", "direction forward", "direction reverse"])
 def test_an_ssw07_before_v1_40_neither_jogs_nor_turns_the_other_way(text: str) -> None:
     error = refusal("ssw07", *command(text), known="firmware=V1.32")
@@ -544,16 +514,6 @@ def test_a_result_names_its_rows_and_what_wears() -> None:
         assert (built(family, text, known).is_unchanged, built(family, text, known).steps) == (True, ())
 
 
-def test_rows_may_be_named_in_one_text() -> None:
-    profile, variant = load_profile("ssw07"), rows("")[0]
-
-    one = build(profile, variant, "read", {"parameters": "P003,P002"}, seen={})
-    two = build(profile, variant, "set", {"parameters": "P314=30,P313=1"}, seen={})
-    assert one.subjects == built("ssw07", "read P003 P002").subjects
-    assert [shown(step.request) for step in two.steps] == [writes("ssw07", "set P314=30 P313=1")]
-    assert build(profile, variant, "read", {"parameters": ["P003"]}, seen={}).subjects == ("P003",)
-
-
 @pytest.mark.parametrize("family", WEG)
 def test_a_command_that_gives_the_control_away_says_so(family: str) -> None:
     known = REST_900 if family == "ssw900" else REST
@@ -570,39 +530,3 @@ def test_where_the_number_of_the_option_is_not_printed_the_result_says_what_it_d
     assert built("ssw900", "output DO1=True").note == ""
     with pytest.raises(CommandError, match=r"C4\.2\.1 is 1 \(.+\), not 12 \("):
         built("ssw900", "output DO1=True", "C4.2.1=1")
-
-
-def test_each_family_has_the_outputs_of_its_manual() -> None:
-    assert [" ".join(load_profile(family).outputs) for family in FAMILIES] == [
-        {"ssw06": "RL1 RL2 RL3 AO1 AO2", "ssw07": "RL1 RL2", "ssw900": "DO1 DO2 DO3 AO1", "sst": ""}[family]
-        for family in FAMILIES
-    ]
-
-
-def test_a_value_that_this_model_does_not_allow_is_refused() -> None:
-    prepared("sst", "configure R33=10.0", "model=SST330i-M")
-
-    assert refusal("sst", "configure", {"R33": 10.0}, "model=SST130i-140-M").code == "out_of_range"
-
-
-def test_a_run_of_rows_is_no_longer_than_the_family_takes() -> None:
-    profile = load_profile("ssw900")
-    short = profile.model_copy(update={"limits": profile.limits.model_copy(update={"write_registers": 3})})
-
-    assert len(build(short, rows("")[0], *command("set C11.3.1=1 C11.3.2=2"), seen={}).steps) == 2
-
-
-def test_a_command_without_a_point_to_look_at_has_no_verification() -> None:
-    profile = load_profile("ssw07")
-    start = profile.commands["start"].model_copy(update={"verify": None})
-    blind = profile.model_copy(update={"commands": {**profile.commands, "start": start}})
-
-    assert build(blind, rows("")[0], "start", {}, seen={}).verify is None
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_no_coil_and_no_command_row_of_any_family_can_be_set(family: str) -> None:
-    for row in load_profile(family).parameters.values():
-        if row.table is Table.COIL or row.access is Access.COMMAND:
-            with pytest.raises(CommandError):
-                built(family, f"set {row.code}=1")

@@ -6,22 +6,13 @@ from typing import Any
 
 import pytest
 
-from gateway.families.profile.decode import decode_points, is_known, rated_current_a
+from gateway.families.profile.decode import is_known
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Point, Variant
-from tests.families.decoding import UNKNOWN, decoded, points, shown, value
+from tests.families.decoding import decoded, points, value
 
 HOLDING = Table.HOLDING
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-def test_the_example_of_both_serial_manuals_is_50_percent_and_40_amperes(family: str) -> None:
-    found = shown(family, HOLDING, 2, [500, 400], model=f"SSW-{family[3:]} 85A")
-
-    common = {"name": "motor current", "point": "current", "label": None}
-    assert found["P002"]["value"] == 50.0
-    assert found["P003"] == {**common, "value": 40.0, "unit": "A", "raw": [400]}
 
 
 @pytest.mark.parametrize(
@@ -108,24 +99,6 @@ def test_words_have_the_value_of_the_manual(
 
 
 @pytest.mark.parametrize(
-    ("model", "current_a"),
-    [
-        ("SSW-06 820.0A", 820.0),
-        ("SSW-07 85A", 85.0),
-        ("SSW-08 61,5 A", 61.5),
-        ("WEG SSW-06 10A", 10.0),
-        ("SST130i-75-M-ES", 75.0),
-        ("SST330i-M", None),
-        ("SSW-06", None),
-        ("SSW-06 0A", None),
-        ("", None),
-    ],
-)
-def test_the_rated_current_is_the_number_after_the_familys_name(model: str, current_a: float | None) -> None:
-    assert rated_current_a(model) == current_a
-
-
-@pytest.mark.parametrize(
     ("family", "code", "number", "label"),
     [
         ("ssw900", "S3.1.2", 99, None),
@@ -185,18 +158,6 @@ def test_points_of_an_sst(family: str, rows: dict[str, tuple[int, ...]], expecte
     assert points(family, rows) == expected
 
 
-def test_the_bits_of_a_status_word_are_points() -> None:
-    found = points("ssw07", {"VB01": (0x4103,)})
-
-    assert {name for name, is_on in found.items() if is_on} == {
-        "running",
-        "general_enabled",
-        "remote",
-        "power_present",
-    }
-    assert found["fault"] is False
-
-
 @pytest.mark.parametrize("firmware", ["V1.30", "1.3", "V1.40", "V1.4", "V2.05", None, "?"])
 def test_bits_that_old_firmware_does_not_have_are_unknown_there(firmware: str | None) -> None:
     found = points("ssw07", {"VB01": (0xFFFF,)}, firmware=firmware)
@@ -204,14 +165,3 @@ def test_bits_that_old_firmware_does_not_have_are_unknown_there(firmware: str | 
     assert found["jog"] is (None if firmware in ("V1.30", "1.3") else True)
     assert found["running"] is True
     assert is_known(Point(code="VB01").since_firmware, Variant(firmware="V0.01"))
-
-
-def test_a_combination_of_unknown_points_is_unknown_unless_one_is_true() -> None:
-    profile = load_profile("ssw07")
-    at_rest = Point(none_of=("running", "jog"), group="status")
-    profile = profile.model_copy(update={"points": {**profile.points, "at_rest": at_rest}})
-    old = Variant(firmware="V1.30")  # knows nothing of jog
-
-    assert decode_points(profile, old, {"VB01": (0,)})["at_rest"].value is None
-    assert decode_points(profile, old, {"VB01": (1,)})["at_rest"].value is False
-    assert decode_points(profile, UNKNOWN, {"VB01": (0,)})["at_rest"].value is True

@@ -7,12 +7,9 @@ from typing import Any
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import identify, identify_requests, matches, why_not
+from gateway.families.diagnosis.identify import identify, identify_requests, matches
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.device_id import DeviceIdentification
-from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.description import info_of
-from tests.families.notation import rows
 
 
 def weg(product: str, revision: str = "V1.20") -> DeviceIdentification:
@@ -86,47 +83,6 @@ def test_a_unit_is_of_the_family_that_its_answers_prove(
     assert matches(load_profile(family), found) is (seen == family)
 
 
-@pytest.mark.parametrize(
-    ("family", "answers", "why"),
-    [
-        ("ssw07", {"fc43": weg("SSW-06 85.0A")}, "it is ssw06, not ssw07: FC43 names 'SSW-06 85.0A'"),
-        ("ssw06", {"fc43": weg("CFW-11"), "register": (15,)}, "it is not ssw06: FC43 names 'CFW-11'"),
-        ("ssw07", {"fc43": weg("CFW-11"), "register": (15,)}, "it is not ssw07: FC43 names 'CFW-11'"),
-        (
-            "ssw06",
-            {"fc43": weg("SSW-06 85.0A"), "register": (7,)},
-            "it is not ssw06: FC43 names 'SSW-06 85.0A'; VB00 is 7 and should be 15",
-        ),
-    ],
-)
-def test_why_a_unit_is_not_of_a_family_is_said(family: str, answers: dict[str, Any], why: str) -> None:
-    assert (why_not(load_profile(family), identity(family, **answers)) or "").startswith(why)
-
-
-def test_a_unit_is_proved_to_be_another_only_where_it_names_itself_or_shows_it() -> None:
-    assert not identity("ssw06", fc43=weg("")).lacks  # no name says nothing
-    assert not identity("ssw07", fc43=weg("")).lacks
-    assert identity("ssw900", fc43=weg("SS"), slots=(0, 0)).lacks
-    assert not identity("ssw900", fc43=weg("SS")).lacks
-    assert not identity("ssw900", fc43=weg("SS"), slots=(0, 2)).lacks
-
-
-@pytest.mark.parametrize(
-    ("text", "current_a"),
-    [
-        ("SSW-07 85.0A", 85.0),
-        ("SSW-07 85A", 85.0),
-        ("SSW-08 17A", 17.0),
-        ("SSW-07", None),
-        ("SSW-07 17,5A", 17.5),
-    ],
-)
-def test_model_firmware_and_rated_current_are_those_of_the_text(text: str, current_a: float | None) -> None:
-    seen = identity("ssw07", fc43=weg(text))
-
-    assert (seen.model, seen.firmware, seen.rated_current_a) == (text, "1.20", current_a)
-
-
 @pytest.mark.parametrize("filling", ["\0\0", "\n", "\x1b[2J", "\x02\x05V1.60", "\xff"])
 def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
     seen = identity("ssw07", fc43=weg(f"SSW-07 85.0A{filling}", f"V1.60{filling}"))
@@ -182,12 +138,3 @@ def test_the_serial_number_of_an_sst_takes_four_registers_only_when_they_are_use
     words: tuple[int, ...], serial: str | None
 ) -> None:
     assert identity("sst", **sst(330, *words)).serial == serial
-
-
-def test_info_gives_rated_current_hardware_and_accessories() -> None:
-    ssw07 = Identity(family_seen="ssw07", rated_current_a=85.0, hardware="6.1", accessories=("RS-485", "CAN"))
-    setup = StarterSetup("p", "l", 1, load_profile("ssw07"), rows("slot=0")[0])
-
-    info = info_of(setup, merged(setup.variant, ssw07), ssw07)
-
-    assert (info.rated_current_a, info.hardware, info.accessories) == (85.0, "6.1", ("RS-485", "CAN"))

@@ -6,14 +6,13 @@ from typing import Any
 
 import pytest
 
-from gateway.families.command.interlock import RULES, check, points_needed
-from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.command.interlock import check
+from gateway.families.profile.load import load_profile
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 WEG = {**WEG_AT_REST, "remote": True, "current_limit": False, "full_voltage": False}
 SST = {**SST_AT_REST, "coil7": False, "coil8": False}
 AT_REST = {"ssw06": WEG, "ssw07": WEG, "ssw900": WEG, "sst": SST}
-FAULT = {"fault": True}  # what a reset wants
 
 
 def codes(family: str, rule: str, points: dict[str, Any]) -> list[str]:
@@ -56,11 +55,6 @@ def test_a_reading_breaks_a_rule_with_a_code_that_says_what_is_wrong(
     assert "required" not in violation.text  # never what would have been right
 
 
-def test_a_reset_demands_a_fault() -> None:
-    assert codes("ssw06", "has_fault", {**WEG, **FAULT}) == []
-    assert codes("ssw06", "has_fault", WEG) == ["no_fault_to_reset"]
-
-
 @pytest.mark.parametrize(
     ("family", "rule"),
     [
@@ -73,38 +67,5 @@ def test_an_unknown_reading_breaks_a_rule(family: str, rule: str) -> None:
     assert len(codes(family, rule, {})) == 1
 
 
-@pytest.mark.parametrize(
-    ("change", "reading"),
-    [
-        ({"s5_1_1_13": True}, "the state is not_ready: the time after a stop is not over"),
-        ({"general_enabled": None}, "the state is unknown: general_enabled is unknown"),
-        ({"fault": None}, "the state is unknown"),
-        ({"running": True}, "the state is running"),
-    ],
-)
-def test_why_a_starter_is_not_ready_is_reported(change: dict[str, Any], reading: str) -> None:
-    (violation,) = check(load_profile("ssw900"), ["is_ready"], {**WEG_AT_REST, **change})
-
-    assert f"({reading})" in violation.text
-
-
 def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
     assert codes("ssw07", "is_stopped", {**WEG, "jog": None, "braking": None, "reversing": None}) == []
-
-
-def test_a_violation_says_what_was_read_and_what_to_do() -> None:
-    (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
-
-    assert violation.text == "the starter is in local mode (remote is false); switch it to remote"
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_rules_of_a_profile_exist_and_look_at_points_of_the_family(family: str) -> None:
-    profile = load_profile(family)
-
-    assert {rule for command in profile.commands.values() for rule in command.requires} <= set(RULES)
-    for rule in RULES:
-        assert set(points_needed(profile, (rule,))) <= set(profile.points)
-    if family == "ssw06":  # its adjusting mode decides too
-        needed = set(points_needed(profile, ("is_ready",)))
-        assert {"vb06", "general_enabled", "power_present", "running"} <= needed

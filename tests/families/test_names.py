@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import ProfileError, UsageError
-from gateway.families.profile.load import FAMILIES, LANGUAGES, languages_of, load_profile, read_profile
-from gateway.families.profile.names import MEANINGS, meaning_of, printed_name
-from gateway.families.profile.rows import Alarm, Confidence
-from gateway.families.profile.schema import Point
+from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile, read_profile
+from gateway.families.profile.names import meaning_of, printed_name
+from gateway.families.profile.rows import Confidence
 
 SSW06 = Path(__file__).parents[2] / "gateway" / "families" / "profiles" / "ssw06"
 
@@ -23,15 +22,6 @@ def test_every_point_has_a_printed_name_and_a_meaning(family: str, language: str
 
     assert all(printed_name(profile, name) and meaning_of(profile, name) for name in profile.points)
     assert not any("not named" in printed_name(profile, name) for name in profile.points)
-
-
-def test_every_quantity_says_what_is_measured_and_no_meaning_is_left_over() -> None:
-    used = set()
-    for family in FAMILIES:
-        profile = load_profile(family)
-        used |= {name for name in profile.points if meaning_of(profile, name) == MEANINGS.get(name)}
-
-    assert used == set(MEANINGS)
 
 
 @pytest.mark.parametrize(
@@ -57,52 +47,11 @@ def test_a_point_is_named_as_the_manual_prints_it(family: str, point: str, name:
     assert (printed_name(profile, point), meaning_of(profile, point)) == (name, meaning)
 
 
-def test_a_quantity_of_which_nothing_more_is_known_means_what_it_is_called() -> None:
-    profile = load_profile("ssw07").model_copy(update={"points": {"p308": Point(code="P308")}})
-
-    assert meaning_of(profile, "p308") == printed_name(profile, "p308") == "address on the network"
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_name_that_no_manual_at_hand_confirms_says_so(family: str) -> None:
     for alarm in load_profile(family).alarms:
         assert alarm.source
         assert (alarm.confidence is Confidence.INFERRED) == ("not in this manual" in alarm.text)
-
-
-def test_names_of_another_familys_manual_are_those_of_its_table() -> None:
-    ssw900 = {alarm.code: alarm.text for alarm in load_profile("ssw900").alarms}
-    inferred = [a for a in load_profile("ssw07").alarms if a.confidence is Confidence.INFERRED]
-
-    assert len(inferred) == 8
-    for alarm in inferred:
-        other = f"f{int(alarm.code[1:]):03d}"
-        assert f"(as {other.upper()} of the SSW900" in alarm.text
-        assert ssw900[other].startswith(alarm.text.partition(" (")[0])
-
-
-@pytest.mark.parametrize(
-    ("alarm", "title"),
-    [
-        (Alarm(code="e05", severity="fault", text="Motor overload"), "E05 Motor overload"),
-        (
-            Alarm(code="e42", severity="fault", text="Fault E42 (not in the manual)"),
-            "Fault E42 (not in the manual)",
-        ),
-        (Alarm(code="fault", severity="fault", text="Fault, its number"), "Fault, its number"),
-    ],
-)
-def test_a_title_has_the_code_once(alarm: Alarm, title: str) -> None:
-    assert alarm.title == title
-
-
-def test_only_the_manual_of_the_ssw06_is_spanish_and_none_is_portuguese() -> None:
-    assert {family: languages_of(family) for family in FAMILIES} == {
-        "sst": ("en",),
-        "ssw06": ("en", "es"),
-        "ssw07": ("en",),
-        "ssw900": ("en",),
-    }
 
 
 def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewhere() -> None:
@@ -115,24 +64,6 @@ def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewher
     assert spanish.parameters["P277"].name == "relay RL1 function"
     assert spanish.rows_at.keys() == english.rows_at.keys()
     assert all(row is spanish.parameters[row.code] for rows in spanish.rows_at.values() for row in rows)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_a_language_changes_no_key_no_register_and_no_value_that_can_be_set(
-    family: str, language: str
-) -> None:
-    named, english = load_profile(family, language), load_profile(family)
-
-    assert [r.model_copy(update={"name": ""}) for r in named.parameters.values()] == [
-        r.model_copy(update={"name": ""}) for r in english.parameters.values()
-    ]
-    settable = [row.enum for row in english.parameters.values() if row.enum and row.is_writable]
-    assert [named.enums[key] for key in settable] == [english.enums[key] for key in settable]
-
-
-def test_a_family_without_a_language_is_english() -> None:
-    assert load_profile("ssw07", "pt").alarms == load_profile("ssw07").alarms
 
 
 def test_a_language_that_does_not_exist_is_refused_with_those_that_do() -> None:

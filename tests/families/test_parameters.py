@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 from gateway.errors import CommandError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.parameters import find, raw_limits, read_request, to_words, write_request
-from gateway.families.profile.rows import RESERVED, Confidence, Parameter
+from gateway.families.profile.parameters import find, raw_limits, read_request, to_words
+from gateway.families.profile.rows import RESERVED, Parameter
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.word_types import to_percent
-from gateway.families.reading import rows_in
-from tests.families.notation import built, prepared, rows, shown
+from tests.families.notation import rows, shown
 
 WRITABLE = [
     (family, row)
@@ -94,50 +93,6 @@ def test_what_cannot_be_asked_for_is_refused(family: str, code: str, why: str) -
         read_request(load_profile(family), find(load_profile(family), code))
 
 
-def test_what_no_manual_names_is_a_raw_word_or_bit_and_is_never_written() -> None:
-    ssw900, ssw07 = load_profile("ssw900"), load_profile("ssw07")
-    status, marker = prepared("ssw900", "read HR1600 S5.1.1").reads
-    (bit,) = prepared("ssw900", "read DI7").reads
-
-    assert (shown(marker.request), shown(status.request)) == ("h1600*1", "h680*1")
-    assert rows_in(ssw900, marker, (4711,)) == {"HR1600": (4711,)}
-    assert rows_in(ssw900, bit, (True,)) == {"DI7": (1,)}
-    for profile, code, word in ((ssw900, "HR1600", 4711), (ssw900, "DI7", 1), (ssw07, "P102", 1234)):
-        assert decode_row(profile, rows("")[0], find(profile, code), (word,)).value == word
-    assert built("ssw900", "read HR1600 S5.1.1").subjects == ("HR1600", "S5.1.1")
-    assert find(ssw07, "P102").confidence is Confidence.INFERRED
-    assert refusal("ssw07", "P102", 1) == "not_writable"
-    for code in ("HR1600", "HR20000", "COIL9", "HR685", "DI7"):
-        with pytest.raises(CommandError, match="not_writable"):
-            prepared("ssw900", f"set {code}=1")
-
-
-@pytest.mark.parametrize(
-    ("family", "code", "sent", "request_"),
-    [
-        ("ssw07", "P314", (30,), "314:001E"),
-        ("ssw07", "VB03.0", (1,), "c100:1"),
-        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), "1110:FFFF,FFFF"),
-        ("ssw900", "S5.2.5", (3,), "685:0003"),
-        ("sst", "R41", (5,), "41:0005"),
-        ("sst", "COIL1", (0,), "c0:0"),
-        ("ssw07", "P003", (1,), "not_writable"),
-        ("ssw07", "P200", (1,), "not_writable"),
-        ("sst", "COIL5", (1,), "not_writable"),
-    ],
-)
-def test_a_row_is_written_whole_or_not_at_all(
-    family: str, code: str, sent: tuple[int, ...], request_: str
-) -> None:
-    profile = load_profile(family)
-
-    try:
-        found = shown(write_request(profile, find(profile, code), sent))
-    except CommandError as error:
-        found = error.code
-    assert found == request_
-
-
 @pytest.mark.parametrize(
     ("family", "code", "value", "sent"),
     [
@@ -207,20 +162,6 @@ def test_values_that_the_manual_does_not_allow_are_refused(
     assert refusal(family, code, value) == why
 
 
-def test_a_number_between_the_members_of_a_list_is_out_of_range() -> None:
-    profile = load_profile("ssw07")
-    gap = {code: {0: "None", 3: "All"} for code in ("P230",)}
-
-    with pytest.raises(CommandError) as caught:
-        to_words(profile.model_copy(update={"enums": gap}), profile.parameters["P230"], 1)
-    assert caught.value.code == "out_of_range"
-
-
-def test_a_refusal_names_the_range_in_the_rows_unit() -> None:
-    with pytest.raises(CommandError, match=r"C2\.2 takes 0\.1\.\.2424\.0 A"):
-        words("ssw900", "C2.2", 0)
-
-
 @pytest.mark.parametrize(
     ("model", "limits"),
     [
@@ -238,17 +179,6 @@ def test_limits_are_those_of_the_model_or_the_widest_while_it_is_unknown(
     variant = rows(f"model={model}" if model else "")[0]
 
     assert raw_limits(load_profile("sst").parameters["R30"], variant) == limits
-
-
-def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
-    assert refusal("sst", "R38", 0, model="SST130i-75-M") == "not_writable"
-    assert words("sst", "R38", 0, model="SST330i-M") == (0,)
-
-
-def test_rows_without_model_limits_take_their_own() -> None:
-    assert raw_limits(load_profile("sst").parameters["R40"], rows("model=SST130i-75-M")[0]) == (1, 97)
-    assert raw_limits(load_profile("sst").parameters["R40"]) == (1, 97)
-    assert raw_limits(load_profile("sst").parameters["R12"]) is None
 
 
 def accepted(profile: Profile, row: Parameter) -> st.SearchStrategy[int]:
@@ -272,34 +202,3 @@ def test_what_is_set_is_what_is_read_back(data: st.DataObject) -> None:
     assert len(sent) == row.words
     assert decode_row(profile, rows("")[0], row, sent).value == value
     assert to_words(profile, row, decode_row(profile, rows("")[0], row, sent).value) == sent
-
-
-def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -> None:
-    for family, row in WRITABLE:
-        members = load_profile(family).enums.get(row.enum, {})
-        labels = [label.casefold() for label in members.values()]
-        for raw, label in members.items():
-            if labels.count(label.casefold()) == 1 and label != RESERVED:
-                assert words(family, row.code, label)[0] == raw
-
-
-@pytest.mark.parametrize(
-    ("family", "code", "why"),
-    [
-        ("ssw07", "P500", "the serial manual does not give it"),
-        ("ssw06", "P202", "the serial manual does not give it"),
-        ("ssw07", "P001", "the serial manual does not give it"),
-        ("ssw07", "P003", "read-only"),
-        ("ssw900", "C1.4", "not legible"),
-    ],
-)
-def test_a_parameter_that_the_serial_manual_does_not_give_is_not_called_read_only(
-    family: str, code: str, why: str
-) -> None:
-    profile = load_profile(family)
-
-    with pytest.raises(CommandError) as refusal:
-        to_words(profile, find(profile, code), 1)
-
-    assert why in refusal.value.text
-    assert ("read-only" in refusal.value.text) is (why == "read-only")

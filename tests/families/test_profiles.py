@@ -5,18 +5,9 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.profile.consistency import contradictions
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import factory_settings, to_words
 from gateway.families.profile.rows import Access, Confidence, Table
-from gateway.families.profile.schema import Profile
-
-COMMON_POINTS = """
-    running general_enabled fault alarm remote accelerating decelerating full_voltage current_limit
-    bypass_closed jog braking reversing reverse power_present current current_pct line_voltage output_voltage
-    line_frequency power_factor active_power apparent_power reactive_power torque_pct heatsink_temperature
-    fault_code starts_total ready_to_start configured
-"""
 
 
 def test_the_ssw900_has_every_row_member_bit_and_message_of_its_manual() -> None:
@@ -56,22 +47,6 @@ def test_the_sst_has_43_registers_and_26_coils_with_addresses_one_below_their_nu
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_points_have_the_common_names_or_the_manuals_code(family: str) -> None:
-    profile = load_profile(family)
-
-    for name, point in profile.points.items():
-        code = point.code if point.bit is None else f"{point.code}.{point.bit}"
-        assert name in COMMON_POINTS.split() or name == code.lower().replace(".", "_")
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_stop_requires_nothing(family: str) -> None:
-    commands = load_profile(family).commands
-
-    assert commands["stop"].requires == ()
-
-
-@pytest.mark.parametrize("family", FAMILIES)
 def test_only_rows_that_are_legible_allowed_and_bounded_are_writable(family: str) -> None:
     profile = load_profile(family)
 
@@ -86,15 +61,6 @@ def test_only_rows_that_are_legible_allowed_and_bounded_are_writable(family: str
             assert refusal.value.code == "not_writable"
 
 
-def test_the_six_inferred_rows_of_the_ssw900_and_five_others_are_never_writable() -> None:
-    rows = load_profile("ssw900").parameters
-
-    for code in ("S3.1.1", "C1.4", "C4.3.3", "C7.3.2", "C8.3.10.2", "C8.4.1"):
-        assert rows[code].confidence is Confidence.INFERRED
-        assert not rows[code].is_writable
-    assert not any(rows[code].is_writable for code in ("A1.1", "S5.2.5", "S5.2.6", "S5.9.1", "C8.6.2"))
-
-
 @pytest.mark.parametrize(
     ("family", "writable"),
     [
@@ -107,11 +73,6 @@ def test_the_writable_rows_are_those_whose_range_is_printed(family: str, writabl
     rows = load_profile(family).parameters.values()
 
     assert {row.code for row in rows if row.is_writable} == writable
-
-
-def test_sst_rows_that_need_configuration_mode_are_all_its_writable_ones() -> None:
-    for row in load_profile("sst").parameters.values():
-        assert row.is_configuration is row.is_writable
 
 
 @pytest.mark.parametrize(
@@ -137,13 +98,6 @@ def test_the_ssw07_has_no_alarm_bit_and_some_bits_only_from_newer_firmware() -> 
     assert late == {"jog", "braking", "reversing", "reverse"}
 
 
-def test_the_rated_scaled_rows_of_the_ssw06_are_the_fifteen_of_its_manual() -> None:
-    rows = load_profile("ssw06").parameters.values()
-
-    numbers = [3, 10, 11, 30, 31, 32, 47, 48, 53, 60, 63, 66, 69, 72, 75]
-    assert [row.address for row in rows if row.is_rated_scaled] == numbers
-
-
 @pytest.mark.parametrize(
     ("family", "numbers"),
     [
@@ -167,12 +121,6 @@ def test_response_times_are_the_manuals_or_said_to_be_ours(
     )
 
 
-def test_the_sst_takes_frames_of_54_bytes() -> None:
-    limits = load_profile("sst").limits
-
-    assert (limits.frame_bytes, limits.read_registers, limits.write_registers) == (54, 24, 22)
-
-
 @pytest.mark.parametrize(
     ("family", "codes"),
     [
@@ -192,18 +140,3 @@ def test_factory_settings_are_those_that_the_manual_prints(family: str, codes: d
         assert row.raw_min is not None
         assert row.raw_max is not None
         assert row.raw_min <= raw <= row.raw_max
-
-
-@pytest.mark.parametrize(
-    ("family", "point"), [("ssw07", "p050"), ("ssw900", "s4_2_1"), ("ssw06", ""), ("sst", "")]
-)
-def test_the_row_of_the_thermal_image_is_named_once_and_is_a_point(family: str, point: str) -> None:
-    assert load_profile(family).thermal_point == point
-
-
-def test_a_thermal_image_that_is_no_point_is_a_mistake_of_the_profile() -> None:
-    profile = load_profile("ssw07")
-    history = profile.history.model_copy(update={"thermal": "P015"})
-    wrong = Profile.model_construct(**{**dict(profile), "history": history})
-
-    assert contradictions(wrong) == ["history: thermal: there is no point of P015"]

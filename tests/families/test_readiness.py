@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
 from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Finding, Topic, Weight
 from gateway.families.diagnosis.identify import slot_trouble
-from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start, watchdogs
+from gateway.families.diagnosis.readiness import readiness, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 
@@ -59,19 +59,6 @@ def test_a_starter_that_is_set_up_for_the_network_is_ready(family: str) -> None:
 
     assert problems(findings) == []
     assert not refuses_start(findings)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_every_row_that_is_looked_at_is_one_of_the_family(family: str) -> None:
-    assert set(GOOD[family]) == set(readiness_codes(load_profile(family)))
-    assert set(readiness_codes(load_profile(family))) <= set(load_profile(family).parameters)
-
-
-def test_a_family_without_rules_has_no_findings() -> None:
-    invented = load_profile("sst").model_copy(update={"family": "invented", "parameters": {}})
-
-    assert readiness_codes(invented) == ()
-    assert readiness(invented, Variant(), {}) == ()
 
 
 @pytest.mark.parametrize(
@@ -124,17 +111,6 @@ def test_what_could_not_be_read_is_a_warning_and_never_taken_for_good(family: st
     assert not any("no watchdog" in finding.text for finding in look("ssw07", {"P314": None}))
 
 
-def test_the_start_delay_is_noted_when_it_is_set_and_an_unread_relay_is_left_out() -> None:
-    assert any("P630 = 5" in finding.text for finding in look("ssw06", {"P630": 5}))
-    unread = look("ssw07", {"P277": None, "P278": None})
-    assert not any(finding.topic is Topic.OUTPUT for finding in unread)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_no_watchdog_is_worth_a_note(family: str) -> None:
-    assert any("no watchdog is on" in finding.text for finding in look(family))
-
-
 @pytest.mark.parametrize(
     ("family", "changes", "expected"),
     [
@@ -160,14 +136,6 @@ def test_a_watchdog_is_reported_with_its_time_and_whether_the_motor_feels_it(
     assert watchdogs_of(family, changes) == expected
 
 
-def test_an_action_that_is_not_known_to_be_idle_is_taken_to_be_felt() -> None:
-    no_action: dict[str, int | None] = dict.fromkeys(SSW07, None)
-
-    assert watchdogs_of("ssw07", {**no_action, "P314": 3}) == [("P314", 3.0, True)]
-    assert watchdogs_of("ssw07", {**no_action, "P314": 3, "P313": 1}) == [("P314", 3.0, True)]
-    assert watchdogs_of("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, None) == [("C8.2.5.3", 1.5, True)]
-
-
 def test_a_timeout_of_zero_seconds_that_is_on_is_a_warning() -> None:
     assert any("0.0 s" in text for text in problems(look("ssw900", {"C8.2.5.1": 1})))
 
@@ -191,12 +159,6 @@ def test_the_poll_plan_is_held_against_the_watchdog(gap_s: float | None, weight:
     assert "after 3 s" in finding.text
 
 
-def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
-    findings = look("ssw06", {"P314": 3}, gap_s=9.0)
-
-    assert [f.weight for f in findings if f.topic is Topic.WATCHDOG] == [Weight.WARNING]
-
-
 def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
     trouble = slot_trouble(load_profile("ssw900"), Variant(slot=2), Identity(slot=1))
     found = readiness(load_profile("ssw900"), *known("ssw900", {}, 1), slot_trouble=trouble)
@@ -204,13 +166,6 @@ def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> N
     assert problems(found) == [trouble]
     assert trouble.startswith("slot = 2 is configured, but the RS-485 accessory sits in slot 1")
     assert refuses_start(found)
-
-
-@pytest.mark.parametrize(("configured", "seen"), [(1, 1), (None, 2), (2, None), (None, None)])
-def test_a_slot_that_is_not_contradicted_is_left_alone(
-    configured: Literal[1, 2] | None, seen: Literal[1, 2] | None
-) -> None:
-    assert slot_trouble(load_profile("ssw900"), Variant(slot=configured), Identity(slot=seen)) == ""
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Procedure, WriteStep
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
+from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from tests.families.notation import built, rows, writes
 
@@ -31,6 +32,8 @@ TURNING = {"ssw06": "VB01=0x4103", "ssw07": "VB01=0x4103", "ssw900": "S5.1.1=0x0
 # What may be written without run = 0 before it, as the manuals have it: a motion or its end, and the outputs
 # (ssw06-es 4.2.3, 4.2.6-4.2.8; ssw07 4.2.2, 4.2.3; ssw900 S5.2, S5.3; the SST's coil 1).
 HARMLESS_COILS = {"ssw06": {100, 102}, "ssw07": {100, 102}, "ssw900": set(), "sst": {0}}
+# What no `set` may write: command words, and rows of the connection itself; it writes no coil at all.
+FORBIDDEN = {5003, 5007, 308, 312, *range(681, 687), *range(730, 734)}
 SOURCES = {
     "ssw06": {220, 229, 230},
     "ssw07": {220, 229, 230},
@@ -139,6 +142,48 @@ def test_no_procedure_of_any_verb_and_any_row_wakes_a_run_command_before_run_is_
 
 @SLOTS
 @pytest.mark.parametrize("family", FAMILIES)
+def test_only_a_start_sets_run_and_a_set_writes_neither_command_words_nor_the_connection(
+    family: str, variant: Variant
+) -> None:
+    profile = load_profile(family)
+
+    for verb, args, procedure in every_procedure(family, variant):
+        own = [step.request for step in procedure.steps if not (step.is_run_off or step.may_be_refused)]
+        if verb != "start":
+            assert not any(sets_run(profile, request) for request in [*own, *procedure.abandon]), (verb, args)
+        if verb == "set" and family != "sst":
+            assert not {int.from_bytes(request.encode()[1:3]) for request in own} & FORBIDDEN, args
+            assert all(request.encode()[0] != 5 for request in own), args
+        if family == "sst":
+            check_configuration_mode(procedure)
+
+
+def sets_run(profile: Profile, request: Request) -> bool:
+    pdu = request.encode()
+    address, word = int.from_bytes(pdu[1:3]), int.from_bytes(pdu[3:5])
+    if pdu[0] == 5:
+        return address == RUN_COIL.get(profile.family) and word == 0xFF00
+    if profile.family == "ssw06":
+        return address == 5003 and word & 0x0101 == 0x0101
+    return profile.family == "ssw900" and pdu[0] == 6 and address in (685, 686) and bool(word & 1)
+
+
+def check_configuration_mode(procedure: Procedure) -> None:
+    """Assert that a register is written only between entering and leaving the mode of an SST."""
+    is_in_mode = False
+    for step in procedure.steps:
+        pdu = step.request.encode()
+        if pdu[:3] == b"\x05\x00\x01":
+            is_in_mode = pdu[3] == 0xFF
+            assert step.then is not None
+        assert pdu[0] == 5 or is_in_mode
+    assert not is_in_mode
+    leaves = [request.encode() == b"\x05\x00\x01\x00\x00" for request in procedure.abandon]
+    assert any(leaves) == any(step.request.encode()[:3] == b"\x05\x00\x01" for step in procedure.steps)
+
+
+@SLOTS
+@pytest.mark.parametrize("family", FAMILIES)
 def test_run_is_set_to_0_only_where_it_is_read_that_the_motor_stands(family: str, variant: Variant) -> None:
     profile = load_profile(family)
 
@@ -215,23 +260,10 @@ def test_only_an_sst_that_is_not_initialised_may_refuse_run_0() -> None:
     assert (barred.may_be_refused, free.may_be_refused) == (True, False)
 
 
-def test_the_words_of_an_ssw900_never_carry_a_run_command_that_was_seen_to_stand() -> None:
-    for text in ("reset", "general_enable on", "direction reverse"):
-        for step in built("ssw900", text, "S5.2.5=0x17").steps:
-            assert not int.from_bytes(step.request.encode()[3:5]) & 0x05
-
-
-def test_the_rows_that_a_family_protects_are_in_no_list_of_the_code() -> None:
-    table = {
-        family: (profile.protected.command_sources, profile.protected.connection)
-        for family in FAMILIES
-        for profile in [load_profile(family)]
-    }
-
-    assert set(table["ssw06"][0]) == {"P220", "P229", "P230"} == set(table["ssw07"][0])
-    assert {"C3.1", "C3.2", "C3.3", "C3.4"} <= set(table["ssw900"][0])
-    assert all(
-        section
-        for sources, connection in table.values()
-        for section in (*sources.values(), *connection.values())
-    )
+@pytest.mark.parametrize("direction", [0x0000, 0x0800])
+@pytest.mark.parametrize("mode", [0x0002, 0x0100, 0x0102])  # general enable, remote
+def test_a_reset_of_an_ssw900_changes_nothing_that_is_in_force(mode: int, direction: int) -> None:
+    for step in built("ssw900", "reset", f"S5.1.1={mode | direction} S5.2.5=0x1D").steps:
+        word = int.from_bytes(step.request.encode()[3:5])
+        assert (bool(word & 0x02), bool(word & 0x10)) == (bool(mode & 0x02), bool(mode & 0x0100))
+        assert (bool(word & 0x08), word & 0x05) == (bool(direction), 0)

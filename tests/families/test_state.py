@@ -5,16 +5,11 @@ from typing import Any
 import pytest
 
 from gateway.families.devices import device_of
-from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.load import load_profile
 from gateway.families.profile.state import STATES, hindrance, state_of
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 WEG = ("ssw06", "ssw07", "ssw900")
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_starter_of_which_nothing_is_known_is_in_an_unknown_state(family: str) -> None:
-    assert state_of(load_profile(family), {}) == "unknown"
 
 
 @pytest.mark.parametrize("family", WEG)

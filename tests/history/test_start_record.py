@@ -52,23 +52,6 @@ def test_a_start_survives_json() -> None:
     assert data["cause"] == {"source": "command", "client": "alice", "command_id": "c1"}
 
 
-def test_what_is_not_known_has_no_key() -> None:
-    bare = StartSummary("b-1", 5.0, "b", 1, StartOutcome.GIVEN_UP)
-
-    data = bare.to_dict()
-
-    assert data == {
-        "id": "b-1",
-        "time": "1970-01-01T00:00:05.000Z",
-        "boot": "b",
-        "seq": 1,
-        "cause": {"source": "unknown"},
-        "outcome": "given_up",
-        "is_baseline": False,
-    }
-    assert StartSummary.from_dict(data) == bare
-
-
 @pytest.mark.parametrize(
     "wrong",
     [{"outcome": "exploded"}, {"time": "yesterday"}, {"cause": 7}, {"peak_a": "high"}, {"drift": {"x": {}}}],

@@ -6,7 +6,7 @@ import pytest
 
 from gateway.history.ring import ReadingTable
 from gateway.history.trip_record import MOST_BYTES, TripSnapshot, fitted, size_of
-from gateway.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
+from gateway.history.trip_recorder import AFTER_S, TripRecorder
 
 TIME = "2026-11-21T01:02:03.456Z"
 
@@ -51,18 +51,6 @@ def test_a_record_has_the_minute_before_the_first_reading_that_showed_the_fault(
     assert trip.at_fault["P050"]["value"] == 251
 
 
-def test_a_record_waits_for_readings_after_the_trip() -> None:
-    recorder = TripRecorder()
-    running(recorder, 100.5, trip_s=100.0)
-    recorder.note_alarm("e05", "Motor overload", is_active=True)
-    fault(recorder, now_s=100.5)
-    recorder.add_fault_data({}, [])
-
-    assert recorder.take_due(100.5 + AFTER_S - 0.1) is None
-    assert recorder.take_due(100.5 + AFTER_S) is not None
-    assert recorder.take_due(100.5 + AFTER_S) is None
-
-
 def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
     recorder = TripRecorder()
     recorder.note_alarm("fault", "Fault", is_active=True)
@@ -75,39 +63,6 @@ def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
 
     assert trip is not None
     assert (trip.code, trip.text) == ("f005", "Motor overload")
-
-
-def test_a_starter_that_answers_nothing_more_has_its_record_all_the_same() -> None:
-    recorder = TripRecorder()
-    running(recorder, 100.5, trip_s=100.0)
-    fault(recorder, now_s=100.5)
-
-    assert recorder.take_due(100.5 + LATEST_S - 0.1) is None
-    trip = recorder.take_due(100.5 + LATEST_S)
-
-    assert trip is not None
-    assert trip.code == "fault"
-    assert trip.readings.t_s[0] == -60.0
-    assert not trip.at_fault
-
-
-def test_a_family_without_numbers_does_not_wait_for_one() -> None:
-    recorder = TripRecorder(has_numbers=False)
-    fault(recorder, now_s=10.0)
-    recorder.add_fault_data({}, [])
-
-    assert recorder.take_due(10.0 + AFTER_S) is not None
-
-
-def test_the_next_trip_finishes_the_one_before() -> None:
-    recorder = TripRecorder()
-    fault(recorder, now_s=10.0, seq=1)
-
-    first = fault(recorder, now_s=12.0, seq=2)
-
-    assert first is not None
-    assert first.id == "boot-1"
-    assert recorder.is_waiting
 
 
 def test_a_fault_that_was_cleared_does_not_name_the_next_trip() -> None:
@@ -142,13 +97,6 @@ def test_a_record_has_at_most_16_kilobytes_and_still_the_10_seconds_before(point
     assert trip.readings.t_s[0] <= -10.0 + 2.0
     assert len(trip.at_fault) == 20
     assert bool(trip.thinned) is (rows > 60)
-
-
-def test_what_is_old_is_thinned_before_what_is_near() -> None:
-    trip = fitted(large(12, 240))
-
-    near = [t_s for t_s in trip.readings.t_s if t_s >= -10.0]
-    assert near == [t_s for t_s in large(12, 240).readings.t_s if t_s >= -10.0]
 
 
 def test_even_a_record_of_long_texts_fits() -> None:

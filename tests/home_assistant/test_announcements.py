@@ -19,12 +19,6 @@ def test_what_was_announced_and_is_not_wanted_is_to_be_deleted() -> None:
     assert after.unwanted(["b", "c"]) == []
 
 
-def test_what_is_announced_already_need_not_be_stored_again() -> None:
-    announcements = Announcements({"topics": ["a"]})
-
-    assert not announcements.add(["a"])
-
-
 @pytest.mark.parametrize("document", [{}, {"topics": "a"}, {"topics": [1]}])
 def test_a_file_that_says_something_else_is_damaged(document: dict[str, object]) -> None:
     with pytest.raises(DamagedError):
@@ -56,12 +50,3 @@ def test_a_flood_of_births_is_answered_once_in_five_seconds() -> None:
     gaps = [after - before for before, after in itertools.pairwise(answers_s)]
     assert 6 <= len(answers_s) <= 12
     assert min(gaps) >= LONGEST_PAUSE_S - 0.02
-
-
-@pytest.mark.parametrize("payload", [b"offline", b"", b"ONLINE", b'{"id":"1"}'])
-def test_nothing_but_a_birth_is_answered(payload: bytes) -> None:
-    birth = BirthPause(1)
-
-    birth.take(payload, 0.0)
-
-    assert birth.left_s(10.0) is None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import heapq
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 from operator import itemgetter
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LineClient, post_here
-from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, Trace, UnitChanged
+from gateway.line.events import LineEvent, PollResult, PortChanged, Trace, UnitChanged
 from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.request import Alternate
@@ -19,7 +19,7 @@ from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
-from gateway.modbus.pdu import Request, encode_exception
+from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
@@ -51,16 +51,14 @@ def no_reply(frame: bytes) -> Iterable[Said]:
 class FakePort:
     """A Port on a line where a request that starts before 3.5 characters of silence is an error."""
 
-    def __init__(self, answer: Answer, timing: LineTiming = TIMING, *, has_echo: bool = False) -> None:
+    def __init__(self, answer: Answer, timing: LineTiming = TIMING) -> None:
         self.answer = answer
         self.timing = timing
-        self.has_echo = has_echo
         self.sent: list[tuple[float, bytes]] = []
         self.shortest_silence_s = inf
         self.is_closed = False
         self.closed_s = inf
         self.may_be_disturbed = False  # what is sent into the bytes of others is no error
-        self.byte_times_s: list[float] = []  # of everything that others said
         self._loop = asyncio.get_running_loop()
         self._wire_end_s = -inf  # of the last byte on the line so far, ours included
         self._arrivals: list[tuple[float, int, bytes]] = []
@@ -85,8 +83,6 @@ class FakePort:
         self.sent.append((now_s, frame))
         end_s = now_s + self.timing.wire_s(len(frame))
         self._wire_end_s = end_s
-        if self.has_echo:
-            self._deliver(end_s, frame)
         for said in self.answer(frame):
             self.say(said, end_s)
 
@@ -125,17 +121,12 @@ class FakePort:
             self._deliver(start_s, chunk)
             start_s += said.gap_s
 
-    def last_byte_before(self, at_s: float) -> float:
-        """Return when the latest byte of the others had arrived by then."""
-        return max(each for each in self.byte_times_s if each <= at_s)
-
     def hang_up(self) -> None:
         self._lost = True
         self._wake()
 
     def _deliver(self, at_s: float, data: bytes) -> None:
         self._serial += 1
-        self.byte_times_s.append(at_s)
         heapq.heappush(self._arrivals, (at_s, self._serial, data))
         self._wake()
 
@@ -150,13 +141,6 @@ class FakePort:
             self._waiter.set_result(None)
 
 
-class FakeConnection(FakePort):
-    """A FakePort that may deliver late, as a TCP connection may; it notes when it was reset."""
-
-    def reset(self) -> None:
-        self.close()
-
-
 @dataclass
 class Units:
     """Starters that answer every read with `address + i`, every write with its acknowledgement."""
@@ -164,15 +148,12 @@ class Units:
     alive: set[int]
     delay_s: float = DELAY_S
     in_chunks_of: int | None = None
-    refused: dict[int, int] = field(default_factory=dict)  # unit: exception code
 
     def __call__(self, frame: bytes) -> Iterable[Said]:
         unit, pdu = adu.decode(frame)
         if unit not in self.alive:
             return ()
-        code = self.refused.get(unit)
-        answer = reply_pdu(pdu) if code is None else encode_exception(pdu[0], code)
-        return (Said(adu.encode(unit, answer), self.delay_s, self.in_chunks_of),)
+        return (Said(adu.encode(unit, reply_pdu(pdu)), self.delay_s, self.in_chunks_of),)
 
 
 def reply_pdu(pdu: bytes) -> bytes:
@@ -203,15 +184,12 @@ class FakeOpener:
     def __init__(self, make_port: Callable[[], FakePort]) -> None:
         self.make_port = make_port
         self.failure: str | None = None
-        self.takes_s = 0.0
         self.tried_s: list[float] = []
         self.ports: list[FakePort] = []
         self.opened = asyncio.Event()
 
     async def __call__(self) -> FakePort:
         self.tried_s.append(asyncio.get_running_loop().time())
-        if self.takes_s:
-            await asyncio.sleep(self.takes_s)
         if self.failure is not None:
             raise PortError(self.name, self.failure)
         self.ports.append(self.make_port())
@@ -226,8 +204,6 @@ class Listener:
         self.polls: list[tuple[float, str, int, Outcome]] = []
         self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
         self.ports: list[tuple[float, bool, str]] = []
-        self.faults: list[tuple[str, int, str, tuple[str, ...]]] = []
-        self.frames: list[FrameSeen] = []
 
     def handle(self, event: LineEvent) -> None:
         now_s = asyncio.get_running_loop().time()
@@ -236,15 +212,8 @@ class Listener:
                 self.polls.append((now_s, event.key, event.unit, event.outcome))
             case UnitChanged():
                 self.units.append((now_s, event.unit, event.is_answering, event.reason, event.frames))
-            case LineFault():
-                self.faults.append((event.code, event.unit, event.text, event.frames))
-            case FrameSeen():
-                self.frames.append(event)
             case PortChanged():
                 self.ports.append((now_s, event.is_open, event.reason))
-
-    def outcomes(self, key: str) -> list[Outcome]:
-        return [outcome for _, polled, _, outcome in self.polls if polled == key]
 
 
 class LineRig:
@@ -255,8 +224,6 @@ class LineRig:
         answer: Answer,
         polls: Iterable[Poll],
         timing: LineTiming = TIMING,
-        *,
-        deaf_after_s: float | None = None,
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
@@ -266,7 +233,6 @@ class LineRig:
             timing=timing,
             polls=tuple(polls),
             events=local_events(self.listener.handle),
-            deaf_after_s=deaf_after_s,
         )
         self.client = LineClient(self.line, post_here)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 from collections import defaultdict
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from math import inf
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
@@ -13,7 +12,7 @@ from gateway.line.rtu.reply_times import reply_within_s, request_wire_s
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.timing import LineTiming
 
 READ = ReadHoldingRegisters(0, 1)
 
@@ -46,7 +45,6 @@ class IdealLine:
         self.gaps_s: defaultdict[str, list[float]] = defaultdict(list)  # between two answers of a poll
         self.served_s: dict[int, float] = {}  # the start of the latest request that a unit was reached by
         self.unserved_s: defaultdict[int, float] = defaultdict(float)  # the longest time between two of those
-        self.busy_s: defaultdict[str, float] = defaultdict(float)  # by class of outcome
         self._took_s = took_s
         self._outcome_of = outcome_of or (lambda slot, at_s: Answered((), at_s, 0.0))
 
@@ -62,7 +60,6 @@ class IdealLine:
         began_s = self.now_s
         self.now_s += self._took_s(slot)
         outcome = self._outcome_of(slot, self.now_s)
-        self.busy_s[type(outcome).__name__] += self.now_s - began_s
         self.scheduler.record(slot, outcome, self.now_s)
         if not isinstance(outcome, Silent):
             self._note_answer(slot, began_s)
@@ -72,12 +69,6 @@ class IdealLine:
         """Serve until then."""
         while self.now_s < until_s:
             self.step(until_s)
-
-    def run_until_answered(self, key: str) -> None:
-        """Serve until a poll is answered once more."""
-        before = len(self.gaps_s[key]), self.answered_s.get(key)
-        while (len(self.gaps_s[key]), self.answered_s.get(key)) == before:
-            self.step()
 
     def _note_answer(self, slot: Slot, began_s: float) -> None:
         if slot.unit in self.served_s:
@@ -90,28 +81,3 @@ class IdealLine:
         if key in self.answered_s:
             self.gaps_s[key].append(self.now_s - self.answered_s[key])
         self.answered_s[key] = self.now_s
-
-
-def random_site(seed: int, *, units: Iterable[int] = (1, 2, 4, 8, 16, 24)) -> tuple[LineTiming, list[Poll]]:
-    """Return a line and its polls: three blocks each starter, of one period or of many."""
-    chance = random.Random(seed)
-    timing = LineTiming(chance.choice([9600, 19200, 57600]), Framing.parse("8E1"))
-    is_mixed = chance.random() < 0.5
-    base_s = chance.choice([0.5, 1.0, 2.0, 5.0])
-    polls = []
-    for unit in range(1, chance.choice(list(units)) + 1):
-        every_s = chance.choice([0.5, 1.0, 2.0, 5.0, 20.0]) if is_mixed else base_s
-        response_time_s = chance.choice([0.01, 0.02, 0.1])
-        for block, most in enumerate((8, 24, 4)):
-            period_s = max(10.0, 10 * every_s) if block == 2 else every_s
-            request = ReadHoldingRegisters(0, chance.randint(1, most))
-            polls.append(Poll(f"{unit}/{block}", unit, request, period_s, response_time_s))
-    return timing, polls
-
-
-def as_often_as_possible(polls: Iterable[Poll], units: set[int]) -> list[Poll]:
-    """Return polls of which those of some units, slow ones apart, have no period."""
-    return [
-        replace(poll, every_s=0.0) if poll.unit in units and not poll.key.endswith("/2") else poll
-        for poll in polls
-    ]

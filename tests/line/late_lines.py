@@ -12,7 +12,7 @@ import sys
 from collections import Counter, deque
 from collections.abc import Coroutine
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from math import inf
 from typing import Any, TypeVar
@@ -22,7 +22,6 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import plan_blocks
 from gateway.line.events import Trace
-from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.line.rtu.request import Alternate, EncodedRequest
@@ -63,32 +62,12 @@ class Tally:
     mixed: int = 0  # of two replies within one another, whose CRC was right by chance
     since: int = 0  # acknowledgements in doubt of which it is known since when the write was sent
     older: int = 0  # answers to the same request, sent less than `OLDER_S` before
-    elapsed_s: float = 0.0
-    ideal_s: float = 0.0  # what the same answers, and the deadlines of those too late, take at the least
     examples: list[str] = field(default_factory=list)
 
     def add(self, other: Tally) -> None:
         """Count another's beside one's own."""
-        for name in (
-            "counts",
-            "answered",
-            "asked",
-            "alternates",
-            "series",
-            "wrong",
-            "mixed",
-            "older",
-            "since",
-            "examples",
-        ):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        self.elapsed_s += other.elapsed_s
-        self.ideal_s += other.ideal_s
-
-    @property
-    def efficiency(self) -> float:
-        """The share of the line's time that an ideal master would have needed too."""
-        return self.ideal_s / self.elapsed_s
+        for each in fields(self):
+            setattr(self, each.name, getattr(self, each.name) + getattr(other, each.name))
 
 
 OLDER_S = 0.1
@@ -134,7 +113,6 @@ class Line:
         """Send so many requests."""
         while self.wire.asked < count:
             run(self._ask_next())
-        self.tally.elapsed_s += self.wire.now_s
         self.tally.asked += self.wire.asked
         self.tally.counts += self.wire.counts
         return self.tally
@@ -201,16 +179,7 @@ class Line:
         read.series_from = 0
         read.due_s = max(read.due_s + read.every_s, self.wire.now_s)
         self.tally.alternates += form is not read.encoded
-        silence_s = self._timing.silence_s + self._timing.wire_s(len(read.encoded.adu))
-        size = read.encoded.reply_size or 0
-        if isinstance(outcome, Answered):
-            self.tally.answered += 1
-            self.tally.ideal_s += silence_s + outcome.response_time_s + self._timing.wire_s(size)
-        elif isinstance(outcome, Refused):
-            self.tally.answered += 1
-            self.tally.ideal_s += self.wire.now_s - began_s
-        else:
-            self.tally.ideal_s += silence_s + self._limit_s + self._timing.wire_s(size) + ALLOWANCE_S
+        self.tally.answered += isinstance(outcome, (Answered, Refused))
 
     def _agrees(self, read: _Asked, form: EncodedRequest, outcome: Answered) -> bool:
         """Return whether a series is complete with this answer."""
@@ -262,7 +231,6 @@ class Line:
         self._writes.append((encoded.adu, self.wire.asked, began_s))
         if isinstance(outcome, Garbled) and outcome.acknowledges_since_s > -inf:
             self._check_since(encoded.adu, outcome.acknowledges_since_s)
-        self.tally.ideal_s += self.wire.now_s - began_s
 
     def _check_since(self, written: bytes, since_s: float) -> None:
         """See whether an equal write that was sent since then was acknowledged."""
@@ -271,10 +239,6 @@ class Line:
         since = {number for frame, number, at_s in self._writes if frame == written and at_s >= since_s}
         if not since & known and self.wire.mixed != self.wire.asked:
             self._note_wrong(f"{self.wire.asked}: nothing written since {since_s} was acknowledged")
-
-    def faults(self) -> tuple[BusFault, ...]:
-        """Return what was recognised as wrong with the line."""
-        return self._line.bus_faults.take_news()
 
     def _note_wrong(self, text: str) -> None:
         self.tally.wrong += 1
@@ -303,13 +267,6 @@ def ask_for_long(transactions: int, *, seed: int) -> Tally:
         line = Line(chance, faults, units=chance.choice(UNITS), baud=chance.choice(BAUDS), every_s=every_s)
         tally.add(line.ask(min(ON_A_LINE, transactions - tally.asked)))
     return tally
-
-
-def efficiency(late_share: float, *, units: int, baud: int, transactions: int, seed: int) -> Tally:
-    """Ask on a full line where nothing is wrong but that so many replies are late."""
-    faults = Faults(late_share, kinds=("late",))
-    line = Line(random.Random(seed), faults, units=units, baud=baud, every_s=FULL)
-    return line.ask(transactions)
 
 
 def _expected(unit: int, number: int, request: Request) -> Any:
@@ -344,18 +301,9 @@ def main() -> None:
         f"wrong {tally.wrong}, the same read of a moment before {tally.older}, "
         f"of two replies within one another, the CRC being right by chance {tally.mixed}",
         *tally.examples[:5],
-        "the line's time that was needed, of full lines without faults and with 5 % of the replies late:",
+        "replies lost, none late, in ten minutes, of the answers without loss:",
+        *table(),
     ]
-    for units in (1, 8, 32, 247):
-        for baud in BAUDS:
-            shares = (
-                efficiency(late, units=units, baud=baud, transactions=5000, seed=1).efficiency
-                for late in (0.0, 0.05)
-            )
-            lines.append(
-                f"{units:4} starters, {baud:5} bit/s: " + " ".join(f"{share:.3f}" for share in shares)
-            )
-    lines += ["replies lost, none late, in ten minutes, of the answers without loss:", *table()]
     sys.stdout.write("\n".join(lines) + "\n")
     sys.exit(1 if tally.wrong else 0)
 

@@ -22,10 +22,6 @@ def job(lane: Priority = Priority.COMMAND, unit: int = 1, request: Request = WRI
     return Job(unit, request, 0.01, lane, lambda outcome: None)
 
 
-def job_of(slot: Slot | None) -> Job | None:
-    return slot.jobs[0] if slot is not None and slot.jobs else None
-
-
 def key_of(slot: Slot | None) -> str | None:
     return None if slot is None or slot.poll is None else slot.poll.key
 
@@ -35,16 +31,6 @@ def take(scheduler: Scheduler, now_s: float, outcome: Outcome = ANSWERED) -> Slo
     if slot is not None:
         scheduler.record(slot, outcome, now_s)
     return slot
-
-
-def ask_times(scheduler: Scheduler, outcomes: list[Outcome]) -> list[float]:
-    """Return when a unit is asked when it always answers so, on an otherwise idle line."""
-    times_s = []
-    for outcome in outcomes:
-        now_s = max(scheduler.next_due_s(), 0.0)
-        assert take(scheduler, now_s, outcome) is not None
-        times_s.append(now_s)
-    return times_s
 
 
 def gaps(times_s: list[float]) -> list[float]:

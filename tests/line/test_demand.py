@@ -33,7 +33,3 @@ def test_far_beyond_what_is_looked_at_the_load_bounds_the_demand() -> None:
     demand = Demand([(0.0001, 0.001), (1.0, 1000.0)])
 
     assert demand.response_s(1000.0) == pytest.approx(1000.0 * demand.load)
-
-
-def test_nothing_asks_for_nothing() -> None:
-    assert Demand([]).load == 0.0

@@ -1,28 +1,6 @@
 from __future__ import annotations
 
-from gateway.line.port.buffered import FIRST_S, LEAST_S, MOST_S, EarlyWakeUp
-
-
-def test_a_wait_that_was_woken_too_late_is_woken_earlier_the_next_time_up_to_a_limit() -> None:
-    lead = EarlyWakeUp()
-
-    lead.learn(-0.00001)
-
-    assert FIRST_S < lead.seconds < MOST_S
-    for _ in range(1000):
-        lead.learn(-0.001)
-    assert lead.seconds == MOST_S
-
-
-def test_one_that_was_woken_in_time_is_woken_later_down_to_a_limit() -> None:
-    lead = EarlyWakeUp()
-
-    lead.learn(0.00006)
-
-    assert LEAST_S < lead.seconds < FIRST_S
-    for _ in range(1000):
-        lead.learn(0.00006)
-    assert lead.seconds == LEAST_S
+from gateway.line.port.buffered import EarlyWakeUp
 
 
 def test_one_write_in_five_is_left_late() -> None:

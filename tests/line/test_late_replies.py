@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-import pytest
-
-from tests.line.late_lines import ask_for_long, efficiency
+from gateway.line.rtu.late_replies import COPY_S, Choice, LateReplies, expected_shape
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
+from tests.line.late_lines import ask_for_long
 
 TRANSACTIONS = 20_000
 
@@ -23,10 +23,14 @@ def test_no_late_reply_is_taken_for_another_answer() -> None:
         assert tally.counts[kind] > 0.003 * tally.asked
 
 
-@pytest.mark.parametrize(("late", "least"), [(0.0, 0.98), (0.05, 0.85)])
-def test_a_line_is_used_nearly_as_well_as_can_be(late: float, least: float) -> None:
-    tally = efficiency(late, units=32, baud=19200, transactions=3000, seed=1)
+def test_what_is_owed_makes_a_read_take_another_form_until_it_came() -> None:
+    status, coils = ReadHoldingRegisters(5001, 1), ReadCoils(0, 16)
+    forms = (expected_shape(status), expected_shape(coils))
+    late = LateReplies()
+    late.note_unanswered(7, forms[0], 0.0, 0.05)
+    before = late.choose(7, status, forms, 1.0)
 
-    assert tally.wrong == 0
-    assert tally.efficiency > least
-    assert late or tally.older == tally.alternates == 0  # every request goes out as it is
+    late.note_stray(7, status.encode_reply((5,)), began_s=1.996, at_s=2.0, awaited=None)
+
+    assert before == Choice(1)
+    assert late.choose(7, status, forms, 2.0 + COPY_S) == Choice(0)

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.line.capacity.outage import WIDE_FACTOR, Restart, first_requests_s, gaps_of, start_order
-from gateway.line.rtu.reply_times import longest_s, request_wire_s
+from gateway.line.capacity.outage import WIDE_FACTOR, Restart, gaps_of, start_order
 from gateway.modbus.timing import Framing, LineTiming
-from tests.line.fakes import RESPONSE_TIME_S, poll
+from tests.line.fakes import poll
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 MANAGER = Restart(restart_s=0.5, watchdog_s=8.0, abort_s=2.0, start_up_s=1.0)
-
-
-def test_a_start_asks_every_unit_once_before_any_unit_twice() -> None:
-    polls = [poll("a1"), poll("a2"), poll("b1", unit=2), poll("b2", unit=2), poll("c1", unit=3)]
-
-    assert [each.key for each in start_order(polls)] == ["a1", "b1", "c1", "a2", "b2"]
 
 
 def test_the_shortest_watchdog_is_served_first_and_none_at_all_last() -> None:
@@ -25,15 +18,6 @@ def test_the_shortest_watchdog_is_served_first_and_none_at_all_last() -> None:
     ordered = start_order(polls, {2: 0.0, 3: 5.0, 4: 2.0})
 
     assert [each.key for each in ordered] == ["d", "c", "a", "b"]
-
-
-def test_the_first_request_comes_after_those_before_it_went_unanswered() -> None:
-    polls = [poll("a"), poll("b", unit=2)]
-    waited_s = longest_s(polls[0].request, TIMING, response_time_s=RESPONSE_TIME_S)
-    sent_s = request_wire_s(polls[1].request, TIMING)
-
-    assert first_requests_s(polls, TIMING)[2] == pytest.approx(2 * TIMING.silence_s + waited_s + sent_s)
-    assert 9 not in first_requests_s(polls, TIMING)
 
 
 def test_a_crash_costs_the_restart_the_start_up_and_the_first_round() -> None:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-import itertools
-
 import pytest
 
-from gateway.line.port_recovery import ASK_EVERY_S, LONGEST_S, PortRecovery
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from tests.line.fakes import LineRig, Units
-from tests.virtual_time import run_virtually
+from gateway.line.port_recovery import ASK_EVERY_S, PortRecovery
+from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 
@@ -29,12 +24,6 @@ def test_silence_of_all_is_cured_ever_less_often() -> None:
     assert cures_s(PortRecovery(15.0), until_s=200.0) == [15.0, 46.0, 107.0]
 
 
-def test_the_pause_between_two_cures_has_an_end() -> None:
-    times_s = cures_s(PortRecovery(300.0), until_s=4000.0)
-
-    assert [after - before for before, after in itertools.pairwise(times_s)][-1] == LONGEST_S + 1
-
-
 @pytest.mark.parametrize("outcome", [ANSWERED, Refused(2, 0.0)])
 def test_any_answer_ends_it(outcome: Outcome) -> None:
     recovery = PortRecovery(15.0)
@@ -49,27 +38,6 @@ def test_any_answer_ends_it(outcome: Outcome) -> None:
     assert recovery.record(Silent(), 36.0)
 
 
-def test_garbage_is_no_answer() -> None:
-    assert cures_s(PortRecovery(15.0), until_s=16.0, outcome=Garbled("noise", b"\x00")) == [15.0]
-
-
-@pytest.mark.parametrize("after_s", [None, 0.0])
-def test_it_can_be_switched_off(after_s: float | None) -> None:
-    assert cures_s(PortRecovery(after_s), until_s=1e4) == []
-
-
-def test_a_line_without_requests_is_not_deaf() -> None:
-    rig = LineRig(Units(set()), [], deaf_after_s=15.0)
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(100.0)
-
-    run_virtually(scenario())
-
-    assert len(rig.opener.ports) == 1
-
-
 def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_again() -> None:
     recovery = PortRecovery(15.0)
     recovery.record(Silent(), 0.0)
@@ -79,12 +47,3 @@ def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_aga
     recovery.record(ANSWERED, ASK_EVERY_S + 0.1)
 
     assert [recovery.is_time_to_ask(3.0), recovery.is_time_to_ask(3.0)] == [True, False]
-
-
-def test_an_answer_after_a_short_silence_is_nothing_special() -> None:
-    recovery = PortRecovery(15.0)
-    recovery.record(Silent(), 0.0)
-
-    recovery.record(ANSWERED, ASK_EVERY_S - 0.1)
-
-    assert not recovery.is_time_to_ask(10.0)

@@ -9,53 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
-from gateway.line.scheduler.requests import Priority, Verdict
+from gateway.line.scheduler.requests import Priority
+from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
-from tests.line.scheduled import ANSWERED, begun, gaps, job, key_of, take
-
-
-def test_a_poll_that_is_expedited_while_it_is_under_way_comes_once_more() -> None:
-    scheduler = begun(poll("a", every_s=10.0))
-    slot = scheduler.pick(0.0)
-    assert slot is not None
-
-    scheduler.polls.expedite("a", 0.01)
-    scheduler.record(slot, ANSWERED, 0.02)
-
-    assert scheduler.next_due_s() == 0.02
-
-
-def test_a_removed_poll_is_not_asked_and_its_answer_under_way_not_reported() -> None:
-    scheduler = begun(poll("a"), poll("b"))
-    slot = scheduler.pick(0.0)
-    assert slot is not None
-
-    scheduler.polls.remove("a")
-    scheduler.polls.add(poll("a", every_s=5.0), 0.0)
-
-    assert scheduler.record(slot, ANSWERED, 0.0) == Verdict(is_final=False, is_answering=True)
-    assert [key_of(take(scheduler, 0.0)) for _ in range(3)] == ["b", "a", None]
-
-
-def test_all_periods_are_stretched_by_one_factor_when_the_line_is_over_full() -> None:
-    scheduler = begun(poll("a", every_s=1.0), poll("b", every_s=2.0), poll("c", every_s=4.0))
-    seen = Counter[str | None]()
-    now_s = 0.0
-
-    while now_s < 2000.0:
-        slot = scheduler.pick(now_s)
-        now_s = now_s + 1.0 if slot is not None else scheduler.next_due_s()
-        if slot is not None:
-            scheduler.record(slot, ANSWERED, now_s)
-            seen[key_of(slot)] += 1
-
-    assert scheduler.polls.stretch == pytest.approx(1.75)
-    assert seen["a"] == pytest.approx(2 * seen["b"], rel=0.1)
-    assert seen["b"] == pytest.approx(2 * seen["c"], rel=0.1)
-    assert seen.total() == 2000  # no time is left idle
+from tests.line.scheduled import ANSWERED, READ, begun, job, take
 
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0, 5.0])
@@ -75,54 +34,6 @@ def test_a_full_line_keeps_its_order_though_no_two_transactions_take_equally_lon
     assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= 1.02 * round_s
     asked = [len(each) for each in line.gaps_s.values()]
     assert max(asked) - min(asked) <= 1
-
-
-def test_a_port_that_is_opened_again_stretches_nothing_by_itself() -> None:
-    line = IdealLine([poll(str(unit), unit, 0.3) for unit in range(1, 9)], lambda slot: 0.03)
-    line.run(5.0)
-    line.now_s += 1.0  # without a port
-    line.scheduler.polls.begin(line.now_s)
-
-    stretched = []
-    while line.now_s < 8.0:
-        line.step()
-        stretched.append(line.scheduler.polls.stretch)
-
-    assert max(stretched) == 1.0
-
-
-def test_periods_are_as_they_were_when_an_offline_starter_or_a_poll_no_longer_costs_anything() -> None:
-    dead = set[int]()
-    polls = [poll(str(unit), unit, 0.3) for unit in range(1, 16)]
-    line = IdealLine(
-        polls,
-        lambda slot: 0.03,
-        lambda slot, at_s: Silent() if slot.unit in dead else Answered((), at_s, 0.0),
-    )
-    line.run(20.0)
-    assert line.scheduler.polls.stretch == pytest.approx(1.5)
-
-    line.scheduler.polls.set_every("15", 3.0, line.now_s)
-    line.run(40.0)
-    assert line.scheduler.polls.stretch == pytest.approx(1.41)
-    line.scheduler.polls.remove("15")
-    dead.update(range(9, 15))
-    line.run(60.0)
-
-    assert line.scheduler.polls.stretch == 1.0
-
-
-def test_wrong_keys_are_refused() -> None:
-    scheduler = begun(poll("a"))
-
-    with pytest.raises(ValueError, match="'a' already"):
-        scheduler.polls.add(poll("a"), 0.0)
-    with pytest.raises(KeyError):
-        scheduler.polls.remove("b")
-    with pytest.raises(KeyError):
-        scheduler.polls.expedite("b", 0.0)
-    with pytest.raises(KeyError):
-        scheduler.polls.set_every("b", 1.0, 0.0)
 
 
 @settings(deadline=None)
@@ -160,22 +71,22 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]
         assert 600 * 0.03 - last_s[key] <= bound_s
 
 
-def test_a_process_that_stands_still_while_its_first_poll_is_answered_leaves_none_unasked_for_long() -> None:
-    polls = [
-        poll(f"{unit}/{every_s}", unit=unit, every_s=every_s)
-        for unit in range(1, 21)
-        for every_s in (0.25, 10.0)
-    ]
-    scheduler, now_s = begun(*polls), 0.0
-    asked_s: dict[str | None, list[float]] = {}
-    for at in range(6_000):
+def test_stops_repeats_and_watchdogs_that_are_due_alternate_and_let_a_poll_pass() -> None:
+    units = range(1, 31)
+    scheduler = begun(*(poll(str(unit), unit=unit, every_s=0.0) for unit in units))
+    for unit in units:
+        scheduler.polls.set_deadline(unit, 10.0)
+    for _ in range(31):
+        take(scheduler, 0.0)
+    for _ in range(40):
+        scheduler.jobs.submit(job(Priority.FOLLOW_UP, unit=99, request=READ), 8.0)
+
+    now_s, kinds = 8.0, ""
+    for _ in range(40):
         slot = scheduler.pick(now_s)
-        if slot is None:
-            now_s = scheduler.next_due_s()
-            continue
-        asked_s.setdefault(key_of(slot), []).append(now_s)
-        now_s += 5.0 if at == 2 else 0.06
+        assert slot is not None
+        kinds += "p" if not slot.jobs else "f"
+        now_s += 0.05
         scheduler.record(slot, ANSWERED, now_s)
 
-    assert len(asked_s) == len(polls)
-    assert max(max(gaps(times_s)) for times_s in asked_s.values()) < 70.0  # 50 s where none stands still
+    assert kinds == ("f" * IN_ROW + "p" * (IN_ROW + 1)) * 2 + "f" * 6

@@ -17,8 +17,10 @@ from hypothesis import strategies as st
 from gateway.line.capacity.forecast import Forecast, forecast
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s
+from gateway.line.scheduler.line_time import JOBS_SHARE
 from gateway.line.scheduler.polls import OFFLINE_BURST_S, OFFLINE_SHARE
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import BACKGROUND_WEIGHT
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import poll
@@ -197,3 +199,21 @@ def test_starters_that_lose_their_supply_together_cost_no_other_its_watchdog(see
 
     assert max(promised_s.values()) <= 12.5
     assert max(model.unserved_s[1], model.unserved_s[2]) <= 12.5
+
+
+def test_a_flood_of_reads_gets_a_quarter_of_an_over_full_line_and_no_more() -> None:
+    model = Model(site_of([None] * 8, 0.1, floods=[Priority.PARAMETERS]))
+
+    model.run(120.0)
+
+    assert model.used_by_jobs() == pytest.approx(JOBS_SHARE / BACKGROUND_WEIGHT, abs=0.03)
+
+
+def test_a_flood_of_reads_leaves_the_polls_of_a_busy_line_their_rates() -> None:
+    model = Model(site_of([None] * 8, 1.5, floods=[Priority.PARAMETERS]))  # two thirds of the line
+
+    model.run(120.0)
+
+    averages_s = [sum(gaps_s) / len(gaps_s) for gaps_s in model.gaps_s.values()]
+    assert max(averages_s) < 1.05 * 1.5
+    assert model.used_by_jobs() > 0.2

@@ -9,7 +9,6 @@ import pytest
 
 from gateway.errors import PortLostError
 from gateway.line.port import buffered as lead
-from gateway.line.port import buffered as open_port
 from tests.line.fakes import until
 from tests.line.opened import LONG_S, Pty, opener, read, read_pty, settled, write_often
 
@@ -44,21 +43,6 @@ async def test_a_read_ends_a_moment_before_its_time_and_the_write_after_it_not_b
     await settled(port)
 
 
-async def test_bytes_that_come_while_a_read_is_about_to_end_are_returned(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    loop = asyncio.get_running_loop()
-    await port.read(until_s=loop.time() + 0.001)
-
-    os.write(pty.master, b"stray")
-    deadline_s = loop.time() + LONG_S
-    chunk = b""
-    while not chunk and loop.time() < deadline_s:
-        chunk = await port.read(until_s=loop.time())
-
-    assert chunk == b"stray"
-    await settled(port)
-
-
 async def test_a_tty_that_is_lost_in_the_middle_of_a_reply_gives_what_came_and_then_the_loss(
     pty: Pty,
 ) -> None:
@@ -77,34 +61,6 @@ async def test_a_tty_that_is_lost_in_the_middle_of_a_reply_gives_what_came_and_t
     await settled(port)
 
 
-async def test_a_port_that_is_closed_while_a_reply_comes_looks_no_more(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    loop = asyncio.get_running_loop()
-    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=2000))
-    await asyncio.sleep(0)
-    os.write(pty.master, b"half")
-    await until(lambda: port.last_byte_s > 0)
-
-    port.close()
-
-    assert await reading == b"half"
-    await settled(port)
-
-
-async def test_a_reply_that_comes_byte_by_byte_wakes_its_reader_once(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    loop = asyncio.get_running_loop()
-    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=20))
-    await asyncio.sleep(0)
-
-    for number in range(20):
-        os.write(pty.master, bytes((number,)))
-        await asyncio.sleep(0.0005)
-
-    assert await reading == bytes(range(20))
-    await settled(port)
-
-
 async def test_a_tty_that_hangs_up_is_lost_for_reading_and_writing(pty: Pty) -> None:
     port = await opener(pty.path)()
     os.write(pty.master, b"last words")
@@ -119,43 +75,10 @@ async def test_a_tty_that_hangs_up_is_lost_for_reading_and_writing(pty: Pty) -> 
     await settled(port)
 
 
-async def test_a_write_that_meets_the_hang_up_first_is_reported_too(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    pty.hang_up()
-
-    with pytest.raises(PortLostError):
-        port.write(b"x")
-    await settled(port)
-
-
 async def test_a_tty_that_takes_no_more_bytes_is_lost_instead_of_waited_for(pty: Pty) -> None:
     port = await opener(pty.path)()
 
     with pytest.raises(PortLostError, match="stuck"):
         write_often(port, bytes(256))
 
-    await settled(port)
-
-
-async def test_a_closed_port_may_be_closed_again_and_is_lost(pty: Pty) -> None:
-    port = await opener(pty.path)()
-
-    port.close()  # before asyncio has even reported that it is open
-    port.close()
-
-    with pytest.raises(PortLostError, match="closed"):
-        await port.read(until_s=0.0)
-    await settled(port)
-
-
-async def test_unread_bytes_are_stored_up_to_a_limit(pty: Pty) -> None:
-    port = await opener(pty.path)()
-    pattern = bytes(range(256)) * 4
-
-    for _ in range(8):
-        os.write(pty.master, pattern)
-        written_s = asyncio.get_running_loop().time()
-        await until(lambda written_s=written_s: port.last_byte_s >= written_s)
-
-    assert len(await port.read(until_s=0.0)) <= open_port.UNREAD_BYTES
     await settled(port)

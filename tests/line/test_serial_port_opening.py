@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import os
 import subprocess
@@ -54,17 +53,6 @@ def test_a_pseudo_terminal_opens_again_for_an_ordinary_user_whose_gateway_was_ki
             assert process.stdout is not None
             assert process.stdout.readline() == "open\n"
             process.kill()
-
-
-def test_a_pseudo_terminal_is_busy_for_a_second_gateway_and_free_after_the_first_was_killed(pty: Pty) -> None:
-    give(pty.path)
-
-    with holder(pty.path) as first:
-        assert first.stdout is not None
-        assert first.stdout.readline() == "open\n"
-        with holder(pty.path) as second:
-            assert "busy" in second.communicate()[0]
-        first.kill()
 
 
 @pytest.mark.parametrize(
@@ -132,25 +120,6 @@ async def test_a_tty_that_does_not_open_in_time_is_given_up_and_closed_when_it_d
         await opens()
     may_open.set()
     await until(lambda: bool(opened) and not opened[0].is_open)
-
-
-async def test_a_tty_that_fails_to_open_too_late_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    opens = opener("/dev/ttyUSB0")
-    may_fail, has_failed = threading.Event(), threading.Event()
-
-    def fail_late() -> serial.Serial:
-        may_fail.wait(LONG_S)
-        has_failed.set()
-        raise PortError(opens.name, "too late")
-
-    monkeypatch.setattr(opens, "_open_device", fail_late)
-    monkeypatch.setattr(serial_port, "OPEN_LIMIT_S", 0.01)
-
-    with pytest.raises(PortError, match="does not open within"):
-        await opens()
-    may_fail.set()
-    await until(has_failed.is_set)
-    await asyncio.get_running_loop().shutdown_default_executor()
 
 
 @pytest.mark.parametrize("framing", ["8N1", "8N2", "8E1", "8O1"])

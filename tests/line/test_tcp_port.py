@@ -10,10 +10,9 @@ from contextlib import asynccontextmanager, suppress
 
 import pytest
 
-from gateway.errors import PortError, PortLostError
-from gateway.line.port import tcp
+from gateway.errors import PortLostError
 from gateway.line.port.tcp import SocketPort
-from tests.line.opened import LONG_S, opener, read, settled, write_often
+from tests.line.opened import LONG_S, opener, read, settled
 
 
 @asynccontextmanager
@@ -52,36 +51,6 @@ async def test_a_socket_carries_bytes_both_ways_until_the_other_side_closes() ->
         with pytest.raises(PortLostError, match="closed by the other side"):
             await port.read(until_s=asyncio.get_running_loop().time() + LONG_S)
         await settled(port)
-
-
-async def test_a_socket_that_takes_no_more_bytes_is_lost_instead_of_waited_for() -> None:
-    async with serial_server() as (url, peer):
-        port = await opener(url)()
-        await peer
-
-        with pytest.raises(PortLostError, match="stuck"):
-            write_often(port, bytes(65536))
-
-        await settled(port)
-
-
-async def test_a_refused_connection_is_reported() -> None:
-    async with serial_server() as (url, _):
-        pass
-
-    with pytest.raises(PortError, match="is the serial server on"):
-        await opener(url)()
-
-
-async def test_a_connection_that_is_not_accepted_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def never(*_: object) -> None:
-        await asyncio.Event().wait()
-
-    monkeypatch.setattr(asyncio.get_running_loop(), "create_connection", never)
-    monkeypatch.setattr(tcp, "CONNECT_LIMIT_S", 0.01)
-
-    with pytest.raises(PortError, match="no connection within"):
-        await opener("socket://192.0.2.1:502")()
 
 
 async def test_a_write_that_stands_still_in_the_connection_never_arrives_after_a_reset() -> None:

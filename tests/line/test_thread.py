@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.line import thread as host_module
-from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
-from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.port.base import Port
+from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
-from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, until
+from tests.line.fakes import FakeOpener, FakePort, Units
 from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
 
 
@@ -90,78 +90,6 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
     assert crash.exc_info is not None
 
 
-async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
-    await host.start()
-    await listener.wait_for("pumps port True")
-
-    asked = [asyncio.create_task(ask(line)) for _ in range(50)]  # more than it can do meanwhile
-    await asyncio.sleep(0)
-    await until(lambda: bool(opener.ports[0].sent))
-    await host.stop()
-    async with asyncio.timeout(LONG_S):
-        outcomes = await asyncio.gather(*asked)
-
-    assert isinstance(outcomes[0], Answered)
-    assert outcomes[-1] == NO_PORT
-
-
-async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
-    listener = WaitingListener()
-    host = LineHost(listener.handle)
-    opener = FakeOpener(lambda: FakePort(Units(set())))
-    line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
-    await host.start()
-    await listener.wait_for("pumps port True")
-
-    asked = [asyncio.create_task(ask(line, response_time_s=0.5)) for _ in range(5)]
-    await asyncio.sleep(0)
-    for task in asked:
-        task.cancel()
-    await asyncio.wait(asked)
-    last = await ask(line)
-    await host.stop()
-
-    assert last == Silent()
-    assert len(opener.ports[0].sent) <= 2
-
-
-async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    handled: list[LineEvent] = []
-
-    def handle(event: LineEvent) -> None:
-        handled.append(event)
-        if len(handled) == 1:
-            raise ValueError("bug")
-
-    host = LineHost(handle)
-    add(host, fake_opener())
-    await host.start()
-    await until(lambda: len(handled) == 3)
-    await host.stop()
-
-    assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
-    assert "event=PortChanged failed" in caplog.text
-
-
-def test_events_for_a_closed_app_are_dropped() -> None:
-    async def start() -> LineHost:
-        add(host := LineHost(lambda _: None), fake_opener())
-        await host.start()
-        return host
-
-    host = asyncio.run(start())
-    ended = threading.Event()
-    host.to_line(host.remove_line("pumps").close)
-    host.to_line(ended.set)
-    assert ended.wait(LONG_S)
-    asyncio.run(host.stop())
-
-
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     listener = WaitingListener()
     host = LineHost(listener.handle)
@@ -184,3 +112,62 @@ async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     directions = [direction for line, _, direction, _ in seen if line == "pumps"]
     assert {">>", "<<"} >= set(directions)
     assert all(first != second for first, second in itertools.pairwise(directions))
+
+
+class LateOpener(FakeOpener):
+    """One port that cannot be opened again before it is closed, which takes a while."""
+
+    users = 0
+
+    def __init__(self) -> None:
+        super().__init__(lambda: FakePort(Units({1})))
+        self.most_users = 0
+
+    async def __call__(self) -> Port:
+        LateOpener.users += 1
+        self.most_users = LateOpener.users
+        return await super().__call__()
+
+    async def wait_closed(self) -> None:
+        await asyncio.sleep(0.05)
+        LateOpener.users -= 1
+
+
+async def test_a_line_that_is_added_later_is_served_and_one_that_is_removed_no_more() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    stays = add(host, fake_opener(), "stays", every_s=0.0)
+    goes = add(host, opener := fake_opener(), "goes", every_s=0.0)
+    await host.start()
+    await listener.wait_for("goes poll a")
+
+    ended = host.remove_line("goes")
+    events = len([text for text in listener.order if text.startswith("goes")])
+    await ended
+    comes = add(host, fake_opener(), "comes")
+    await listener.wait_for("comes poll a")
+    await listener.wait_for("stays poll a")
+    outcomes = [await ask(stays), await ask(comes), await ask(goes)]
+    await host.stop()
+
+    assert [type(outcome) for outcome in outcomes[:2]] == [Answered, Answered]
+    assert outcomes[2] == NO_PORT
+    assert opener.ports[0].is_closed
+    assert len([text for text in listener.order if text.startswith("goes")]) == events
+    assert set(host.progress()) == {"stays", "comes"}
+
+
+async def test_a_line_of_the_same_name_begins_when_the_ports_of_those_before_are_closed() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    add(host, LateOpener(), every_s=0.0)
+    await host.start()
+    await listener.wait_for("pumps poll a")
+
+    ended = host.remove_line("pumps")
+    add(host, again := LateOpener())
+    await listener.wait_for("pumps port True")
+    await ended
+    await host.stop()
+
+    assert again.most_users == 1

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import struct
 
-from gateway.line.port.opener import SerialOpener
-from gateway.line.port.tty import CountsErrors, uart_errors
-from gateway.modbus.timing import Framing
+from gateway.line.port.tty import uart_errors
 
 
 def test_the_counters_are_taken_from_the_kernels_struct() -> None:
@@ -25,19 +22,3 @@ def test_the_counters_are_taken_from_the_kernels_struct() -> None:
         "buffer_overrun": 11,
     }
     assert asked == [(5, 0x545D, 80)]
-
-
-def test_a_pseudo_terminal_counts_nothing() -> None:
-    ours, theirs = os.openpty()
-    try:
-        assert uart_errors(theirs) is None
-    finally:
-        os.close(ours)
-        os.close(theirs)
-
-
-def test_an_opener_without_an_open_port_has_no_counters() -> None:
-    opener = SerialOpener("/dev/ttyNONE", 19200, Framing.parse("8E1"))
-
-    assert isinstance(opener, CountsErrors)
-    assert opener.uart_errors() is None

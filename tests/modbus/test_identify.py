@@ -60,12 +60,6 @@ def test_objects_are_read(tail: str, objects: dict[int, str]) -> None:
     assert (said.objects, said.more_follows) == (objects, False)
 
 
-def test_more_follows_and_where_to_go_on_are_reported() -> None:
-    said = BASIC.decode_reply(bytes.fromhex("2B 0E 01 81 FF 02 01 00 03 57 45 47"))
-
-    assert (said.more_follows, said.next_object) == (True, 2)
-
-
 @pytest.mark.parametrize(
     "pdu",
     [
@@ -83,21 +77,3 @@ def test_more_follows_and_where_to_go_on_are_reported() -> None:
 def test_what_is_no_identification_is_refused(pdu: str) -> None:
     with pytest.raises(BadReplyError):
         BASIC.decode_reply(bytes.fromhex(pdu))
-
-
-def test_one_object_is_answered_with_that_object_only() -> None:
-    one: Any = fc(43, 4, 1)
-
-    assert one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 01 03 53 53 57")).objects == {1: "SSW"}
-    with pytest.raises(BadReplyError):
-        one.decode_reply(bytes.fromhex("2B 0E 04 81 00 00 01 02 03 53 53 57"))
-
-
-def test_a_simulated_unit_may_claim_any_conformity_but_no_reply_longer_than_a_pdu() -> None:
-    empty = BASIC.decode_reply(bytes.fromhex("2B 0E 01 81 00 00 00"))
-    full = type(empty)(objects={0: "x" * 244})
-
-    assert BASIC.encode_reply(empty, conformity=0x51) == bytes.fromhex("2B 0E 01 51 00 00 00")
-    assert len(BASIC.encode_reply(full)) == 253
-    with pytest.raises(ValueError, match="254 bytes"):
-        BASIC.encode_reply(type(empty)(objects={0: "x" * 245}))

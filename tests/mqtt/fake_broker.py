@@ -46,16 +46,12 @@ class FakeBroker:
         default_factory=lambda: {LEVEL_5: ACCEPT_5, LEVEL_311: ACCEPT_311}
     )
     suback_code: int = 1
-    acknowledges: bool = True
-    answers_pings: bool = True
     tls: Certificate | None = None
     answers_subscriptions: bool = True
     before_suback: bytes = b""
     after_suback: bytes = b""
-    closes_after_suback: bool = False
     port: int = 0
     levels: list[int] = field(default_factory=list)  # of the CONNECTs seen
-    is_reached: asyncio.Event = field(default_factory=asyncio.Event)  # somebody has connected
     received: asyncio.Queue[Packet] = field(default_factory=asyncio.Queue)  # without CONNECT and SUBSCRIBE
 
     async def __aenter__(self) -> FakeBroker:
@@ -92,7 +88,6 @@ class FakeBroker:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.append(writer)
-        self.is_reached.set()
         try:
             while await self._answer(await _read(reader), writer):
                 pass
@@ -113,10 +108,10 @@ class FakeBroker:
             body = packet.packet_id + properties + bytes([self.suback_code])
             suback = bytes([0x90, len(body)]) + body if self.answers_subscriptions else b""
             writer.write(self.before_suback + suback + self.after_suback)
-            return not self.closes_after_suback
-        if packet.kind == PINGREQ and self.answers_pings:
+            return True
+        if packet.kind == PINGREQ:
             writer.write(b"\xd0\x00")
-        if packet.kind == PUBLISH and packet.qos and self.acknowledges:
+        if packet.kind == PUBLISH and packet.qos:
             self.acknowledge(packet)
         self.received.put_nowait(packet)
         return True

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gateway.mqtt.contract.commands import Rejection
 from gateway.records import rfc3339
 from gateway.starters.policy.request import CommandRequest
-from tests.mqtt.commands import NOW, NOW_S, TOKEN, UNSYNCHRONISED, command, fresh, judge, refusal
+from tests.mqtt.commands import NOW, NOW_S, TOKEN, command, fresh, judge, refusal
 
 WITHOUT_BRIDGE = 'or, without a bridge, give the operator freshness = "token"'
 AGAIN = "read B/gateway/fresh and send it again with a new id"
@@ -88,18 +88,6 @@ def test_a_command_that_is_not_provably_fresh_is_refused(
     rejection = refusal(command({"id": "c1", **fields}), clock_is_synchronised=is_synchronised)
 
     assert (rejection.code, rejection.text) == (code, text)
-
-
-@pytest.mark.parametrize("fields", [{"token": TOKEN}, {"token": "another"}, {}])
-def test_an_operator_of_issued_at_alone_is_never_advised_to_send_a_token(fields: dict[str, object]) -> None:
-    ours = refusal(
-        command({"id": "c1", "issued_at": NOW, **fields}), clock_is_synchronised=False, freshness="issued_at"
-    )
-    theirs = refusal(command({"id": "c1", **fields}), freshness="issued_at")
-
-    assert ours.code == theirs.code == "not_fresh"
-    assert ours.text == f"this operator's commands need issued_at, but {UNSYNCHRONISED}; {WITHOUT_BRIDGE}"
-    assert theirs.text == f"this operator's commands need issued_at; send it; {WITHOUT_BRIDGE}"
 
 
 def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:

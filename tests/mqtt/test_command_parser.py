@@ -44,39 +44,11 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("topic", "starter", "client"),
-    [("pump-1/alice/START", "pump-1", "alice"), ("pump-1/alice", "", ""), ("pump-1/Alice/start", "", "")],
-)
-def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
-    topic: str, starter: str, client: str
-) -> None:
-    refused = refusal(command(fresh(), topic=f"b/command/{topic}"))
-
-    request = refused.request
-    assert (request.starter, request.client, request.id, refused.code) == (
-        starter,
-        client,
-        "c1",
-        "malformed_topic",
-    )
-
-
 def test_a_response_topic_elsewhere_is_ignored() -> None:
     judged = judge(command(fresh(), response_topic="b/result/pump-1/bob"))
 
     assert isinstance(judged, CommandRequest)
     assert judged.response_topic is None
-
-
-def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
-    incoming = command(
-        {"id": "s1", "operator": "Ana", "reason": "smoke", "args": {"a": 1}, "b": 2}, topic=STOP
-    )
-
-    assert judge(incoming) == CommandRequest(
-        "pump-1", "alice", "stop", id="s1", operator="Ana", reason="smoke", received_s=7.0
-    )
 
 
 @pytest.mark.parametrize(
@@ -156,15 +128,6 @@ def test_random_messages_never_raise_and_only_a_live_stop_gets_through(
     if isinstance(judged, CommandRequest):
         assert judged.verb == "stop"
         assert not is_retained
-
-
-def test_the_page_names_the_operator_itself_and_its_commands_are_marked() -> None:
-    judged = judge(command(fresh(operator="mallory"), source="web", operator="anna"))
-
-    assert isinstance(judged, CommandRequest)
-    assert (judged.operator, judged.source) == ("anna", "web")
-    rejected = refusal(command({"id": "c1"}, source="web", operator="anna"))
-    assert (rejected.request.operator, rejected.request.source) == ("anna", "web")
 
 
 @pytest.mark.parametrize("freshness", ["token", "issued_at"])

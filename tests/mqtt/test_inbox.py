@@ -45,19 +45,6 @@ class Desk:
 
 
 @virtually
-async def test_a_stop_passes_everything_that_waits_to_be_parsed() -> None:
-    desk = Desk()
-    for number in range(MOST):
-        desk.put("read", client=f"c{number % 3}")
-    put_s = desk.loop.time()
-    desk.put("stop")
-
-    ((taken_s, *_),) = desk.of("stop")
-    assert taken_s == put_s
-    assert len(desk.of("read")) < 20
-
-
-@virtually
 async def test_what_waits_is_parsed_in_order_with_its_time_of_arrival_in_half_of_the_time() -> None:
     desk = Desk()
     for number in range(MOST_OF_CLIENT):
@@ -95,35 +82,3 @@ async def test_a_flood_of_stops_is_carried_out_by_its_topics_alone() -> None:
     assert len(desk.taken) == 3001
     assert sum(payload != b"" for *_, payload in desk.taken) <= PARSED_STOPS.burst + PARSED_STOPS.per_s
     assert desk.taken[-1][2] == "b/command/fan/alice/stop"
-
-
-@virtually
-async def test_a_bug_that_one_message_shows_does_not_keep_the_next_from_being_parsed() -> None:
-    desk = Desk()
-    put = desk.inbox._take
-
-    def broken(incoming: Incoming, received_s: float) -> None:
-        if incoming.payload == b"bad":
-            raise RuntimeError("a bug")
-        put(incoming, received_s)
-
-    desk.inbox._take = broken
-    desk.put("read", payload=b"bad")
-    desk.put("start")
-
-    assert len(desk.of("start")) == 1
-
-
-@virtually
-async def test_malformed_topics_leave_room_for_the_commands_of_others() -> None:
-    desk = Desk()
-    for _ in range(MOST):
-        desk.inbox.put(Incoming("b/command/mistyped", b"{}"))
-        desk.put("start/again", client="bob")
-
-    desk.put("start")
-    await asyncio.sleep(2.0)
-
-    assert len(desk.of("start")) == 1
-    assert len(desk.of("again")) <= MOST_OF_CLIENT + 20
-    assert {client for _, client, _ in desk.refused} == {"bob"}

@@ -84,11 +84,6 @@ def test_whatever_is_written_is_json_without_nan_and_means_the_same(value: Any) 
     assert read == as_read_back(value)
 
 
-@given(st.floats())
-def test_a_float_is_never_written_like_a_whole_number(value: float) -> None:
-    assert re.fullmatch(r"null|-?\d+\.\d+(e[+-]\d+)?", to_json(value))
-
-
 @pytest.mark.parametrize(
     ("time_s", "text"),
     [

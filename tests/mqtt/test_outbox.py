@@ -1,36 +1,63 @@
+"""The outbox in memory: what goes first, what waits, what is given up."""
+
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.outbox.outbox import Outgoing
-from tests.mqtt.outboxes import (
-    STATUS,
-    WIDE,
-    acknowledge,
-    event,
-    latest,
-    outbox,
-    result,
-    take_all,
-    texts,
-)
+from gateway.mqtt.contract.payloads import LateValue, Message
+from gateway.mqtt.outbox.outbox import Outbox, Outgoing
+
+WIDE = 1000  # a window that never fills
 
 
-def test_news_during_the_opening_does_not_come_before_the_status() -> None:
-    box = outbox()
-    box.put(latest(STATUS, "starting"), 0.0)
-    box.put(latest("a", "1"), 0.0)
-    box.connected(WIDE)
+def pack(topic: str, items: Sequence[str], boot: str) -> Message:
+    assert boot == "run"
+    return Message(topic, ",".join(items).encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
 
-    first = box.take()
-    box.put(latest("b", "1"), 0.0)
-    box.put(event("1"), 0.0)
-    box.put(latest(STATUS, "online"), 0.0)
 
-    assert first is not None
-    assert texts([first, *take_all(box)]) == ["a=1", f"{STATUS}=online", "e=1", "b=1"]
+def outbox(**limits: int) -> Outbox:
+    box = Outbox(last_topic="b/gateway/status", pack=pack, late=late, boot="run", **limits)
+    box.grant_history(10**6)
+    return box
+
+
+def late(message: Message) -> LateValue:
+    return LateValue(message.topic.replace("v/", "h/"), message.payload)
+
+
+def latest(topic: str, text: str = "", *, qos: int = 1, is_value: bool = False) -> Message:
+    return Message(topic, text.encode(), qos=qos, retain=True, is_value=is_value)
+
+
+def value(number: int, *, starter: str = "p") -> Message:
+    return latest(f"v/{starter}", str(number), is_value=True)
+
+
+def event(text: str) -> Message:
+    return Message("e", text.encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
+
+
+def result(text: str) -> Message:
+    return Message("r", text.encode(), qos=1, retain=False, is_queued=True)
+
+
+def take_all(box: Outbox) -> list[Outgoing]:
+    taken: list[Outgoing] = []
+    while (outgoing := box.take()) is not None:
+        taken.append(outgoing)
+    return taken
+
+
+def texts(taken: Sequence[Outgoing]) -> list[str]:
+    return [f"{outgoing.message.topic}={outgoing.message.payload.decode()}" for outgoing in taken]
+
+
+def acknowledge(box: Outbox, taken: Sequence[Outgoing]) -> None:
+    for outgoing in taken:
+        box.acked(outgoing.ticket, 0)
 
 
 def test_results_and_events_overtake_values_and_keep_their_order() -> None:
@@ -42,19 +69,6 @@ def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box.put(event("2"), 0.0)
 
     assert texts(take_all(box)) == ["e=1", "r=1", "e=2", "a=1"]
-
-
-def test_an_acknowledgement_of_an_earlier_connection_is_ignored() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(event("0"), 0.0)
-    (taken,) = take_all(box)
-    box.disconnected()
-
-    box.acked(taken.ticket, 0)
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["e=0"]
 
 
 def test_a_refusal_is_set_aside_and_counted_and_not_sent_again() -> None:
@@ -130,3 +144,33 @@ def test_a_subscriber_receives_that_a_final_result_was_reported() -> None:
     acknowledge(box, taken)
 
     assert reported == ["alice/7"]
+
+
+def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:
+    box = outbox(max_rows=4)
+    dropped = []
+    for message in [
+        result("1"),
+        event("1"),
+        result("2"),
+        *map(value, range(3)),
+        event("2"),
+        *map(result, "345"),
+    ]:
+        box.put(message, 0.0)
+        dropped.append(box.dropped)
+
+    assert dropped[-6:] == [1, 2, 2, 3, 4, 5]  # the newest value will be reported live
+    box.connected(WIDE)
+    assert texts(take_all(box)) == ["v/p=2", "r=2", "r=3", "r=4", "r=5"]
+
+
+def test_events_of_an_outage_give_way_to_every_second_live_value() -> None:
+    box = outbox()
+    for number in range(4):
+        box.put(event(str(number)), 0.0)
+    box.connected(WIDE)
+    for topic in "abc":
+        box.put(latest(topic, "1"), 0.0)
+
+    assert texts(take_all(box)) == ["e=0", "a=1", "e=1", "b=1", "e=2", "c=1", "e=3"]

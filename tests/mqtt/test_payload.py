@@ -201,29 +201,6 @@ def test_what_a_result_reports_stands_beside_its_own_keys_and_cannot_replace_the
     assert message.correlation == b"42"
 
 
-def test_results_are_the_last_to_be_dropped() -> None:
-    event = EventRecord("", "x", Severity.INFO, "", T, 1)
-
-    assert payloads().message(event).is_droppable
-    assert not payloads().message(RESULT).is_droppable
-
-
-def test_a_record_with_an_impossible_name_is_a_value_error() -> None:
-    with pytest.raises(ValueError, match="is no topic level"):
-        payloads().message(LineRecord("Pump Hall", {}))
-
-
-def test_what_is_no_record_at_all_is_a_bug() -> None:
-    with pytest.raises(AssertionError):
-        payloads().message(object())  # type: ignore[arg-type]  # on purpose
-
-
-def test_the_packet_size_counts_everything_that_grows() -> None:
-    message = Message("b/x", b"1234", qos=1, retain=False, correlation=b"56")
-
-    assert message.packet_size == 20 + 3 + 4 + 2
-
-
 def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox_is_full() -> None:
     start = payloads().message(StartRecord("pump-1", "r-7", {"id": "r-7", "samples": {"t_s": [-1.0, 0.5]}}))
     trip = payloads().message(TripRecord("pump-1", "r-8", {"id": "r-8", "code": "e05"}))

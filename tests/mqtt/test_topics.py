@@ -5,56 +5,10 @@ import pytest
 from gateway.mqtt.contract.topics import Malformed, Topics, is_level, to_level
 
 
-def all_payload_topics(topics: Topics) -> list[str]:
-    return [
-        topics.gateway_status,
-        topics.gateway_info,
-        topics.line("pumps"),
-        topics.gateway_outbox,
-        topics.gateway_event,
-        topics.info("pump-1"),
-        topics.availability("pump-1"),
-        topics.state("pump-1"),
-        topics.value("pump-1", "current"),
-        topics.alarm("pump-1", "f072"),
-        topics.event("pump-1"),
-        topics.history("pump-1"),
-        topics.command("pump-1", "alice", "start"),
-        topics.result("pump-1", "alice"),
-        topics.audit,
-    ]
-
-
-def test_the_topics_are_those_of_the_contract() -> None:
-    assert all_payload_topics(Topics("starters/mcc1")) == [
-        "starters/mcc1/gateway/status",
-        "starters/mcc1/gateway/info",
-        "starters/mcc1/gateway/line/pumps",
-        "starters/mcc1/gateway/outbox",
-        "starters/mcc1/gateway/event",
-        "starters/mcc1/starter/pump-1/info",
-        "starters/mcc1/starter/pump-1/availability",
-        "starters/mcc1/starter/pump-1/state",
-        "starters/mcc1/starter/pump-1/value/current",
-        "starters/mcc1/starter/pump-1/alarm/f072",
-        "starters/mcc1/starter/pump-1/event",
-        "starters/mcc1/starter/pump-1/history",
-        "starters/mcc1/command/pump-1/alice/start",
-        "starters/mcc1/result/pump-1/alice",
-        "starters/mcc1/audit",
-    ]
-
-
 @pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])
 def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         Topics(base)
-
-
-def test_the_events_without_a_starter_are_the_gateways_own() -> None:
-    topics = Topics("b")
-
-    assert topics.event("") == topics.gateway_event
 
 
 @pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import Payloads, cleared, late_value, to_payload
+from gateway.mqtt.contract.payloads import Payloads, late_value, to_payload
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Quality, ValueRecord
 
@@ -73,13 +73,6 @@ def test_no_text_in_a_value_is_taken_for_the_json_around_it(value: Any, unit: st
     assert json.loads(late_value(said).item) == {"point": "s1_2_1", **wanted}
 
 
-def test_the_topics_are_those_of_the_contract_each_time() -> None:
-    for _ in range(2):
-        said = PAYLOADS.message(record(1.0))
-        assert said.topic == "b/starter/pump-1/value/s1_2_1"
-        assert late_value(said).topic == "b/starter/pump-1/history"
-
-
 @pytest.mark.parametrize("value", [12.0, 1e22, True, None, 3, 'a"b\\c\n'])
 @pytest.mark.parametrize("label", [None, 'Sóft "start"'])
 @pytest.mark.parametrize("time_s", [1_763_687_045.5, None])
@@ -93,11 +86,3 @@ def test_a_retained_message_says_the_record_that_it_was_made_of(
     latest = {message.topic: message for message in map(payloads.message, records)}
 
     assert list(payloads.values_in(latest)) == records
-
-
-def test_a_value_that_was_cleared_or_is_retained_no_more_is_none() -> None:
-    payloads = Payloads(Topics("b"), "r1")
-    topic = payloads.message(record(1.0)).topic
-
-    assert list(payloads.values_in({topic: cleared(topic)})) == []
-    assert list(payloads.values_in({})) == []

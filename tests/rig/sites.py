@@ -12,7 +12,9 @@ QUICK = {"motor": MotorData(ramp_up_s=0.6, full_voltage_s=0.2, ramp_down_s=0.4, 
 
 def line(name: str = "pumps", /, **keys: Any) -> str:
     """Return a line; its starters follow it."""
-    return "[[line]]\n" + _keys(name=name, port=f"/dev/{name}", **{"baud": 19200, "framing": "8N2", **keys})
+    return "[[line]]\n" + _keys(
+        name=name, **{"port": f"/dev/{name}", "baud": 19200, "framing": "8N2", **keys}
+    )
 
 
 def starter(name: str, address: int, family: str, /, **keys: Any) -> str:

@@ -1,6 +1,6 @@
 """Whatever is commanded in whatever order: no motor starts without a start, none stops by a stray write.
 
-Here 2,000 commands a family; `make torture` sends 10,000 ("random commands").
+2,000 commands a family.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import PortError
-from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
@@ -74,19 +73,6 @@ async def test_a_master_gets_its_answer_through_the_terminal() -> None:
     await served.stop()
 
 
-async def test_a_link_leads_to_the_terminal_until_it_is_stopped(tmp_path: Path) -> None:
-    link = tmp_path / "pumps"
-    link.symlink_to("/nowhere")
-    served = make_pty(link)
-    await served.start()
-
-    assert link.readlink() == Path(served.path)
-    assert len(await ask(str(link), READ, 7)) == 7
-
-    await served.stop()
-    assert not link.is_symlink()
-
-
 async def test_a_link_never_replaces_a_file_or_a_link_to_something_else(tmp_path: Path) -> None:
     file, other = tmp_path / "pumps", tmp_path / "fans"
     file.write_text("precious")
@@ -127,39 +113,3 @@ async def test_a_master_is_understood_at_the_rate_and_stop_bits_that_it_sets(
 
     assert bool(served.line.units[0].handled) is answers
     await served.stop()
-
-
-async def test_a_line_with_parity_answers_who_cannot_set_it_on_a_terminal() -> None:
-    timing = LineTiming(57600, Framing.parse("8E1"))
-    line = SimulatedLine(timing, [make_unit("ssw900", 1)], chunk_bytes=None, tolerance_s=0.0002)
-    served = PtyLine(line)
-    await served.start()
-
-    assert served._timing() == timing
-    await served.stop()
-
-
-async def test_bytes_that_no_one_reads_are_lost_without_harm() -> None:
-    served = make_pty()
-    await served.start()
-
-    for _ in range(100):
-        served._write(bytes(1000), 0.0)
-
-    assert served.lost_bytes > 0
-    await served.stop()
-
-
-async def test_a_link_that_another_simulator_serves_is_never_taken_from_it(tmp_path: Path) -> None:
-    link = tmp_path / "ttyPUMPS"
-    first, second = make_pty(link), make_pty(link)
-    await first.start()
-
-    with pytest.raises(PortError, match="another simulator serves this link"):
-        await second.start()
-
-    assert os.readlink(link) == first.path
-    await first.stop()
-    await second.start()
-    assert os.readlink(link) == second.path
-    await second.stop()

@@ -101,10 +101,6 @@ RULES = {
     "errors are reset by themselves after register 40": f"""
         given R40=2
         trip 12; 30 s; R15 = 30 1; 91 s; {IDLE}; R15 = 0 0""",
-    "a blocked rotor is coil 12": "run; load 400; 2 s; see errors 12",
-    "an overload is coil 13": "run; load 160; 1200 s; see errors 13",
-    "leaving a mode that was not entered is idle": f"given is_configured=False; coil 2 := 0; 5 s; {BLANK}",
-    "a second start is none": "run; start; see starts 0.0; see start_frames 0.0",
     "a capacitor that was never charged is empty": "given model='SST130i-75-M'; see capacitor_v 0.0; R20 = 0",
 }
 

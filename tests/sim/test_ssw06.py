@@ -78,7 +78,6 @@ RULES = {
     "S6-21 other functions get exception 1": "DI0 refused 1; IR2 refused 1",
     "S6-23 what is out of range, read-only or does not exist is refused": """
         P220 := 11 refused 3; VB06 := 0 refused 3; P089 := 0 refused 2; VB02 refused 2; coil 16 refused 2""",
-    "an alarm is bit 6": "alarm; VB01 & 40h = 40h",
     "reversal and direction have their bits": """
         run; VB03 := 0808h; VB01 & C00h = 400h; 5 s; VB01 & C00h = 800h; see motor.is_turned_on True""",
 }

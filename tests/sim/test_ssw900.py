@@ -19,8 +19,6 @@ RULES = {
     "a stop before the ramp calls the start off": "start; 0.3 s; stop; 5 s; see motor.starts 0",
     "(motor) a start during the time after a stop is ignored": """
         run; stop; 4.5 s; start; 5 s; see motor.state stopped; see starts 0.0""",
-    "the word written again while running is no second start": """
-        run; start; see starts 0.0; see start_frames 0.0""",
     "S9-07 (motor) without a mask a bare reset stops and disables": """
         run; 685 := 80h; see motor.is_turned_on False; see is_remote False""",
     "S9-07, W-13 (motor) reset acts on 0 to 1 and only on a fault": """
@@ -86,13 +84,10 @@ RULES = {
     "S9-25 faults and alarms are numbered": """
         alarm A005; alarm A066; trip 66; 90 = 66 5 66 0 0 0; 680 & C000h = C000h; 679 = 2
         do set_alarm 5 is_on=False; do reset_at_keypad; 90 = 0 66 0 0 0 0""",
-    "an overload is F005": "run; load 160; 1200 s; 90 = 5",
-    "a blocked rotor is F066": "run; load 400; 2 s; 90 = 66",
     "general disable is state 13": "do set_enable_input is_on=False; 679 = 13",
     "the keys of the HMI command when C3 names them": """
         given P230=0
         keypad start; see is_started True; 0.8 s; keypad stop; see motor.state ramp_down""",
-    "a local key switches the mode": "control local; 680 & 100h = 0; 685 = 2",
     "the model is shown by its range of currents": "given model='412A'; 294 = 3",
     "S9-01 coils are for SoftPLC markers only": """
         coil 0 refused 2; DI0 refused 2; coil 0 := 1 refused 2; coil 0 := 1 1 refused 2; IR680 refused 1""",

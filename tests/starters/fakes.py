@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Any, TypeVar
 
-from gateway.families.profile.load import load_profile
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
-from gateway.records import EventRecord, Record, ResultRecord, StateRecord, ValueRecord
+from gateway.records import EventRecord, Record, ResultRecord
 
 R = TypeVar("R")
 
 TRANSACTION_S = 0.02
 
-RUNNING, ENABLED, ACCELERATING, FULL_VOLTAGE = 0x0001, 0x0002, 0x0008, 0x0020  # VB01 (ssw07 4.2.1)
-DECELERATING, REMOTE, POWER, FAULT = 0x0080, 0x0100, 0x4000, 0x8000
-READY = ENABLED | REMOTE | POWER
-AT_SPEED = READY | RUNNING | FULL_VOLTAGE
-VB01, VB03, P003, P014 = 5001, 5003, 3, 14
+READY, AT_SPEED, FAULT = 0x4102, 0x4123, 0x8000  # of VB01 (ssw07 4.2.1)
+VB01, P014 = 5001, 14
 RUN_COIL = 100
 
 
@@ -43,12 +38,6 @@ class RecordingSink:
 
     def of(self, kind: type[R]) -> list[R]:
         return [record for record in self.records if isinstance(record, kind)]
-
-    def values(self, point: str) -> list[ValueRecord]:
-        return [record for record in self.of(ValueRecord) if record.point == point]
-
-    def states(self) -> list[str]:
-        return [record.state for record in self.of(StateRecord)]
 
     def events(self) -> list[str]:
         return [record.code for record in self.of(EventRecord)]
@@ -78,7 +67,6 @@ class FakeUnit:
 
     def __init__(self) -> None:
         self.holding: dict[int, int] = {}
-        self.input: dict[int, int] = {}
         self.coils: dict[int, bool] = {}
         self.objects: dict[int, str] | None = None
         self.on_write: Callable[[Request], None] = lambda request: None
@@ -88,8 +76,6 @@ class FakeUnit:
         match request:
             case ReadHoldingRegisters():
                 return tuple(self.holding[address] for address in _run(request))
-            case ReadInputRegisters():
-                return tuple(self.input[address] for address in _run(request))
             case ReadCoils():
                 return tuple(self.coils[address] for address in _run(request))
             case ReadDeviceIdentification() if self.objects is not None:
@@ -109,10 +95,7 @@ class FakeUnit:
 
 
 class FakeLineClient(LineClient):
-    """A LineClient whose requests take 20 ms each, one after the other.
-
-    `rules` decide on outcomes before the unit does: the first that returns one wins.
-    """
+    """A LineClient whose requests take 20 ms each, one after the other."""
 
     name = "pumps"
     timing = LineTiming(19200, Framing.parse("8E1"))
@@ -120,12 +103,8 @@ class FakeLineClient(LineClient):
     def __init__(self, unit: FakeUnit) -> None:
         self.unit = unit
         self.sent: list[Sent] = []
-        self.deadlines_s: dict[int, float | None] = {}
-        self.rules: list[Callable[[Request], Outcome | None]] = []
         self.polls: dict[str, Poll] = {}
         self.every_s: dict[str, float] = {}
-        self.expedited: list[str] = []
-        self.expected_silence: list[tuple[int, float]] = []
         self._bus = asyncio.Lock()
 
     @property
@@ -167,25 +146,10 @@ class FakeLineClient(LineClient):
             self._bus.release()
 
     def outcome_of(self, request: Request, *, at_s: float) -> Outcome:
-        for rule in self.rules:
-            outcome = rule(request)
-            if outcome is not None:
-                return outcome
         try:
             return Answered(self.unit.answer(request), at_s=at_s, response_time_s=0.005)
         except KeyError:
             return Refused(2, at_s=at_s)
-
-    @contextmanager
-    def silence(self, kind: type[Request] | tuple[type[Request], ...] = object) -> Iterator[None]:  # type: ignore[assignment]  # any request
-        """Leave requests of a kind without answer and without effect."""
-
-        def rule(request: Request) -> Outcome | None:
-            return Silent() if isinstance(request, kind) else None
-
-        self.rules.insert(0, rule)
-        yield
-        self.rules.remove(rule)
 
     def add_poll(self, poll: Poll) -> None:
         assert poll.key not in self.polls
@@ -202,7 +166,6 @@ class FakeLineClient(LineClient):
 
     def expedite(self, key: str) -> None:
         assert key in self.polls
-        self.expedited.append(key)
 
     unit_count = 1
     stretch = 1.0
@@ -211,31 +174,20 @@ class FakeLineClient(LineClient):
         pass
 
     def set_deadline(self, unit: int, seconds: float | None) -> None:
-        self.deadlines_s[unit] = seconds
+        pass
 
     def expect_silence(self, unit: int, seconds: float) -> None:
-        self.expected_silence.append((unit, seconds))
+        pass
 
 
-def make_unit(family: str) -> FakeUnit:
-    """Return a unit of a family that is ready for a start, with a motor at rest."""
+def make_unit() -> FakeUnit:
+    """Return an SSW-07 that is ready for a start, with a motor at rest."""
     unit = FakeUnit()
-    if family == "sst":
-        unit.input = dict.fromkeys(range(43), 0) | {0: 330, 2: 0x0204, 3: 1, 9: 1234}
-        unit.coils = dict.fromkeys(range(26), False) | {4: True, 25: True}
-    elif family == "ssw900":
-        unit.holding = dict.fromkeys(range(2000), 0) | {680: 0x0102, 685: 0x0012, 299: 0, 298: 77, 287: 0}
-        rows = load_profile(family).parameters
-        unit.holding[rows["S3.5.1"].address] = 2  # the RS-485 accessory is in slot 1
-        unit.objects = {0: "WEG", 1: "SSW900", 2: "V1.20"}
-    else:
-        unit.holding = dict.fromkeys(range(1000), 0) | {VB01: READY, 5003: 0, 5006: 0}
-        unit.coils = dict.fromkeys(range(16), False) | dict.fromkeys(range(100, 108), False)
-        unit.objects = {0: "WEG", 1: f"SSW-{family[-2:]} 85.0A", 2: "V1.60"}
-        if family == "ssw06":
-            unit.holding[5000] = 15
+    unit.holding = dict.fromkeys(range(1000), 0) | {VB01: READY, 5003: 0, 5006: 0}
+    unit.coils = dict.fromkeys(range(16), False) | dict.fromkeys(range(100, 108), False)
+    unit.objects = {0: "WEG", 1: "SSW-07 85.0A", 2: "V1.60"}
     return unit
 
 
-def _run(request: ReadHoldingRegisters | ReadInputRegisters | ReadCoils) -> range:
+def _run(request: ReadHoldingRegisters | ReadCoils) -> range:
     return range(request.address, request.address + request.count)

@@ -12,12 +12,12 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.records import RecordBus, RecordWriter, StateRecord
+from gateway.records import RecordBus, RecordWriter
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import PolicySettings, RuleSet
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import AT_SPEED, READY, RUN_COIL, VB01, FakeLineClient, RecordingSink, make_unit
@@ -61,13 +61,11 @@ class FakeMemory:
 class Machine:
     """One starter of the plant: its registers, its line, what is read of it."""
 
-    def __init__(self, name: str, plant: Plant, line: str) -> None:
-        self.name = name
-        self.unit = make_unit("ssw07")
+    def __init__(self, name: str, plant: Plant) -> None:
+        self.unit = make_unit()
         self.unit.on_write = self._obey
         self.line = FakeLineClient(self.unit)
-        self.line.name = line  # type: ignore[misc]  # each fake line has its own
-        setup = StarterSetup(name, line, 7, load_profile("ssw07"), Variant())
+        setup = StarterSetup(name, self.line.name, 7, load_profile("ssw07"), Variant())
         self.telemetry = StarterTelemetry(
             setup,
             line=self.line,
@@ -84,48 +82,30 @@ class Machine:
             at_s = asyncio.get_running_loop().time()
             self.telemetry.on_poll(key, self.line.outcome_of(request, at_s=at_s))
 
-    def set_motor(self, is_on: bool) -> None:
-        """Switch the motor at the machine, and let that be read."""
-        self.unit.holding[VB01] = AT_SPEED if is_on else READY
-        self.poll()
-
-    def writes(self, *, is_start: bool) -> int:
-        return sum(
-            isinstance(write, WriteCoil) and write.address == RUN_COIL and write.is_on is is_start
-            for write in self.line.writes
-        )
-
     def _obey(self, request: Request) -> None:
         if isinstance(request, WriteCoil) and request.address == RUN_COIL:
             self.unit.holding[VB01] = AT_SPEED if request.is_on else READY
 
 
 class Plant:
-    """Three pumps on three lines, or as many as are named (two with the same line as `name@line`)."""
+    """Three pumps on three lines."""
 
     def __init__(
         self,
-        rules: Mapping[str, RuleSet] | None = None,
-        *names: str,
         policy: PolicySettings | None = None,
-        memory: FakeMemory | None = None,
-        operators: tuple[Operator, ...] = OPERATORS,
     ) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
         self.bus, self.sink = RecordBus(log_failure), RecordingSink()
         self.records = RecordWriter(self.bus, self.clock)
-        self.memory = memory or FakeMemory()
-        places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
-        rights = Rights(operators)
+        names, rights = ("pump-1", "pump-2", "pump-3"), Rights(OPERATORS)
         self.policy = Policy(
-            policy or PolicySettings(rules=rules or {}),
-            [name for name, _, _ in places],
+            policy or PolicySettings(),
+            names,
             rights=rights,
             records=self.records,
-            memory=self.memory,
         )
         self.bus.connect(self.policy, self.sink)
-        self.machines = {name: Machine(name, self, line or f"line-{name}") for name, _, line in places}
+        self.machines = {name: Machine(name, self) for name in names}
         self.dispatcher = Dispatcher(
             {name: machine.telemetry for name, machine in self.machines.items()},
             rights=rights,
@@ -160,19 +140,7 @@ class Plant:
         fields = {"client": "alice", "args": {}, "received_s": self.clock.now_s(), **more}
         self.dispatcher.submit(CommandRequest(starter=starter, verb=verb, id=id_, **fields))
 
-    async def do(self, verb: str, id_: str | None = "1", *, starter: str = "pump-1", **more: Any) -> str:
-        """Send a command, wait for its end, and return its code."""
-        self.submit(verb, id_, starter=starter, **more)
-        await self.wait(3.0)
-        return self.sink.final(id_).code
-
     def starts(self, starter: str = "pump-1") -> int:
-        return self.machines[starter].writes(is_start=True)
-
-    def stops(self, starter: str = "pump-1") -> int:
-        return self.machines[starter].writes(is_start=False)
-
-    def locks(self, starter: str = "pump-1") -> list[str | None]:
-        """Return by whom the starter was locked in each state that was published."""
-        states = [each for each in self.sink.of(StateRecord) if each.starter == starter]
-        return [None if each.lock is None else each.lock.by for each in states]
+        """Return how many start frames went out."""
+        writes = self.machines[starter].line.writes
+        return sum(isinstance(each, WriteCoil) and each.address == RUN_COIL and each.is_on for each in writes)

@@ -44,7 +44,6 @@ from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
-from tests.starters.four_starters import LostWrites
 from tests.starters.plant import FakeMemory
 from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
@@ -105,6 +104,13 @@ class LostReplies:
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
         assert decode(reply.adu)
         return ()
+
+
+class LostWrites:
+    """An impairment: writes act, but their answers are lost."""
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        return () if decode(reply.adu).pdu[0] in (5, 6, 15, 16) else (reply,)
 
 
 def _note_requests(unit: SimulatedUnit, clock: VirtualClock) -> list[tuple[float, bytes]]:

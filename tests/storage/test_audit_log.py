@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,124 +11,33 @@ from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import lines
 
-PATIENCE_S = 10.0
+
+def record(seq: int, args: dict[str, Any]) -> AuditRecord:
+    return AuditRecord("pump-1", "alice", None, "set", args, "confirmed", "ok", 1_760_000_000.0, seq)
 
 
-def record(seq: int, **more: Any) -> AuditRecord:
-    fields = {
-        "starter": "pump-1",
-        "client": "alice",
-        "operator": "Alice A.",
-        "verb": "set",
-        "args": {"parameter": "P102", "value": 5.0},
-        "decision": "confirmed",
-        "code": "ok",
-        "time_s": 1_760_000_000.0,
-        "seq": seq,
-        "before": {"current": float("nan")},
-        "after": {"current": 12.5},
-        "id": "7f",
-        "reason": "as agreed",
-    }
-    return AuditRecord(**{**fields, **more})
-
-
-def entries(folder: Path) -> list[dict[str, Any]]:
+def written(folder: Path, *records: AuditRecord) -> list[dict[str, Any]]:
+    """Return the entries of a log that had these records while it was not yet started."""
+    log = AuditLog(folder, boot="boot-1", retry_s=0.02)
+    for each in records:
+        log.put(each)
+    log.start(lambda _: None)
+    assert log.close(within_s=10.0)
     return [read_line(line)[0] for _, line in lines(folder)]
 
 
-class Trouble:
-    """What the log has reported, and a way to wait for it."""
-
-    def __init__(self) -> None:
-        self.reported: list[str] = []
-        self._changed = threading.Condition()
-
-    def receive(self, trouble: str) -> None:
-        with self._changed:
-            self.reported.append(trouble)
-            self._changed.notify_all()
-
-    def until(self, count: int) -> None:
-        with self._changed:
-            assert self._changed.wait_for(lambda: len(self.reported) >= count, PATIENCE_S)
-
-
-@pytest.fixture
-def trouble() -> Trouble:
-    return Trouble()
-
-
-@pytest.fixture
-def log(tmp_path: Path, trouble: Trouble) -> Iterator[AuditLog]:
-    log = AuditLog(tmp_path / "audit", boot="boot-1", retry_s=0.02)
-    yield log
-    log.close(within_s=PATIENCE_S)
-
-
-def test_a_disk_that_is_away_is_reported_once_and_what_waited_is_written_later(
-    log: AuditLog, tmp_path: Path, trouble: Trouble
-) -> None:
-    obstacle = tmp_path / "audit"
-    obstacle.touch()
-    log.start(trouble.receive)
-    log.put(record(1))
-    trouble.until(1)
-    log.put(record(2))
-    obstacle.unlink()
-    trouble.until(2)
-    assert log.close(within_s=PATIENCE_S)
-
-    assert trouble.reported[0].startswith(str(obstacle))
-    assert trouble.reported[1:] == [""]
-    assert [entry["seq"] for entry in entries(obstacle)] == [1, 2]
-
-
-def test_a_disk_that_stays_away_does_not_hold_up_the_end(
-    log: AuditLog, tmp_path: Path, trouble: Trouble
-) -> None:
-    (tmp_path / "audit").touch()
-    log.start(trouble.receive)
-    log.put(record(1))
-    trouble.until(1)
-
-    assert log.close(within_s=PATIENCE_S)
-
-
-def test_entries_that_are_too_many_are_counted(
-    log: AuditLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: Trouble
-) -> None:
+def test_entries_that_are_too_many_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(audit_log, "MOST_WAITING", 3)
-    for seq in range(5):
-        log.put(record(seq))
-    log.start(trouble.receive)
-    assert log.close(within_s=PATIENCE_S)
 
-    reported = entries(tmp_path / "audit")
-    assert [entry.get("seq") for entry in reported] == [0, 1, 2, None]
-    assert reported[-1]["code"] == "entries_lost"
-    assert reported[-1]["text"].startswith("2 entries")
+    entries = written(tmp_path / "audit", *(record(seq, {}) for seq in range(5)))
+
+    assert [entry.get("seq") for entry in entries] == [0, 1, 2, None]
+    assert entries[-1]["code"] == "entries_lost"
+    assert entries[-1]["text"].startswith("2 entries")
 
 
-def test_an_entry_that_cannot_be_written_at_all_is_counted_and_the_next_one_is_written(
-    log: AuditLog, tmp_path: Path, caplog: pytest.LogCaptureFixture, trouble: Trouble
-) -> None:
+def test_an_entry_that_cannot_be_written_at_all_is_counted(tmp_path: Path) -> None:
     endless: dict[str, Any] = {}
     endless["again"] = endless
-    gone = threading.Event()
 
-    class Listening(dict[str, Any]):
-        def items(self) -> Any:
-            gone.set()
-            return super().items()
-
-    log.start(trouble.receive)
-    log.put(record(1, args=Listening(endless)))
-    assert gone.wait(PATIENCE_S)
-    while not caplog.records:
-        gone.wait(0.001)
-    log.put(record(2))
-    assert log.close(within_s=PATIENCE_S)
-
-    reported = entries(tmp_path / "audit")
-    assert [entry.get("code") for entry in reported] == ["ok", "entries_lost"]
+    assert [entry["code"] for entry in written(tmp_path / "audit", record(1, endless))] == ["entries_lost"]

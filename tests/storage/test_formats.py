@@ -65,32 +65,6 @@ def test_every_file_of_a_later_version_is_named_and_none_is_touched(tmp_path: Pa
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_a_later_version_that_only_the_log_of_a_killed_process_holds_is_refused(tmp_path: Path) -> None:
-    path = database_with(tmp_path, "a")
-    later = sqlite3.connect(path, isolation_level=None)
-    later.execute("PRAGMA user_version = 2")
-    killed = {each: each.read_bytes() for each in tmp_path.iterdir()}
-    later.close()
-    for each, content in killed.items():
-        each.write_bytes(content)
-    assert int.from_bytes(path.read_bytes()[60:64]) == 1
-
-    with pytest.raises(NewerError):
-        refuse_newer(tmp_path)
-
-
-def test_the_version_of_a_file_that_a_process_holds_is_read_from_its_header(tmp_path: Path) -> None:
-    path = database_with(tmp_path, "a")
-    holder = sqlite3.connect(path, isolation_level=None)
-    holder.execute("PRAGMA locking_mode = EXCLUSIVE")
-    holder.execute("INSERT INTO thing (text) VALUES ('b')")
-
-    version = stored_version(path)
-    holder.close()
-
-    assert version == 1
-
-
 def test_run_ends_with_78_for_a_state_of_a_later_version(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

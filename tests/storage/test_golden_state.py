@@ -16,12 +16,6 @@ from typing import Any
 
 import pytest
 
-from gateway.home_assistant.announcements import Announcements
-from gateway.starters.identity.registry import known_from
-from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.write_budget import totals_in
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.audit.chain import Head, verify
 from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.database import Database, SqlTable
@@ -30,10 +24,7 @@ from gateway.storage.history_table import HistoryTable
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.outbox_table import OutboxTable
-from gateway.storage.spool import Kind as RowKind
 from gateway.storage.upkeep.versions import found_in, refuse_newer
-from gateway.system.clock_steps import ClockReading
-from tests.starters.plant import FakeMemory
 from tests.storage.golden.state import unpack_golden
 
 TABLES: dict[str, SqlTable] = {
@@ -67,13 +58,6 @@ def shape(path: Path) -> dict[str, Any]:
     return {"tables": tables, "marks": marks}
 
 
-def keys_in(value: Any) -> Any:
-    """Return the shape of a document: keys and types, for its tables by name only one entry."""
-    if isinstance(value, dict):
-        return {key: keys_in(each) for key, each in value.items()}
-    return type(value).__name__
-
-
 def test_every_file_of_it_counts_as_version_1(state: Path) -> None:
     refuse_newer(state)
 
@@ -97,30 +81,6 @@ def test_a_database_is_opened_as_it_is_and_stays_one_that_the_earlier_version_op
     assert before["marks"] == [0x53474154, 1]
 
 
-def test_the_rows_of_the_databases_are_understood(state: Path) -> None:
-    ledger, outbox, history = LedgerTable(), OutboxTable(), HistoryTable()
-    stored: dict[str, Any] = {}
-    for name, table, work in (
-        ("gateway.sqlite", ledger, ledger.rows),
-        ("outbox.sqlite", outbox, outbox.recall),
-        ("history.db", history, history.rows),
-    ):
-        database = Database(path_of(state, name), [table], 2**26)
-        database.open()
-        (stored[name],) = database.transact([work])
-        database.close()
-
-    rows = {
-        row.id: (row.starter, row.verb, row.phase, row.may_be_written) for row in stored["gateway.sqlite"]
-    }
-    assert rows["c2"] == ("pump", "start", "confirmed", 1)
-    assert rows["c4"] == ("mill", "lock", "confirmed", 0)
-    _, recalled = stored["outbox.sqlite"]
-    assert recalled.shares[RowKind.VALUE].rows > 0
-    assert recalled.shares[RowKind.EVENT].rows > 0
-    assert {row.kind for row in stored["history.db"]} >= {"start", "curve"}
-
-
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_document_is_saved_with_the_keys_that_it_had_and_its_version(name: str, state: Path) -> None:
     path = path_of(state, name)
@@ -132,32 +92,6 @@ def test_a_document_is_saved_with_the_keys_that_it_had_and_its_version(name: str
     asyncio.run(file.save(document))
 
     assert json.loads(path.read_text()) == {**before, "version": 1}
-
-
-async def test_the_documents_are_understood_and_written_in_the_same_shape(state: Path) -> None:
-    found = {name: JsonFile(path_of(state, name)).load() or {} for name in DOCUMENTS}
-    reading = ClockReading(up_s=10.0, utc_s=2e9, boot_id="other")
-    history = MotorHistory(["pump", "mill", "fan", "belt"])
-    history.restore(found["precautions.json"], now_s=5.0, reading=reading)
-    watchdogs = KnownWatchdogs(memory=FakeMemory(found["watchdogs.json"]))
-    faults = PublishedFaults(memory=FakeMemory(found["faults.json"]))
-
-    lock = history.lock_of("mill")
-    assert lock is not None
-    assert (lock.by, lock.reason, lock.operator) == ("alice", "bearing", "Ann")
-    assert len(history.starts_since("belt", -4000.0)) == 1
-    assert faults.has("fan", ("fault",))
-    assert totals_in(found["wear.json"]) == {"pump": 1}
-    assert Announcements(found["home-assistant.json"]).document() == found["home-assistant.json"]
-    assert watchdogs.to_document() == found["watchdogs.json"]
-    assert faults.to_document() == found["faults.json"]
-    assert found["bdseq.json"]["bdSeq"] >= 0
-    again = history.to_document(now_s=6.0, reading=reading)
-    assert keys_in(again) == keys_in({"version": 1, **found["precautions.json"]})
-    known = {name: known_from(each) for name, each in found["identities.json"]["starters"].items()}
-    assert {name: each and each.as_data() for name, each in known.items()} == found["identities.json"][
-        "starters"
-    ]
 
 
 def test_the_audit_is_whole(state: Path) -> None:

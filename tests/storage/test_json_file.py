@@ -52,24 +52,6 @@ def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path:
     assert (tmp_path / "x.json.damaged-2" / "inside").exists()
 
 
-def test_a_damaged_file_is_set_aside_beside_a_folder_that_was(tmp_path: Path) -> None:
-    (tmp_path / "x.json.damaged").mkdir()
-    (tmp_path / "x.json").write_text("not JSON")
-
-    for _ in range(2):
-        JsonFile(tmp_path / "x.json").set_aside()
-
-    assert (tmp_path / "x.json.damaged-file").read_text() == "not JSON"
-    assert len(list(tmp_path.iterdir())) == 3
-
-
-def test_what_cannot_be_set_aside_is_only_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    JsonFile(tmp_path / "x.json").set_aside()
-
-    assert "cannot be set aside: No such file or directory" in caplog.text
-    assert "Traceback" not in caplog.text
-
-
 async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path) -> None:
     (tmp_path / "x.json.new").mkdir()
     (tmp_path / "x.json").write_text("{}")
@@ -78,22 +60,6 @@ async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path)
         await JsonFile(tmp_path / "x.json").save({"a": 1})
 
     assert JsonFile(tmp_path / "x.json").load() == {}
-
-
-async def test_a_file_that_is_switched_off_is_read_and_not_written(tmp_path: Path) -> None:
-    path = tmp_path / "x.json"
-    path.write_text('{"a": 1}')
-    memory = JsonFile(path, is_on=False)
-
-    assert memory.load() == {"a": 1}
-    await memory.save({"a": 2})
-    assert memory.load() == {"a": 1}
-    memory.set_aside()
-    assert (tmp_path / "x.json.damaged").exists()
-    memory.is_on = True
-    await memory.save({"a": 3})
-
-    assert JsonFile(path).load() == {"a": 3}
 
 
 class Desk:
@@ -172,16 +138,3 @@ async def test_what_could_not_be_saved_is_reported_once_and_tried_again() -> Non
 
     assert reporting.memory.document == {"number": 2}
     assert reporting.troubles == ["no space left", ""]
-
-
-@virtually
-async def test_closing_saves_what_it_can_and_then_tries_no_more() -> None:
-    reporting = Desk()
-    reporting.memory.is_away = True
-    reporting.change()
-
-    await reporting.saver.close(within_s=1.0)
-    reporting.memory.is_away = False
-    await asyncio.sleep(10 * RETRY_S)
-
-    assert reporting.memory.saves == 0

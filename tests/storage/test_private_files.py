@@ -79,18 +79,3 @@ def test_every_file_that_the_gateway_stores_there_is_known_as_its_own() -> None:
     assert all(OWN_NAMES.fullmatch(name) for name in names), names
     assert OWN_NAMES.fullmatch("gateway.sqlite-wal")
     assert OWN_NAMES.fullmatch("wear.json.damaged-2")
-
-
-def test_what_a_link_points_to_elsewhere_keeps_its_mode(tmp_path: Path) -> None:
-    elsewhere, state = tmp_path / "elsewhere", tmp_path / "state"
-    state.mkdir()
-    elsewhere.write_text("x")
-    (state / "link").symlink_to(elsewhere)
-
-    keep_private(state)
-
-    assert elsewhere.stat().st_mode & 0o777 == 0o644
-
-
-def test_a_folder_that_does_not_exist_yet_is_no_trouble(tmp_path: Path) -> None:
-    keep_private(tmp_path / "state")

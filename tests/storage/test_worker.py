@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from concurrent.futures import Future
 
 import pytest
 
@@ -19,14 +18,6 @@ def test_work_is_done_in_the_order_in_which_it_was_submitted(keeping: Make) -> N
         one.store.submit(insert(str(number)))
 
     assert one.do(texts) == [str(number) for number in range(2000)]
-
-
-def test_a_closed_store_takes_nothing(keeping: Make) -> None:
-    one = keeping()
-    one.close()
-
-    with pytest.raises(StoreError, match="closed"):
-        one.do(insert("late"))
 
 
 def test_a_bug_in_one_piece_of_work_corrupts_no_other(
@@ -45,17 +36,6 @@ def test_a_bug_in_one_piece_of_work_corrupts_no_other(
     assert one.do(texts) == ["a", "b"]
     assert one.kinds() == [News.OPEN]
     assert len(caplog.records) == 2
-
-
-def test_work_that_is_no_longer_wanted_is_not_done(keeping: Make) -> None:
-    one = keeping()
-    gate = threading.Event()
-    one.store.submit(lambda connection: gate.wait(PATIENCE_S))
-    unwanted: Future[None] = one.store.submit(insert("a"))
-    assert unwanted.cancel()
-    gate.set()
-
-    assert one.do(texts) == []
 
 
 def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import random
 import sqlite3
-import time
 from pathlib import Path
 
 import pytest
 
-from gateway.errors import DamagedError, StoreError
-from gateway.storage.database import MOST_ASIDE, Connection, snapshot, stored_version
+from gateway.errors import StoreError
+from gateway.storage.database import MOST_ASIDE, stored_version
 from gateway.storage.worker import News
 from tests.storage.store_rig import Keeping, Make, insert, texts
 
@@ -24,19 +23,6 @@ def path(tmp_path: Path) -> Path:
         one.do(insert(f"{number} {'x' * 100}"))
     one.close()
     return path
-
-
-def test_a_foreign_file_is_put_aside_and_preserved(keeping: Make, path: Path) -> None:
-    path.write_text("Dear diary, " * 1000)
-
-    one = keeping(path)
-
-    assert one.do(texts) == []
-    assert one.kinds() == [News.LOST, News.OPEN]
-    (aside,) = path.parent.glob("*.aside-*")
-    assert aside.read_text().startswith("Dear diary")
-    assert aside.name in one.news[0][1]
-    assert one.store.lost_s is not None
 
 
 def test_that_a_file_was_lost_is_still_known_after_a_restart(keeping: Make, path: Path) -> None:
@@ -102,36 +88,6 @@ def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, pat
     assert len(list(path.parent.glob("*.aside-*[0-9]"))) == MOST_ASIDE
 
 
-def test_damage_that_only_a_reader_sees_is_put_aside_and_he_gets_what_is_new(
-    keeping: Make, path: Path
-) -> None:
-    one = keeping(path)
-
-    def read(connection: Connection) -> list[str]:
-        found = texts(connection)
-        if found:
-            raise DamagedError("these rows make no sense")
-        return found
-
-    assert one.do(read) == []
-    assert "make no sense" in one.until(News.LOST)
-
-
-def test_damage_that_stays_is_trouble_and_tried_again(keeping: Make, path: Path) -> None:
-    one = keeping(path)
-
-    def read(connection: Connection) -> None:
-        raise DamagedError("still no sense")
-
-    with pytest.raises(StoreError, match="still no sense"):
-        one.do(read)
-
-    assert "still no sense" in one.until(News.AWAY)
-    while one.store.trouble:
-        pass
-    one.do(insert("a"))
-
-
 def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
     one = keeping(path)
     one.do(insert("a"))
@@ -168,24 +124,6 @@ def test_a_file_removed_while_it_is_in_use_is_made_anew_and_reported(keeping: Ma
     assert one.store.lost_s is not None
 
 
-def test_a_folder_that_cannot_be_made_is_trouble_until_it_can(keeping: Make, tmp_path: Path) -> None:
-    obstacle = tmp_path / "obstacle"
-    obstacle.touch()
-    one = keeping(obstacle / "x.sqlite")
-
-    text = one.until(News.AWAY)
-    with pytest.raises(StoreError):
-        one.do(insert("a"))
-    obstacle.unlink()
-    one.until(News.OPEN)
-    one.do(insert("b"))
-
-    assert str(obstacle) in text
-    assert one.do(texts) == ["b"]
-    assert one.kinds() == [News.AWAY, News.OPEN]
-    assert one.store.trouble == ""
-
-
 def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
     keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,34 +153,3 @@ def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, pat
     assert "has format 2, and this program knows formats up to 1" in text
     assert not list(path.parent.glob("*.aside-*"))
     assert stored_version(path) == 2
-
-
-def test_another_process_may_copy_the_file_while_it_is_written(keeping: Make, path: Path) -> None:
-    one = keeping(path)
-    one.do(insert("a"))
-
-    snapshot(path, path.with_name("copy"))
-    one.do(insert("b"))
-
-    copy = sqlite3.connect(path.with_name("copy"))
-    assert texts(copy)[-1] == "a"
-    copy.close()
-    assert one.do(texts)[-1] == "b"
-
-
-def test_a_copy_that_is_used_again_counts_as_lost_from_its_first_use_on(keeping: Make, path: Path) -> None:
-    copy = path.with_name("copy.sqlite")
-    snapshot(path, copy)
-    before_s = time.time()
-
-    first = keeping(copy)
-    first.until(News.OPEN)
-    lost_s = first.store.lost_s
-    first.close()
-    second = keeping(copy)
-    second.until(News.OPEN)
-
-    assert lost_s is not None
-    assert lost_s >= before_s
-    assert second.store.lost_s == lost_s
-    assert len(first.news) == 1

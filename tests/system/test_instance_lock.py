@@ -90,18 +90,6 @@ def test_a_folder_of_another_user_is_reported_in_one_line_with_its_remedy(tmp_pa
     assert f"sudo install -d -m 700 -o {os.getuid() or 65534} {locked}" in line
 
 
-def test_a_lock_file_of_another_user_is_named_with_its_remedy(tmp_path: Path) -> None:
-    make_reachable(tmp_path)
-    (tmp_path / FILE).touch()
-    (tmp_path / FILE).chmod(0o000)  # as after a run by root
-
-    with holder(tmp_path) as process:
-        line = said(process)
-
-    assert line.startswith(f"{tmp_path / FILE} is another user's: user ")
-    assert line.endswith(f"(sudo chown -R {os.getuid() or 65534} {tmp_path})")
-
-
 def test_a_file_system_without_locks_prevents_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

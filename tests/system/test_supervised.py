@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 
-import pytest
-
 from gateway.system.supervised import until_first
 from tests.virtual_time import run_virtually
 
@@ -28,15 +26,6 @@ def test_the_first_that_ends_ends_the_others_in_order() -> None:
     run_virtually(until_first(after(5.0, said), after(2.0, said), after(9.0, said)))
 
     assert said == ["2 ended", "5 cancelled", "9 cancelled"]
-
-
-def test_what_the_first_raises_is_raised_once_the_others_have_ended() -> None:
-    said: list[str] = []
-
-    with pytest.raises(ValueError, match="a bug"):
-        run_virtually(until_first(after(5.0, said), after(2.0, said, error=ValueError("a bug"))))
-
-    assert said == ["2 ended", "5 cancelled"]
 
 
 def test_who_is_cancelled_cancels_them_all() -> None:

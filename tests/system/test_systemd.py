@@ -4,7 +4,6 @@ import io
 import logging
 import os
 import socket
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -87,15 +86,3 @@ def test_a_log_line_begins_with_its_priority(level: int, mark: str) -> None:
     record = logging.LogRecord("gateway.line", level, "x.py", 1, "line=%s went silent", ("pumps",), None)
 
     assert PriorityFormatter().format(record) == f"{mark}gateway.line: line=pumps went silent"
-
-
-def test_every_line_of_a_traceback_has_the_priority() -> None:
-    try:
-        int("one\ntwo")
-    except ValueError:
-        record = logging.LogRecord("g", logging.ERROR, "x.py", 1, "failed", (), sys.exc_info())
-
-    lines = PriorityFormatter().format(record).splitlines()
-
-    assert len(lines) > 4
-    assert all(line.startswith("<3>") for line in lines)

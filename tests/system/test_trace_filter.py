@@ -7,7 +7,7 @@ import logging
 
 import pytest
 
-from gateway.system.log_thread import MOST_KNOWN, TraceFilter
+from gateway.system.log_thread import TraceFilter
 
 
 class Log:
@@ -61,22 +61,3 @@ def test_another_error_has_its_own_trace(other: dict[str, object]) -> None:
         log.fail("line=%s crashed", *other.get("args", ("a",)), error=other.get("error", ValueError))  # type: ignore[misc, arg-type]
 
     assert log.text().count("Traceback") == 2
-
-
-def test_what_carries_no_trace_always_passes() -> None:
-    log = Log()
-
-    for _ in range(3):
-        log.logger.error("the disk is full")
-
-    assert log.text() == "the disk is full\n" * 3
-
-
-def test_the_number_of_known_errors_is_bounded() -> None:
-    log = Log()
-
-    for number in range(10 * MOST_KNOWN):
-        log.fail("line=%s crashed", number)
-    log.fail("line=%s crashed", 0)
-
-    assert log.text().count("Traceback") == 10 * MOST_KNOWN + 1

@@ -16,7 +16,7 @@ from gateway.system.clock_steps import ClockReading
 from gateway.web.accounts import Accounts
 from gateway.web.application import WebApp
 from gateway.web.commands import PendingCommands
-from gateway.web.interface import ToolBusyError, WebSettings, WebUser
+from gateway.web.interface import WebSettings, WebUser
 from gateway.web.routes import Routes
 from gateway.web.site_model import ShownSite, SiteModel
 from gateway.web.static_files import StaticFile
@@ -55,17 +55,6 @@ class HandClock:
 
 
 @dataclass
-class FakeMetrics:
-    """Metrics that say little."""
-
-    token: str | None = None
-    said: bytes = b"up 1\n" * 1000
-
-    async def text(self) -> bytes:
-        return self.said
-
-
-@dataclass
 class FakeAccess:
     """A gateway that records what the page asks of it; a command ends as `ends` says."""
 
@@ -74,10 +63,7 @@ class FakeAccess:
     offers: list[dict[str, Any]] = field(default_factory=list)
     results: PendingCommands | None = None
     phases: tuple[str, ...] = ("accepted", "confirmed")
-    is_busy: bool = False
     tokens: int = 0
-    scraped: FakeMetrics | None = None
-    well: dict[str, Any] = field(default_factory=lambda: {"lines": {"pumps": True}, "broker": True})
 
     def token(self) -> str:
         return f"token-{self.tokens}"
@@ -106,11 +92,11 @@ class FakeAccess:
     async def records(self, starter: str) -> Mapping[str, list[Any]] | None:
         return None
 
-    def metrics(self) -> FakeMetrics | None:
-        return self.scraped
+    def metrics(self) -> None:
+        return None
 
     async def health(self) -> Mapping[str, Any]:
-        return self.well
+        return {"lines": {"pumps": True}, "broker": True}
 
     def about(self) -> dict[str, Any]:
         return {"clock": {"doubt": None}}
@@ -119,8 +105,6 @@ class FakeAccess:
         return {"config": {}}
 
     async def run_tool(self, name: str) -> dict[str, Any]:
-        if self.is_busy:
-            raise ToolBusyError
         return {"code": 0, "output": name}
 
 
@@ -151,7 +135,6 @@ class PageRig:
         self.clock = clock or HandClock()
         self.access = FakeAccess()
         self.model = SiteModel(site or shown_site())
-        self.checked: list[tuple[str, str]] = []
         self.accounts = Accounts(settings, self.access, self.clock, check=self._check)
         self.commands = self.access.results = PendingCommands()
         self.streams = Streams(self.model, self.access, self.clock, is_logged_in=self.accounts.is_logged_in)
@@ -250,5 +233,4 @@ class PageRig:
         )
 
     def _check(self, password: str, line: str) -> bool:
-        self.checked.append((password, line))
         return (password, line) == ("right", "line-of-anna")

@@ -92,14 +92,6 @@ def test_a_proxy_is_believed_only_when_it_is_named() -> None:
     assert none_configured == Caller("127.0.0.1", "gateway:8480", "http")
 
 
-def test_what_a_client_writes_before_the_proxys_own_entry_is_not_believed() -> None:
-    headers = {"x-forwarded-for": "127.0.0.1, 203.0.113.9", "x-forwarded-proto": "ftp"}
-
-    caller = caller_of(PLANT, headers, peer="10.0.0.5", scheme="http")
-
-    assert (caller.address, caller.scheme) == ("203.0.113.9", "http")
-
-
 def test_the_cookie_is_http_only_and_strict_and_with_tls_bound_to_the_host() -> None:
     plain = set_cookie(PAGE, "s3cret", base_path="/mcc1/")
     secure = set_cookie(Caller("1.2.3.4", "mcc1.plant", "https"), "s3cret", base_path="/mcc1/")

@@ -5,15 +5,10 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-import pytest
-
-from gateway.cli.doctor import broker as doctor_broker
 from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.machine import DoctorFinding
 from gateway.config.load import parse
-from gateway.errors import BrokerError
-from gateway.mqtt.connection import command_client as sender
-from tests.cli.doctor_site import problems_in, site
+from tests.end_to_end.commands.doctor_site import problems_in, site
 from tests.mosquitto import StartMosquitto
 
 
@@ -47,31 +42,6 @@ def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_
     assert len(is_a_problem[1]) == 1
 
 
-def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
-    access = BrokerAccess(parse(site(), "site.toml"), Path("/tmp"))
-
-    with pytest.raises(BrokerError, match="cannot be used"):
-        asyncio.run(access.read("pump-1", ["P220"]))
-
-
-def test_a_gateway_that_does_not_run_and_a_starter_that_no_one_may_read_cannot_be_asked(
-    tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sender, "STATUS_WITHIN_S", 0.05)
-    text = site(port=start_mosquitto().port)
-    access = BrokerAccess(parse(text, "site.toml"), tmp_path)
-    assert problems_in(asyncio.run(access.remarks())) == []
-
-    with pytest.raises(BrokerError, match=r"no \[\[operator\]\] doctor may read it .*--client"):
-        asyncio.run(access.read("pump-1", ["P220"]))
-    asks_as_alice = BrokerAccess(parse(text, "site.toml"), tmp_path, client="alice")
-    asyncio.run(asks_as_alice.remarks())
-    with pytest.raises(BrokerError, match="no gateway has published its state"):
-        asyncio.run(asks_as_alice.read("pump-1", ["P220"]))
-    with pytest.raises(BrokerError, match=r"no \[\[operator\]\] alice may read it"):
-        asyncio.run(asks_as_alice.read("fan", ["P220"]))
-
-
 def test_the_doctor_logs_in_as_the_operator_that_is_named(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
@@ -92,22 +62,3 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
     (problem,) = problems_in(remarks("wrong"))
     assert "the login alice: " in problem
     assert "username and password" in problem
-
-
-def test_what_the_gateway_last_said_of_a_starter_is_known(
-    tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(doctor_broker, "KNOWN_WITHIN_S", 0.2)
-    broker = start_mosquitto()
-    access = BrokerAccess(parse(site(port=broker.port), "site.toml"), tmp_path)
-    asyncio.run(access.remarks())
-    topic = "starters/plant/starter/pump-1/availability"
-
-    assert asyncio.run(access.known("pump-1")) == ""
-    broker.publish(topic, '{"state":"online","since":"2026-11-22T01:00:00.000Z","reason":null}', "-r")
-    assert asyncio.run(access.known("pump-1")) == ""
-    broker.publish(topic, '{"state":"offline","since":"2026-11-22T01:00:00.000Z","reason":"no reply"}', "-r")
-    assert (
-        asyncio.run(access.known("pump-1"))
-        == "the gateway says: offline since 2026-11-22T01:00:00.000Z: no reply"
-    )

@@ -12,7 +12,7 @@ from gateway.errors import BrokerError
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import changed
-from tests.mosquitto import StartMosquitto, free_port
+from tests.mosquitto import StartMosquitto
 
 TOPICS = Topics("starters/mcc1")
 BOOT = "boot-1"
@@ -86,14 +86,3 @@ def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environmen
     send(1, "pump-1", "start")
 
     assert logins == [("alice", "typed at 'Password of alice at 127.0.0.1: '"), ("alice", "a"), (None, "a")]
-
-
-def test_a_user_without_a_name_makes_no_claim(send: Send, monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_one() -> str:
-        raise KeyError("uid not found")
-
-    monkeypatch.setattr("getpass.getuser", no_one)
-
-    code, _, error = send(free_port(), "pump-1", "start")
-
-    assert (code, "nothing listens there" in error) == (1, True)

@@ -153,17 +153,6 @@ def test_what_is_secret_is_its_owners_alone(place: KitPlace, proof: object) -> N
     assert place.kit.stat().st_mode & 0o077 == 0
 
 
-def test_a_kit_is_not_replaced_unasked(place: KitPlace, proof: object) -> None:
-    write = next(line for line in commands("4. Broker") if "broker-kit --host" in line)
-    before = (place.kit / "logins" / "mcc1").read_text("utf-8")
-
-    done = place.run(write)
-
-    assert done.returncode == 2
-    assert "holds a kit" in done.stderr
-    assert (place.kit / "logins" / "mcc1").read_text("utf-8") == before
-
-
 def test_a_program_that_has_a_login_meanwhile_is_named(place: KitPlace, proof: object) -> None:
     password = (place.kit / "logins/scada").read_text("utf-8").strip()
     again = f"while :; do {_find('mosquitto_pub')} -h localhost -p {place.port} --cafile {place.kit}/ca.pem"

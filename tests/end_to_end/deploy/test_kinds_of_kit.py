@@ -10,6 +10,8 @@ import pytest
 
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
 from tests.mosquitto import missing_programs
+from tests.rig import sites
+from tests.rig.sites import ALICE, operator, starter, table
 
 pytestmark = [
     pytest.mark.long,
@@ -18,49 +20,20 @@ pytestmark = [
     ),
 ]
 
-SITE = """
-[gateway]
-name = "mcc1"
-
-[mqtt]
-url = "{url}"
-username = "mcc1"
-password_file = "mqtt.password"
-{tls}
-[[line]]
-name = "hall"
-port = "/dev/ttyHALL"
-baud = 19200
-framing = "8N2"
-
-[[line.starter]]
-name = "pump-1"
-address = 1
-family = "ssw07"
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
-FULL = """
-[[operator]]
-client = "dispatch"
-may = ["start", "stop"]
-starters = ["*"]
-freshness = "issued_at"
-
-[homeassistant]
-operator = "alice"
-
-[sparkplug]
-group = "plant"
-urls = ["{url}"]
-username = "mcc1-spb"
-primary_host = "scada"
-commands = true
-operator = "dispatch"
-{tls}"""
+SITE = (
+    table("gateway", name="mcc1")
+    + table("mqtt", url="{url}", username="mcc1", password_file="mqtt.password")
+    + "{tls}"
+    + sites.line("hall")
+    + starter("pump-1", 1, "ssw07")
+    + ALICE
+)
+FULL = (
+    operator("dispatch", ("start", "stop"), freshness="issued_at")
+    + table("homeassistant", operator="alice")
+    + table("sparkplug", group="plant", urls=["{url}"], username="mcc1-spb", primary_host="scada")
+    + 'commands = true\noperator = "dispatch"\n{tls}'
+)
 URLS = {
     "TLS": "mqtts://localhost:{port}",
     "this machine": "mqtt://localhost:{port}",

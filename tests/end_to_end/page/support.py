@@ -16,11 +16,12 @@ from typing import Any
 import pytest
 from playwright.async_api import Page, async_playwright, expect
 
-from tests.end_to_end.site import FOUR_FAMILIES, Program, Scada, site_config, write_config
+from tests.end_to_end.plant import STARTERS, plant
+from tests.end_to_end.site import FOUR_FAMILIES, Program, Scada
 from tests.mosquitto import MosquittoBroker, free_port
+from tests.rig.sites import table
 
 HOLD = ".hold-box:not([hidden]) button.hold"
-STARTERS = ("pump", "fan", "mill", "belt")
 USER, PASSWORD = "anna", "correct horse"
 PATIENCE_MS = 20_000.0
 expect.set_options(timeout=PATIENCE_MS)
@@ -60,6 +61,13 @@ class PagePlant:
         await self.scada.set_knob(starter, control, setting)
 
 
+def page_table(port: int, line: str, web: str = "") -> str:
+    """Return the page's tables of a configuration, with one user whose password's line this is."""
+    return f'[web]\nlisten = "127.0.0.1:{port}"\n{web}' + table(
+        "[web.user]", name=USER, password=line, operator="alice"
+    )
+
+
 @asynccontextmanager
 async def page_plant(
     broker: MosquittoBroker,
@@ -71,22 +79,10 @@ async def page_plant(
 ) -> AsyncIterator[PagePlant]:
     """Run simulator and gateway with a page, and wait until all starters are ready."""
     port = free_port()
-    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"), starters=starters)
-    text += f'\n[web]\nlisten = "127.0.0.1:{port}"\n{web}[[web.user]]\nname = "{USER}"\n'
-    text += f'password = "{password_line(PASSWORD)}"\noperator = "alice"\n'
-    config = write_config(folder, text)
-    controls = f"mqtt://127.0.0.1:{broker.port}"
-    async with (
-        Program("gateway", "simulate", str(config), "--knobs", controls) as simulator,
-        broker.watch("starters/plant/#") as watcher,
-    ):
-        await simulator.says("line hall")
-        async with Program("gateway", "run", str(config)) as gateway:
-            scada = Scada(broker, watcher)
-            for starter in names:
-                await scada.ready(starter)
-            await gateway.says("the status page is served")
-            yield PagePlant(f"http://127.0.0.1:{port}/", scada, gateway, config, port)
+    more = page_table(port, password_line(PASSWORD), web)
+    async with plant(broker, folder, starters=starters, names=names, more=more) as (scada, gateway, config):
+        await gateway.says("the status page is served")
+        yield PagePlant(f"http://127.0.0.1:{port}/", scada, gateway, config, port)
 
 
 @dataclass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -73,44 +72,6 @@ async def test_a_phone_shows_everything_without_scrolling_sideways_and_with_targ
         stop = await page.locator("button.stop").bounding_box()
         assert stop is not None
         assert stop["y"] + stop["height"] <= 740  # without scrolling
-
-
-@pytest.mark.alone
-async def test_no_number_of_a_tile_is_parted_from_its_unit(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        for starter in ("pump", "mill"):
-            await plant.scada.command(starter, "start", f"start-{starter}")
-            await plant.scada.until(f"starter/{starter}/state", state="running")
-        for width in (390, 1280):
-            page = await chromium.open(plant.url, viewport={"width": width, "height": 900})
-            await page.get_by_role("button", name="Tiles").click()
-            await expect(page.locator(".current").filter(has_text=re.compile(r"\d+ A")).first).to_be_visible()
-            await page.wait_for_timeout(1500.0)
-            lines = await page.evaluate(
-                "[...document.querySelectorAll('.tiles .current, .tiles .age')].map((e) => {"
-                " const r = document.createRange(); r.selectNodeContents(e);"
-                " return [e.textContent, r.getClientRects().length,"
-                "  r.getBoundingClientRect().left >= e.closest('.starter').getBoundingClientRect().left]; })"
-            )
-            assert [each for each in lines if each[1:] != [1, True]] == [], width
-
-
-async def test_the_first_paint_comes_within_a_second(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant:
-        for address in PAGES[:2]:
-            async with browser() as chromium:  # one that has nothing stored
-                page = await chromium.open(plant.url + address)
-                await expect(page.locator("#live")).to_have_text("LIVE")
-                paint = await page.evaluate(
-                    "performance.getEntriesByName('first-contentful-paint')[0].startTime"
-                )
-                assert paint < 1000.0, address
-                sizes = await page.evaluate(
-                    "performance.getEntriesByType('resource').map((e) => e.transferSize)"
-                )
-                assert sum(sizes) < 150_000, address
 
 
 def many(count: int) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import re
 import signal
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
@@ -13,7 +12,6 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, Route, expect
 
-from tests.end_to_end.page.relay import relayed
 from tests.end_to_end.page.support import (
     HOLD,
     PagePlant,
@@ -26,6 +24,7 @@ from tests.end_to_end.page.support import (
 )
 from tests.end_to_end.web.raw_client import until
 from tests.mosquitto import StartMosquitto
+from tests.relay import Relay
 
 pytestmark = [pytest.mark.long]
 
@@ -140,19 +139,6 @@ async def test_what_is_no_second_of_holding_starts_nothing(
             await page.context.close()
 
 
-async def test_enter_held_from_the_selection_on_starts_nothing(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        await page.locator("button[data-action^='start ']:enabled").focus()
-        for _ in range(60):
-            await page.keyboard.down("Enter")  # after the first these are the keyboard's own repetitions
-            await page.wait_for_timeout(50.0)
-        await nothing_started(page, plant, "Enter")
-
-
 async def test_a_selection_that_is_answered_late_is_given_up(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
@@ -173,35 +159,19 @@ async def test_a_selection_that_is_answered_late_is_given_up(
         await expect(page.locator(".hold-box")).to_be_hidden()
 
 
-async def test_a_login_that_ends_takes_the_selection_with_it(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        second = await page.context.new_page()
-        await second.goto(plant.url)
-        await logged_in(page)
-        await select_start(page)
-
-        await second.get_by_role("button", name="log out").click()
-
-        await expect(page.locator(".hold-box")).to_be_hidden()
-        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
-
-
 async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_browser_at_once(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with (
         page_plant(start_mosquitto(), tmp_path) as plant,
-        relayed(plant.url) as (url, relay),
+        Relay(plant.port) as relay,
         browser() as chromium,
     ):
-        page = await chromium.open(f"{url}#/starter/pump")
+        page = await chromium.open(f"http://127.0.0.1:{relay.port}/#/starter/pump")
         await page.add_init_script(QUICK_TIMERS)
         await page.reload()
         await logged_in(page)
-        relay.cut()
+        relay.stall()
         await expect(page.locator("#veil")).to_contain_text("NOT LIVE", timeout=NOT_LIVE_MS)
 
         await page.click("button.stop")
@@ -210,7 +180,7 @@ async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_br
             "not known whether it arrived", timeout=4000.0
         )
 
-        relay.join()
+        await relay.join()
         await plant.scada.result("pump", verb="stop", phase="confirmed")
 
 
@@ -282,17 +252,3 @@ async def test_a_starter_that_a_reload_removes_shows_nothing_old_and_takes_no_co
         await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(0)
         await expect(page.locator(".big-state")).to_have_text("")
         await expect(page.locator(".big-current")).to_have_text("")
-
-
-async def test_a_lock_asks_for_its_reason(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        await page.locator("button[data-action^='lock ']:enabled").click()
-        await page.get_by_label("Reason of the lock").fill("new bearings")
-        await page.keyboard.press("Enter")
-
-        await plant.scada.result("pump", verb="lock", phase="confirmed")
-        await expect(page.locator(".trouble").first).to_contain_text("locked by alice")
-        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
-        await expect(page.locator(".faceplate")).to_contain_text(re.compile("new bearings"))

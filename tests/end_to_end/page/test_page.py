@@ -14,7 +14,6 @@ from tests.end_to_end.page.support import (
     browser,
     hold_for,
     hold_to_start,
-    log_in,
     logged_in,
     need_chromium,
     page_plant,
@@ -53,40 +52,6 @@ async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
         await page.locator(".counter.fault").click()
         await page.fill("input[type=search]", "fan")
         await expect(page.locator("li[data-starter]")).to_have_count(1)
-
-
-async def test_a_page_too_many_says_so_shows_no_numbers_and_goes_on_when_another_is_closed(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    web = "pages_per_address = 1\n"
-    async with page_plant(start_mosquitto(), tmp_path, web=web) as plant, browser() as chromium:
-        first = await chromium.open(plant.url)
-        await expect(first.locator(".counter.all .count")).to_have_text("4")
-        second = await chromium.open(plant.url)
-
-        await expect(second.locator("#veil")).to_contain_text("too many pages are open here (1 of 1)")
-        assert await second.locator(".counter .count").all_text_contents() == ["–"] * 8
-        await expect(second.locator(".empty")).to_be_hidden()
-        await first.context.close()
-
-        await expect(second.locator("#veil")).to_be_hidden()
-        await expect(second.locator(".counter.fault .count")).to_have_text("0")
-
-
-async def test_without_a_login_nothing_can_be_done_and_a_wrong_password_is_refused(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await expect(page.locator("button.stop")).to_be_disabled()
-        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
-
-        await log_in(page, "wrong")
-        await expect(page.locator("#login-wrong")).to_contain_text("wrong")
-        await page.click("#login-cancel")
-
-        await expect(page.locator("button.stop")).to_be_disabled()
-        assert not any(result["verb"] == "start" for result in plant.scada.results)
 
 
 async def test_a_start_is_selected_and_held_and_a_stop_is_one_click(
@@ -152,23 +117,6 @@ async def test_when_the_gateway_stands_still_the_page_says_so_and_stop_still_tri
         await expect(page.locator("#veil")).to_be_hidden()
         await plant.scada.result("pump", verb="stop", phase="confirmed")
         await expect(page.locator(".toast").last).to_contain_text("confirmed")
-
-
-async def test_two_tabs_see_the_same_and_each_others_commands(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        first = await chromium.open(f"{plant.url}#/starter/fan")
-        second = await first.context.new_page()
-        await second.goto(f"{plant.url}#/starter/fan")
-        await logged_in(first)
-        await expect(second.get_by_role("button", name="anna: log out")).to_be_visible()
-
-        await hold_to_start(first)
-        await expect(second.locator(".big-state")).to_have_text(re.compile("starting|running"))
-        await second.click("button.stop")
-        await plant.scada.result("fan", verb="stop", phase="confirmed")
-        await expect(first.get_by_role("table", name="Last commands")).to_contain_text("stop")
 
 
 async def test_the_keyboard_alone_is_enough(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
@@ -252,13 +200,3 @@ async def test_parameters_are_read_and_set_with_the_old_value_beside(
         await page.locator(".set-form button[type=submit]").click()
         await plant.scada.result("pump", verb="set", phase="confirmed")
         await expect(page.locator("details.parameters table")).to_contain_text("30 s")
-
-
-async def test_a_name_that_is_no_topic_level_never_comes_into_a_configuration(tmp_path: Path) -> None:
-    from gateway.config.load import parse
-    from gateway.errors import ConfigError
-    from tests.end_to_end.site import site_config
-
-    text = site_config(broker_port=1, port="/dev/x").replace('"pump"', '"<script>"')
-    with pytest.raises(ConfigError, match="name"):
-        parse(text, "site.toml")

@@ -87,21 +87,6 @@ async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_sil
         assert rig.access.commands == []
 
 
-async def test_a_logout_in_another_tab_is_shown_here_and_ones_own_is_not() -> None:
-    async with paged() as (_, url), browser() as chromium:
-        here = await chromium.open(url)
-        await logged_in(here)
-        there = await here.context.new_page()
-        await there.goto(url)
-        await expect(there.locator("#account")).to_have_text("anna: log out")
-
-        await there.click("#account")
-
-        await expect(here.locator(".toast", has_text="anna was logged out")).to_be_visible()
-        await expect(there.locator("#account")).to_have_text("Log in")
-        await expect(there.locator(".toast")).to_have_count(0)
-
-
 async def test_back_and_forward_go_through_the_views_and_each_is_live() -> None:
     async with paged() as (rig, url), browser() as chromium:
         page = await chromium.open(url)

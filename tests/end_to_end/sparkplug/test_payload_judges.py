@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.records import Quality
 from gateway.sparkplug.payload import DataType, Metric, encoded
 from tests.end_to_end.sparkplug.judges import (
     decoded_by_npm,
@@ -12,17 +11,8 @@ from tests.end_to_end.sparkplug.judges import (
     python_judges,
     written_again_by_tahu,
 )
-from tests.sparkplug.support import (
-    EPOCH_S,
-    NodeMessage,
-    NodeRig,
-    alarm,
-    availability,
-    line,
-    read,
-    state,
-    value,
-)
+from tests.sparkplug.plant import said
+from tests.sparkplug.support import EPOCH_S
 
 KINDS = [
     Metric("Node Control/Rebirth", DataType.BOOLEAN, False, EPOCH_S),
@@ -37,21 +27,6 @@ KINDS = [
     Metric("stale", DataType.DOUBLE, 1.5, EPOCH_S, 500, (("engUnit", "A"),)),
     Metric("zero", DataType.INT64, 0, EPOCH_S, 192),
 ]
-
-
-def everything_said() -> list[NodeMessage]:
-    """Return every kind of message, with qualities, nulls, alarms and commands."""
-    rig = NodeRig(operator="ops", has_datatypes=True)
-    said = rig.born()
-    rig.put(value("pump", "current", 12.5), value("pump", "starts_total", 3), value("pump", "text", "°"))
-    rig.put(value("fan", "current", 1.0, quality=Quality.STALE), state("pump", running=None))
-    rig.put(alarm("pump", "e03"), line({"utilisation": 0.5, "sweep_s": 1.25}))
-    said += rig.say(after_s=1.0)
-    rig.put(availability("pump", "offline", rig.utc_s, "no reply"))
-    said += rig.say(after_s=1.0)
-    death = read(rig.node.death(7, rig.utc_s))
-    assert {each.kind for each in said} == {"NBIRTH", "DBIRTH", "NDATA", "DDATA", "DDEATH"}
-    return [*said, death]
 
 
 @npm_judge
@@ -69,9 +44,10 @@ def test_sparkplug_payload_of_npm_reads_every_kind_of_metric() -> None:
 
 @npm_judge
 def test_sparkplug_payload_of_npm_reads_every_kind_of_message() -> None:
-    said = everything_said()
+    ours_said = said().messages
 
-    for ours, theirs in zip(said, decoded_by_npm([each.payload for each in said]), strict=True):
+    theirs_said = decoded_by_npm([each.payload for each in ours_said])
+    for ours, theirs in zip(ours_said, theirs_said, strict=True):
         metrics: dict[str, Any] = {each["name"]: each for each in theirs["metrics"]}
         assert {name: each["value"] for name, each in metrics.items()} == ours.values
         assert theirs.get("seq") == ours.seq
@@ -79,6 +55,6 @@ def test_sparkplug_payload_of_npm_reads_every_kind_of_message() -> None:
 
 @python_judges
 def test_tahus_own_module_writes_the_same_bytes() -> None:
-    payloads = [each.payload for each in everything_said()] + [encoded(KINDS, time_s=EPOCH_S, seq=0)]
+    payloads = [each.payload for each in said().messages] + [encoded(KINDS, time_s=EPOCH_S, seq=0)]
 
     assert written_again_by_tahu(payloads) == payloads

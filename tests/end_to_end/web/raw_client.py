@@ -95,17 +95,6 @@ class WebClient:
             self.headers["X-CSRF-Token"] = answer.json["csrf"]
         return answer
 
-    async def token(self) -> str:
-        return str((await self.get("/api/v1/state")).json["token"])
-
-    async def command(self, starter: str, verb: str, id_: str, **more: Any) -> list[dict[str, Any]]:
-        """Send a command with the newest token and return its phases."""
-        fields = {"id": id_, "token": await self.token(), "ttl_s": 10, **more}
-        answer = await self.post(f"/api/v1/command/{starter}/{verb}", fields)
-        assert answer.status == 200, answer
-        phases: list[dict[str, Any]] = answer.json["phases"]
-        return phases
-
     async def events(self, path: str = "/api/v1/events") -> AsyncIterator[tuple[str, Any]]:
         """Yield the stream's events until it ends."""
         reader, writer = await asyncio.open_connection("127.0.0.1", self.port, limit=2**22)

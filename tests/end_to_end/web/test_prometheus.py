@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.end_to_end.page.support import PagePlant, page_plant
-from tests.end_to_end.site import FOUR_FAMILIES, Program
+from tests.end_to_end.site import FOUR_FAMILIES
 from tests.metrics.contrib import RULES, panel_expressions
 from tests.metrics.promtool import program, promtool
 from tests.mosquitto import StartMosquitto, free_port
@@ -167,19 +167,3 @@ def scraped(url: str) -> bytes:
     request = urllib.request.Request(url, headers={"Authorization": f"Bearer {TOKEN}"})
     with urllib.request.urlopen(request, timeout=WITHIN_S) as answer:
         return bytes(answer.read())
-
-
-async def test_the_demo_can_be_scraped(tmp_path: Path) -> None:
-    async with Program("gateway", "demo", environ={"TMPDIR": str(tmp_path)}) as demo:
-        await demo.says("others    simulator/")
-        page = re.search(r"page    (http://127\.0\.0\.1:\d+/)", demo.output)
-        assert page is not None
-        await demo.says("the status page is served")
-        text = b""
-        async with asyncio.timeout(WITHIN_S):
-            while b"starter_gateway_motor_current_amperes{" not in text:
-                await asyncio.sleep(0.2)
-                text = await asyncio.to_thread(scraped, f"{page[1]}metrics")
-        assert promtool("check", "metrics", standard_input=text) == ""
-        demo.signal(signal.SIGINT)
-        assert await demo.exit_code() == 0

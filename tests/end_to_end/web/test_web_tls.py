@@ -16,7 +16,7 @@ from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
 from gateway.web.interface import WebSettings, WebUser
 from gateway.web.service import WebService
-from tests.end_to_end.web.raw_client import RawAnswer, exchange, read_answer, request, until
+from tests.end_to_end.web.raw_client import RawAnswer, read_answer, request, until
 from tests.mosquitto import Certificate
 from tests.web.support import FakeAccess, shown_site
 
@@ -115,16 +115,6 @@ async def test_with_tls_the_cookie_is_for_tls_alone_and_the_browser_is_to_rememb
         assert login.headers["set-cookie"].startswith("__Host-sid=")
         assert login.headers["set-cookie"].endswith("Secure")
         assert page.troubles == [""]
-
-
-async def test_who_speaks_no_tls_or_does_not_trust_the_certificate_gets_nothing(tmp_path: Path) -> None:
-    async with tls_page(tmp_path) as page:
-        plain = await exchange(page.port, request("GET", "/", port=page.port))
-        with pytest.raises(ssl.SSLCertVerificationError):
-            await asyncio.open_connection("127.0.0.1", page.port, ssl=ssl.create_default_context())
-
-        assert plain.status == 0
-        assert (await page.ask(request("GET", "/", port=page.port))).status == 200
 
 
 async def test_a_renewed_certificate_of_the_same_name_is_shown_to_new_connections_and_ends_none(

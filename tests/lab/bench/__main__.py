@@ -21,14 +21,10 @@ from tests.lab.bench.rows import (
     judge,
     measured,
     spec_of,
-    strict,
 )
-from tests.lab.bench.stubborn import stubborn
 from tests.mosquitto import missing_programs
 
-ROWS = {
-    each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, stubborn, sweep, page)
-}
+ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep, page)}
 
 QUIET = 0.3
 BUSY = " (others use this machine: efficiency, stops and the start come out worse than they are)"

@@ -89,6 +89,17 @@ class Counts:
         self.by_place[code.co_filename, code.co_qualname] += 1
 
 
+@contextmanager
+def counted() -> Iterator[Counts]:
+    """Count the calls inside, on this thread."""
+    counts = Counts()
+    sys.setprofile(counts.note)
+    try:
+        yield counts
+    finally:
+        sys.setprofile(None)
+
+
 def line_calls() -> tuple[float, Counts]:
     """Return the calls on the lines' thread for each transaction: 8 starters, one line, one chunk a reply."""
     with answering_units() as port:

@@ -18,7 +18,7 @@ import select
 import sys
 import time
 import tty
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 
 from gateway.modbus import adu
@@ -27,10 +27,9 @@ from gateway.modbus.pdu import encode_exception
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.modbus.writes import WriteCoil
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from tests.lab.bench.account import Law, SeenRequest
+from tests.lab.bench.account import SeenRequest
 from tests.modbus.request_size import request_adu_size
 
 BUSY_S = 0.0002  # before something is due, sleeping is over
@@ -38,8 +37,6 @@ BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no 
 WATCHED_S = 0.0015
 WATCHED_SHARED_S = 0.0004  # where several lines share the judge
 IDLE_S = 0.2
-STANDS_S = 0.2  # from the stop frame that a stubborn unit obeys until its motor stands
-STOP_PDU = WriteCoil(100, False).encode()  # of an SSW-07
 _PR_SET_TIMERSLACK = 29
 
 
@@ -54,12 +51,8 @@ class Spec:
     dead: tuple[int, ...] = ()
     family: str = ""  # simulated starters of this family; "": ten registers or what else is asked for
     is_bytewise: bool = False
-    is_strict: bool = False  # a request that breaks the silence is not understood
     is_calm: bool = False  # sleeps instead of waiting in a busy loop, which slows down what shares its core
-    stubborn: int = 0  # a unit that acknowledges stops and lets its motor run; 0: none does
-    ignores_s: float = 0.0  # so long after its first stop frame; then it stands after STANDS_S
     delay_s: float = 0.005
-    restarts_s: float = 0.0  # so long after it came to rest a motor is started again, at its keypad; 0: never
 
     @property
     def timing(self) -> LineTiming:
@@ -78,7 +71,6 @@ class _Tap:
     began_s: float = -inf  # first byte of the request under way
     quiet_s: float = -inf  # last byte of whatever was on the wire
     is_replying: bool = False
-    stopped_s: float = inf  # when its stubborn unit had its first stop frame
 
 
 class Judge:
@@ -87,7 +79,6 @@ class Judge:
     def __init__(self, spec: Spec) -> None:
         self._spec = spec
         self._timing = spec.timing
-        self._law = Law(spec.timing, spec.delay_s)
         self._taps = {tap.ours: tap for tap in (self._open(number) for number in range(spec.lines))}
         self._due: list[tuple[float, int, _Tap, bytes, SeenRequest | None]] = []
         self._serial = 0
@@ -127,9 +118,6 @@ class Judge:
             units = {n: make_unit(spec.family, n, seed=n) for n in range(1, spec.units + 1)}
             for unit in units.values():
                 unit.motor.start()  # a running motor's current is never the same twice
-            if spec.stubborn:
-                motor = units[spec.stubborn].motor
-                motor.data = replace(motor.data, ramp_down_s=STANDS_S, coast_s=STANDS_S)
         return _Tap(number, ours, theirs, units)
 
     def _sleep_s(self, now_s: float) -> float:
@@ -161,9 +149,7 @@ class Judge:
         tap.quiet_s = max(tap.began_s, tap.quiet_s) + self._timing.wire_s(size)
         unit, pdu = adu.decode(request)
         seen = SeenRequest(tap.number, tap.began_s, unit, pdu[0], size, 0, tap.quiet_s, gap_s, 0.0)
-        reply = b""
-        if not (self._spec.is_strict and self._law.is_too_soon(seen)):
-            reply = self._reply(tap, unit, pdu, now_s)
+        reply = self._reply(tap, unit, pdu, now_s)
         if not reply:
             self.seen.append(seen)
             return
@@ -192,15 +178,7 @@ class Judge:
         """Return the reply's ADU; b"" of a dead unit, one that is not there, and to a broadcast."""
         if unit in self._spec.dead or not 1 <= unit <= self._spec.units:
             return b""
-        if pdu == STOP_PDU and unit == self._spec.stubborn:
-            tap.stopped_s = min(tap.stopped_s, now_s)
-            if now_s - tap.stopped_s < self._spec.ignores_s:
-                return adu.encode(unit, pdu)
         starter = tap.units.get(unit)
-        if starter is not None and self._spec.restarts_s:
-            starter.advance(now_s)
-            if starter.motor.standstill_s >= self._spec.restarts_s and not starter.motor.is_turning:
-                starter.motor.start()
         answer = _plain_answer(pdu) if starter is None else starter.handle(pdu, now_s)
         return b"" if answer is None else adu.encode(unit, answer)
 

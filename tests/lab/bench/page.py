@@ -1,6 +1,6 @@
 """What the status page costs the line: pairs of spans with and without pages and a scan of its doors.
 
-`python -m tests.lab.bench.page`. In one run the gateway polls without a pause while its page is closed and
+In one run the gateway polls without a pause while its page is closed and
 while sixteen streams and a client that tries its doors are there. The client is a process that yields.
 """
 
@@ -12,20 +12,17 @@ import random
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 
 from tests.lab.bench.account import Account, Stop, account, between, quantile, stops, sweeps_s
 from tests.lab.bench.judge import Spec
-from tests.lab.bench.plant import bench_broker, operate, site
+from tests.lab.bench.plant import bench_site, operate
 from tests.lab.bench.report import Goal, table
 from tests.lab.bench.rows import BenchRow
-from tests.lab.bench.runs import Process, Run, Watched, gateway
+from tests.lab.bench.runs import Run
 from tests.lab.bench.subjects import Span
 
 STREAMS = 16
@@ -48,126 +45,57 @@ HEAD = [
     "most ms",
     "unasked s",
 ]
-PASSWORD = "$scrypt$ln=14,r=8,p=5$AAAAAAAAAAAAAAAAAAAAAA$AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA"
 
 
 def page() -> BenchRow:
     """Efficiency, silences and stops with and without open pages; memory with 247 starters."""
-    rows, goals, ratios, _ = compared("pages", lambda site: visited(site.page_port))
-    mib = _memory_mib()
-    goals.append(Goal(f"memory: {MANY} starters and {STREAMS} pages", mib, 95, is_most=True, unit=" MiB"))
-    note = (
-        f"{PAIRS} pairs of {SPAN_S:g} s, {UNITS} SSW-07s, 19200. Pages: {STREAMS} streams, and"
-        f"\n{REQUESTS_PER_S:g} requests a second at the doors. With / alone: {listed(ratios)}."
-        f"\n{MANY} starters and {STREAMS} pages: {mib:.1f} MiB at most."
-    )
-    return BenchRow(table("The status page's cost", HEAD, rows, note=note), goals)
-
-
-@dataclass(frozen=True)
-class PagedSite:
-    """A gateway with a page, the starters' judge and the broker."""
-
-    process: Process
-    judge: Watched
-    broker_port: int
-    page_port: int
-    config: Path
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is compared: starters, the order of spans without a load and with it, and their length."""
-
-    spec: Spec
-    are_busy: tuple[bool, ...] = (False, True) * PAIRS
-    span_s: float = SPAN_S
-    stops: int = STOPS
-    module: str = "gateway"
-
-
-Load = Callable[[PagedSite], AbstractContextManager[None]]
-
-
-def compared(
-    busy: str, load: Load, plan: Plan | None = None
-) -> tuple[list[list[str]], list[Goal], list[float], float]:
-    """Return rows, goals, the ratios of efficiency with a load to without, and the most memory in MiB."""
-    run, spans = _alternating(plan or Plan(Spec(units=UNITS, family="ssw07")), busy, load)
+    run, spans = _alternating(Spec(units=UNITS, family="ssw07"))
     rows, goals, found = [], [], {}
     for kind, times in spans.items():
-        accounts = [account(between(run.seen, *each), run.law) for each in times]
+        accounts = found[kind] = [account(between(run.seen, *each), run.law) for each in times]
         late = stops(run.seen, [each for each in run.span.stops if _is_in(each.at_s, times)], run.law)
-        found[kind] = accounts
         unasked_s = max(max(sweeps_s(between(run.seen, *each))) for each in times)
         rows.append([kind, *_cells(accounts, late), f"{unasked_s:.2f}"])
         goals.append(Goal(f"too soon: {kind}", sum(each.too_soon for each in accounts), 0, is_most=True))
         late_ms = max((each.excess_s for each in late), default=float("nan")) * 1e3
         goals.append(Goal(f"stop, beyond what it must wait: {kind}", late_ms, 5, is_most=True, unit=" ms"))
-    pairs = zip(found["alone"], found[busy], strict=True)
+    pairs = zip(found["alone"], found["pages"], strict=True)
     ratios = [loaded.efficiency / calm.efficiency for calm, loaded in pairs]
-    goals.append(Goal(f"efficiency, with {busy} / alone, median of pairs", quantile(ratios, 0.5), 0.995))
-    return rows, goals, ratios, run.span.rss_kib / 1024
+    goals.append(Goal("efficiency, with pages / alone, median of pairs", quantile(ratios, 0.5), 0.995))
+    mib = _memory_mib()
+    goals.append(Goal(f"memory: {MANY} starters and {STREAMS} pages", mib, 95, is_most=True, unit=" MiB"))
+    note = (
+        f"{PAIRS} pairs of {SPAN_S:g} s, {UNITS} SSW-07s, 19200. Pages: {STREAMS} streams, and"
+        f"\n{REQUESTS_PER_S:g} requests a second at the doors. With / alone: "
+        f"{', '.join(f'{each:.4f}' for each in ratios)}."
+        f"\n{MANY} starters and {STREAMS} pages: {mib:.1f} MiB at most."
+    )
+    return BenchRow(table("The status page's cost", HEAD, rows, note=note), goals)
 
 
-def listed(ratios: list[float]) -> str:
-    """Return ratios as a text."""
-    return ", ".join(f"{each:.4f}" for each in ratios)
-
-
-def _alternating(plan: Plan, busy: str, load: Load) -> tuple[Run, dict[str, list[tuple[float, float]]]]:
-    """Run the gateway; return what the judge saw, and the spans without and with the load."""
-    spans: dict[str, list[tuple[float, float]]] = {"alone": [], busy: []}
+def _alternating(spec: Spec) -> tuple[Run, dict[str, list[tuple[float, float]]]]:
+    """Run the gateway; return what the judge saw, and the spans without and with pages."""
+    spans: dict[str, list[tuple[float, float]]] = {"alone": [], "pages": []}
     submitted = []
-    spec = plan.spec
-    with _paged(spec, plan.module) as site:
+    with bench_site(spec, has_page=True) as site:
         time.sleep(WARM_S)
         from_s = time.monotonic()
-        for is_busy in plan.are_busy:
-            kind = busy if is_busy else "alone"
-            with ExitStack() as stack:
-                if is_busy:
-                    stack.enter_context(load(site))
+        for kind in ("alone", "pages") * PAIRS:
+            with visited(site.page_port) if kind == "pages" else nullcontext():
                 time.sleep(SETTLED_S)
                 begun_s = time.monotonic()
-                submitted += operate(site.broker_port, spec, seconds=plan.span_s, stops=plan.stops)
+                submitted += operate(site.broker_port, spec, seconds=SPAN_S, stops=STOPS)
                 spans[kind].append((begun_s, time.monotonic()))
-        span = Span(from_s, time.monotonic(), 0.0, site.process.rss_kib(), submitted)
+        span = Span(from_s, time.monotonic(), 0.0, site.process.used().most_kib, submitted)
         return site.judge.run(span), spans
 
 
 def _memory_mib() -> float:
-    with _paged(Spec(units=MANY, family="ssw07", is_calm=True)) as site:
+    with bench_site(Spec(units=MANY, family="ssw07", is_calm=True), has_page=True) as site:
         time.sleep(6.0 + 0.35 * MANY)  # all are identified first, and their settings looked at
         with visited(site.page_port):
             time.sleep(10.0)
-            return site.process.rss_kib() / 1024
-
-
-@contextmanager
-def _paged(spec: Spec, module: str = "gateway") -> Iterator[PagedSite]:
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        bench_broker(Path(folder)) as broker,
-        Watched(spec) as judge,
-    ):
-        with socket.create_server(("127.0.0.1", 0)) as probe:
-            port = int(probe.getsockname()[1])
-        config = Path(folder) / "site.toml"
-        text = site(spec, judge.ports, broker.url)
-        text += f'[web]\nlisten = "127.0.0.1:{port}"\n[[web.user]]\nname = "anna"\npassword = "{PASSWORD}"\n'
-        config.write_text(f'{text}operator = "bench"\n', "utf-8")
-        with gateway(config, module=module) as process:
-            _until_served(process, port)
-            yield PagedSite(process, judge, broker.port, port, config)
-
-
-def _until_served(process: Process, port: int) -> None:
-    """Wait for the page; RuntimeError with the gateway's log when it has ended."""
-    while process.rss_kib():
-        with suppress(OSError), _connected(port, "127.0.0.1"):
-            return
-        time.sleep(0.1)
+            return site.process.used().most_kib / 1024
 
 
 @contextmanager
@@ -186,16 +114,21 @@ def visit(port: int) -> None:
     """Hold streams open and try the doors until the standard input ends."""
     os.nice(10)
     for number in range(STREAMS):
-        threading.Thread(target=_stream, args=(port, f"127.0.0.{2 + number // 4}"), daemon=True).start()
+        watch(port, f"127.0.0.{2 + number // 4}")
     threading.Thread(target=_try_doors, args=(port,), daemon=True).start()
     sys.stdin.read()
 
 
-def _stream(port: int, address: str) -> None:
-    with _connected(port, address) as stream:
-        stream.sendall(_request(port, "/api/v1/events"))
-        while stream.recv(65536):
-            pass
+def watch(port: int, address: str = "127.0.0.1") -> None:
+    """Hold a stream of the page open, and read it, until the gateway ends."""
+
+    def read() -> None:
+        with suppress(OSError), _connected(port, address) as stream:
+            stream.sendall(_request(port, "/api/v1/events"))
+            while stream.recv(65536):
+                pass
+
+    threading.Thread(target=read, daemon=True).start()
 
 
 def _try_doors(port: int) -> None:
@@ -255,16 +188,5 @@ def _cells(accounts: list[Account], late: list[Stop]) -> list[str]:
     ]
 
 
-def main() -> int:
-    """Visit a page when the command line names its port; else measure, and return 1 when a goal is missed."""
-    if len(sys.argv) > 1:
-        visit(int(sys.argv[1]))
-        return 0
-    row = page()
-    print(row.text)
-    print(table("Reached", ["what", "got", "limit", ""], [goal.cells() for goal in row.goals]))
-    return 0 if all(goal.is_met for goal in row.goals) else 1
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    visit(int(sys.argv[1]))

@@ -6,9 +6,9 @@ import queue
 import random
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import paho.mqtt.client as paho
@@ -18,38 +18,58 @@ from tests.lab.bench.account import Submitted
 from tests.lab.bench.judge import Spec
 from tests.lab.bench.runs import Process, Run, Watched, gateway
 from tests.lab.bench.subjects import Span
-from tests.mosquitto import MosquittoBroker
+from tests.mosquitto import MosquittoBroker, free_port
 
 BASE = "starters/bench"
 OPERATOR = "bench"
 PATIENCE_S = 5.0
+PASSWORD = "$scrypt$ln=14,r=8,p=5$AAAAAAAAAAAAAAAAAAAAAA$AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA"
 
 
-def run_gateway(
-    spec: Spec,
-    *,
-    warm_s: float = 4.0,
-    seconds: float = 5.0,
-    stops: int = 0,
-    log: Path | None = None,
-    module: str = "gateway",
-    without: str = "",
-) -> Run:
-    """Run the gateway on the judge's lines, publishing to a Mosquitto; stops are sent over MQTT."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        bench_broker(Path(folder)) as broker,
-        Watched(spec) as judge,
-    ):
-        config = Path(folder) / "site.toml"
-        config.write_text(site(spec, judge.ports, broker.url), "utf-8")
-        with gateway(config, module=module, without=without) as process:
-            span = _measure(process, warm_s, lambda: operate(broker.port, spec, seconds=seconds, stops=stops))
-            begun_s = process.begun_s
-        if log is not None:
-            log.write_text((config.parent / "gateway.log").read_text())
-        run = judge.run(span)
-        return replace(run, first_s=run.first_s - begun_s)
+@dataclass(frozen=True)
+class BenchSite:
+    """A gateway on the judge's lines, publishing to a Mosquitto."""
+
+    process: Process
+    judge: Watched
+    broker_port: int
+    page_port: int
+
+    def measured(self, spec: Spec, *, warm_s: float, seconds: float, stops: int) -> Span:
+        """Return what it cost while that time passed, with stops over MQTT."""
+        time.sleep(warm_s)
+        before, from_s = self.process.used(), time.monotonic()
+        submitted = operate(self.broker_port, spec, seconds=seconds, stops=stops)
+        after = self.process.used()
+        return Span(from_s, time.monotonic(), after.cpu_s - before.cpu_s, after.most_kib, submitted)
+
+
+@contextmanager
+def bench_site(
+    spec: Spec, *, has_page: bool = False, starting: AbstractContextManager[object] | None = None
+) -> Iterator[BenchSite]:
+    """Run it; `starting` is around its start alone."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        broker = MosquittoBroker(folder / "mosquitto", options=["log_type none"])
+        broker.start()
+        stack.callback(broker.stop)
+        judge = stack.enter_context(Watched(spec))
+        text, port = site(spec, judge.ports, broker.url), free_port()
+        if has_page:
+            text += f'[web]\nlisten = "127.0.0.1:{port}"\n[[web.user]]\nname = "anna"\n'
+            text += f'password = "{PASSWORD}"\noperator = "{OPERATOR}"\n'
+        (folder / "site.toml").write_text(text, "utf-8")
+        with starting or nullcontext():
+            process = stack.enter_context(gateway(folder / "site.toml"))
+        yield BenchSite(process, judge, broker.port, port)
+
+
+def run_gateway(spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops: int = 0) -> Run:
+    """Run the gateway for a while, and return what the judge saw of it."""
+    with bench_site(spec) as here:
+        run = here.judge.run(here.measured(spec, warm_s=warm_s, seconds=seconds, stops=stops))
+    return replace(run, first_s=run.first_s - here.process.begun_s)
 
 
 def site(spec: Spec, ports: tuple[str, ...], broker: str) -> str:
@@ -76,14 +96,6 @@ def name(line: int, unit: int) -> str:
     return f"s{line}-{unit}"
 
 
-def _measure(process: Process, warm_s: float, operate: Callable[[], list[Submitted]]) -> Span:
-    time.sleep(warm_s)
-    process.rss_kib()
-    from_s, cpu_s = time.monotonic(), process.cpu_s()
-    stops = operate()
-    return Span(from_s, time.monotonic(), process.cpu_s() - cpu_s, process.rss_kib(), stops)
-
-
 def operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submitted]:
     """Let the time pass, with stops at random moments; they reach the gateway when they reach us again."""
     if not stops:
@@ -107,13 +119,3 @@ def operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submit
     client.disconnect()
     client.loop_stop()
     return submitted
-
-
-@contextmanager
-def bench_broker(folder: Path) -> Iterator[MosquittoBroker]:
-    broker = MosquittoBroker(folder / "mosquitto", options=["log_type none"])
-    broker.start()
-    try:
-        yield broker
-    finally:
-        broker.stop()

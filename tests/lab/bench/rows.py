@@ -105,27 +105,6 @@ def _minimal(baud: int, is_bytewise: bool) -> float:
     return account(run.seen, run.law).efficiency
 
 
-def strict() -> BenchRow:
-    """Starters that insist on the silence: a request that breaks it is not understood."""
-    found = {
-        master: account(run.seen, run.law)
-        for master in ("line", "pymodbus", "minimalmodbus")
-        for run in (run_subject(master, Spec(is_strict=True), seconds=4.0),)
-    }
-    rows = [
-        [
-            master,
-            f"{each.whole:.4f}",
-            str(each.too_soon),
-            f"{each.answered / 4.0:.1f}",
-            f"{each.whole / found['line'].whole:.3f}",
-        ]
-        for master, each in found.items()
-    ]
-    head = ["master", "of the line", "too soon", "answers a second", "to ours"]
-    return BenchRow(table("Starters that insist on the silence, 19200", head, rows))
-
-
 def spec_of(master: str, *, baud: int = 19200, is_bytewise: bool = False) -> Spec:
     """Return the line for a master; the gateway gets starters, the others ten registers a unit."""
     family = "ssw900" if master == "gateway" else ""

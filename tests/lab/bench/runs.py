@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import compileall
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -18,7 +16,8 @@ from types import TracebackType
 import gateway as package
 from tests.lab.bench.account import Law, SeenRequest, Submitted, between
 from tests.lab.bench.judge import Spec
-from tests.lab.bench.subjects import WITHOUT, Span, Task
+from tests.lab.bench.subjects import Span, Task
+from tests.lab.usage import Usage, usage
 
 END_S = 20.0  # for a process to end once it is asked to
 
@@ -96,20 +95,13 @@ def run_subject(
 
 
 @contextmanager
-def gateway(config: Path, *, module: str = "gateway", without: str = "") -> Iterator[Process]:
-    """Run the gateway itself, its modules compiled, as pip leaves them when it installs.
-
-    What `tricks` names may be taken out, if `module` is `tests.lab.bench.without`.
-    """
+def gateway(config: Path) -> Iterator[Process]:
+    """Run the gateway itself, its modules compiled, as pip leaves them when it installs."""
     compileall.compile_dir(Path(package.__file__).parent, quiet=1)
     log_path = config.parent / "gateway.log"
     with log_path.open("wb") as log:
         begun_s = time.monotonic()
-        process = subprocess.Popen(
-            [sys.executable, "-m", module, "run", str(config)],
-            stderr=log,
-            env={**os.environ, WITHOUT: without},
-        )
+        process = subprocess.Popen([sys.executable, "-m", "gateway", "run", str(config)], stderr=log)
         try:
             yield Process(process, begun_s, log_path)
         finally:
@@ -134,21 +126,11 @@ class Process:
         """Return its process id."""
         return self._process.pid
 
-    def cpu_s(self) -> float:
-        """Return the processor time of all its threads so far, to the nanosecond."""
-        tasks = Path(f"/proc/{self._process.pid}/task").glob("*/schedstat")
-        return sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
-
-    def send(self, number: signal.Signals) -> None:
-        """Send a signal."""
-        self._process.send_signal(number)
-
-    def rss_kib(self) -> int:
-        """Return the most memory that it has had; RuntimeError when it has ended."""
+    def used(self) -> Usage:
+        """Return what it uses now; RuntimeError when it has ended."""
         if self._process.poll() is not None:
             raise RuntimeError(f"the gateway has ended:\n{self._log.read_text()}")
-        status = Path(f"/proc/{self._process.pid}/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0])
+        return usage(self._process.pid)
 
 
 def _span(output: dict[str, object]) -> Span:

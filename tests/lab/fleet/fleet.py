@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.lab.fleet.books import Received, Verdict, differing, verdict
-from tests.lab.fleet.link import CuttableLink
-from tests.lab.fleet.processes import Box, Usage, usage
+from tests.lab.fleet.processes import Box
 from tests.lab.fleet.site import BASE, CENTRAL, ROOM, SITE, edge, gateway_name, site_text, starter_names
 from tests.lab.fleet.subscriber import Subscriber, retained
+from tests.lab.usage import Usage, usage
 from tests.mosquitto import MosquittoBroker
+from tests.relay import Relay
 
 PATIENCE_S = 180.0  # until all starters are ready
 QUIET_S = 30.0  # so long nothing of a backlog comes any more: the rest is lost
@@ -90,7 +91,7 @@ class Fleet:
         plan: FleetPlan,
         boxes: list[Box],
         brokers: dict[str, MosquittoBroker],
-        link: CuttableLink,
+        link: Relay,
         counters: dict[str, Subscriber],
     ) -> None:
         self.result = FleetResult(plan)
@@ -225,7 +226,7 @@ async def fleet(plan: FleetPlan, folder: Path) -> AsyncIterator[Fleet]:
         central = MosquittoBroker(folder / "central", options=CENTRAL)
         central.start()
         stack.callback(central.kill)
-        link = await stack.enter_async_context(CuttableLink(central.port))
+        link = await stack.enter_async_context(Relay(central.port))
         site = MosquittoBroker(folder / "site", is_persistent=True, options=edge(link.port, room=plan.room))
         site.start()
         stack.callback(site.kill)

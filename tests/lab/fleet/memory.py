@@ -10,7 +10,7 @@ from pathlib import Path
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tests.lab.fleet.processes import Usage, usage
+from tests.lab.usage import Usage, usage
 from tests.mosquitto import MosquittoBroker
 
 MOST_WAITING = 2000  # messages that were not acknowledged yet

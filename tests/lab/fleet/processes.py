@@ -1,4 +1,4 @@
-"""The processes of a fleet's gateways, and what processes use."""
+"""The processes of a fleet's gateways."""
 
 from __future__ import annotations
 
@@ -6,31 +6,10 @@ import asyncio
 import signal
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 from tests.end_to_end.site import Program
 
 END_S = 20.0
-
-
-class Usage(NamedTuple):
-    """What processes have used so far, and hold."""
-
-    cpu_s: float
-    rss_kib: int
-
-    def __add__(self, other: tuple[object, ...]) -> Usage:
-        """Return both together."""
-        assert isinstance(other, Usage)
-        return Usage(self.cpu_s + other.cpu_s, self.rss_kib + other.rss_kib)
-
-
-def usage(pid: int) -> Usage:
-    """Return a process's processor time, of all its threads, and its memory; OSError when it has ended."""
-    tasks = Path(f"/proc/{pid}/task").glob("*/schedstat")
-    cpu_s = sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
-    status = Path(f"/proc/{pid}/status").read_text()
-    return Usage(cpu_s, int(status.split("VmRSS:")[1].split()[0]))
 
 
 class Box:

@@ -8,15 +8,14 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tests.lab.peers.contenders import STARTERS, WATCHDOG_S, Contender, PeerSite, nothing_good
 from tests.lab.peers.measure import CURRENT, StarterBook, longest_old_s, longest_stall_s, lost, wrong
 from tests.lab.peers.recorder import PeerRecorder
-from tests.lab.peers.service import Service
 from tests.lab.torture.process import Starters
-from tests.lab.torture.scratch import scratch
-from tests.lab.torture.supervisor import restart_of_unit
+from tests.lab.torture.supervisor import Supervisor, restart_of_unit
 from tests.lab.torture.waiting import until
 from tests.mosquitto import MosquittoBroker
 
@@ -53,7 +52,7 @@ class Bout:
     folder: Path
     broker: MosquittoBroker
     starters: Starters
-    service: Service
+    service: Supervisor
     recorder: PeerRecorder
     away: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # the line was cut
     stops_s: list[float | None] = field(default_factory=list)
@@ -111,7 +110,7 @@ class Bout:
                 kind == "collision" and detail != STILL_SENDING for kind, detail in account["violations"]
             ),
             stops_s=self.stops_s,
-            deaths=self.service.lives - 1 - self.kills,
+            deaths=len(self.service.lives) - 1 - self.kills,
             late=account["late"],
             unreadable=self.recorder.bad[:3],
         )
@@ -125,8 +124,9 @@ class Bout:
 @asynccontextmanager
 async def bout(contender: Contender, *, every_s: float = EVERY_S) -> AsyncIterator[Bout]:
     """Set everything up, wait until all four currents are published, and judge from then on."""
-    with scratch(f"peers-{contender.name.split()[0].strip(',')}-") as folder:
-        async with _bout(folder, contender, every_s) as here:
+    name = contender.name.split()[0].strip(",")
+    with TemporaryDirectory(prefix=f"peers-{name}-", ignore_cleanup_errors=True) as folder:
+        async with _bout(Path(folder), contender, every_s) as here:
             yield here
 
 
@@ -136,12 +136,8 @@ async def _bout(folder: Path, contender: Contender, every_s: float) -> AsyncIter
     site = PeerSite(folder, broker.port)
     starters = Starters(site.configure(every_s), WATCHDOG_S, module="tests.lab.peers.plant")
     recorder = PeerRecorder(broker.port, contender)
-    service = Service(
-        contender.command(site, every_s),
-        folder / "contender.log",
-        restart_s=restart_of_unit().restart_s,
-        environ=contender.environ(site),
-    )
+    command, environ = contender.command(site, every_s), contender.environ(site)
+    service = Supervisor(command, restart_of_unit(), folder, environ)
     here = Bout(folder, broker, starters, service, recorder)
     async with AsyncExitStack() as stack:
         stack.callback(broker.kill)

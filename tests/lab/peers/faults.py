@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -45,7 +46,7 @@ async def broker_wiped(b: Bout) -> None:
 async def killed(b: Bout) -> None:
     for _ in range(KILLS):
         b.kills += 1
-        b.service.kill()
+        b.service.signal(signal.SIGKILL)
         await asyncio.sleep(KILL_PACE_S)
     await asyncio.sleep(AFTER_S - KILL_PACE_S)
 

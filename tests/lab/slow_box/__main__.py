@@ -8,29 +8,22 @@ from __future__ import annotations
 
 import argparse
 import os
-import socket
 import sys
-import tempfile
-import threading
 import time
-from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 from tests.lab.bench.account import account, between, quantile, stops
 from tests.lab.bench.judge import Spec
-from tests.lab.bench.plant import bench_broker, operate, site
+from tests.lab.bench.page import watch
+from tests.lab.bench.plant import bench_site
 from tests.lab.bench.report import table
-from tests.lab.bench.runs import Watched, gateway
-from tests.lab.bench.subjects import Span
 from tests.lab.slow_box.throttle import Throttle
-from tests.mosquitto import free_port, missing_programs
+from tests.mosquitto import missing_programs
 
 SHARE = 0.2
 SECONDS = 10.0
 STOPS = 20
 STREAMS = 4  # of the status page
-END_S = 20.0
 SIZES = ((1, 8, False), (1, 32, False), (1, 32, True), (2, 32, False), (3, 32, False), (4, 32, False))
 
 
@@ -82,35 +75,22 @@ def main() -> int:
 def measure(throttle: Throttle, lines: int, starters: int, *, seconds: float, has_page: bool) -> SlowRow:
     """Run the gateway within the share on saturated lines, with stops over MQTT."""
     spec = Spec(lines=lines, units=starters, family="ssw07")
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        broker = stack.enter_context(bench_broker(folder))
-        judge = stack.enter_context(Watched(spec))
-        text, page = site(spec, judge.ports, broker.url), free_port()
-        if has_page:
-            text += f'[web]\nlisten = "127.0.0.1:{page}"\n'
-        (folder / "site.toml").write_text(text, "utf-8")
-        with throttle.applied():
-            process = stack.enter_context(gateway(folder / "site.toml"))
-        throttle.add(process.pid)
-        time.sleep(
-            10.0 + 0.4 * starters * max(lines / 2, 1.0)
-        )  # all are identified first, and their settings looked at
-        if has_page:
-            stack.enter_context(_Watching(page))
-        time.sleep(1.0)
-        from_s, cpu_s = time.monotonic(), process.cpu_s()
-        submitted = operate(broker.port, spec, seconds=seconds, stops=STOPS)
-        span = Span(from_s, time.monotonic(), process.cpu_s() - cpu_s, process.rss_kib(), submitted)
-        run = judge.run(span)
+    with bench_site(spec, has_page=has_page, starting=throttle.applied()) as site:
+        throttle.add(site.process.pid)
+        # All are identified first, and their settings looked at.
+        time.sleep(10.0 + 0.4 * starters * max(lines / 2, 1.0))
+        for _ in range(STREAMS if has_page else 0):
+            watch(site.page_port)
+        span = site.measured(spec, warm_s=1.0, seconds=seconds, stops=STOPS)
+        run = site.judge.run(span)
     seconds = span.to_s - span.from_s
     found, late = (
         account(run.seen, run.law),
-        stops([each for each in run.seen if each.line == 0], submitted, run.law),
+        stops([each for each in run.seen if each.line == 0], span.stops, run.law),
     )
     per_s = len(between(run.seen, span.from_s, span.to_s)) / seconds
     return SlowRow(
-        *(lines, starters, has_page, run.first_s - process.begun_s, per_s),
+        *(lines, starters, has_page, run.first_s - site.process.begun_s, per_s),
         *(found.efficiency, found.whole, found.too_soon),
         stop_p50_s=quantile([each.excess_s for each in late], 0.5),
         stop_most_s=max((each.excess_s for each in late), default=float("nan")),
@@ -118,33 +98,6 @@ def measure(throttle: Throttle, lines: int, starters: int, *, seconds: float, ha
         used=span.cpu_s / seconds / throttle.share,
         mib=span.rss_kib / 1024,
     )
-
-
-class _Watching:
-    """Streams of the status page that are read while the context lasts."""
-
-    def __init__(self, port: int) -> None:
-        self._port = port
-        self._sockets: list[socket.socket] = []
-
-    def __enter__(self) -> None:
-        for _ in range(STREAMS):
-            stream = socket.create_connection(("127.0.0.1", self._port), 20.0)
-            head = f"GET /api/v1/events HTTP/1.1\r\nHost: 127.0.0.1:{self._port}\r\nAccept: */*\r\n\r\n"
-            stream.sendall(head.encode())
-            self._sockets.append(stream)
-            threading.Thread(target=_drain, args=(stream,), daemon=True).start()
-
-    def __exit__(self, *_: object) -> None:
-        for each in self._sockets:
-            with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-
-
-def _drain(stream: socket.socket) -> None:
-    with suppress(OSError), stream:
-        while stream.recv(65536):
-            pass
 
 
 def _size(text: str) -> tuple[int, int, bool]:

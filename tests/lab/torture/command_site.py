@@ -18,7 +18,6 @@ from gateway.line.capacity.outage import Restart
 from gateway.sim.core.unit import SimulatedUnit
 from tests.config.sites import changed
 from tests.end_to_end.site import FOUR_FAMILIES, site_config
-from tests.lab.torture.old_broker import OldBroker
 from tests.lab.torture.recorder import BASE, Recorder, is_final
 from tests.lab.torture.supervisor import Supervisor
 from tests.lab.torture.waiting import until
@@ -92,7 +91,6 @@ class CommandSite:
     gateway: Supervisor
     listener: ResultListener
     ears: dict[str, RequestTap]
-    old_broker: OldBroker | None = None  # between gateway and broker
     failures: list[str] = field(default_factory=list)
     measurements: dict[str, Any] = field(default_factory=dict)
     stops: int = 0
@@ -204,36 +202,29 @@ class CommandSite:
 
 @asynccontextmanager
 async def command_site(
-    folder: Path,
-    *,
-    every_s: float = 0.2,
-    is_old: bool = False,
-    make_listener: Callable[[int], ResultListener] = ResultListener,
+    folder: Path, *, every_s: float = 0.2, mqtt: str = "auto"
 ) -> AsyncIterator[CommandSite]:
-    """Set it up and wait until all is well; the gateway of an old site has to speak MQTT 3.1.1."""
+    """Set it up and wait until all is well; the gateway speaks this version of MQTT."""
     broker = MosquittoBroker(folder / "broker", options=[_queue_of_kit()])
-    old_broker = OldBroker(broker.port) if is_old else None
     config = folder / "site.toml"
     others = "".join(
         f'\n[[operator]]\nclient = "{user}"\nmay = ["*"]\nstarters = ["*"]\n' for user in USERS[1:]
     )
-    port = broker.port if old_broker is None else old_broker.port
-    text = site_config(broker_port=port, port=f"{folder}/ttyHALL", starters=FOUR_FAMILIES + others)
-    text = text.replace("every_s = 0.2", f"every_s = {every_s}")
-    config.write_text(text.replace("[gateway]", '[gateway]\nclock = "trusted"'), "utf-8")
-    listener, gateway = make_listener(broker.port), Supervisor(config, AT_ONCE, folder)
+    starters = (FOUR_FAMILIES + others).replace("every_s = 0.2", f"every_s = {every_s}")
+    text = site_config(broker_port=broker.port, port=f"{folder}/ttyHALL", starters=starters)
+    text = text.replace("[gateway]", '[gateway]\nclock = "trusted"')
+    config.write_text(text.replace("[mqtt]", f'[mqtt]\nversion = "{mqtt}"'), "utf-8")
+    listener, gateway = ResultListener(broker.port), Supervisor.of_gateway(config, AT_ONCE)
     broker.start()
     try:
         async with AsyncExitStack() as stack:
             lines = await stack.enter_async_context(simulated_lines(load(config)))
-            if old_broker is not None:
-                await stack.enter_async_context(old_broker.serving())
             bus = lines["hall"].line
             bus.tolerance_s = TOLERANCE_S
             for unit in bus.units:
                 unit.motor.data = replace(unit.motor.data, **QUICK)
             ears = {name: RequestTap(bus.unit(address)) for address, name in enumerate(STARTERS, 1)}
-            here = CommandSite(broker, gateway, listener, ears, old_broker)
+            here = CommandSite(broker, gateway, listener, ears)
             listener.start()
             await here.begin()
             yield here

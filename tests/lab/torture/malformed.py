@@ -6,7 +6,7 @@ import json
 import random
 from collections.abc import Callable, Iterator
 
-BIG_BYTES = 10_000_000
+BIG_BYTES = 1_000_000
 BIG_EVERY = 5000  # one in so many
 VERBS = (
     "start",
@@ -43,10 +43,10 @@ class Mutator:
             self._no_object,
         )
 
-    def payloads(self, count: int, *, with_big: bool = True) -> Iterator[tuple[str, bytes]]:
-        """Return verbs and payloads, some of 10 MB."""
+    def payloads(self, count: int) -> Iterator[tuple[str, bytes]]:
+        """Return verbs and payloads, some of 1 MB."""
         for number in range(count):
-            if with_big and number % BIG_EVERY == BIG_EVERY - 1:
+            if number % BIG_EVERY == BIG_EVERY - 1:
                 yield "start", b'{"id":"' + b"x" * BIG_BYTES + b'"}'
                 continue
             way = self._ways[number % len(self._ways)]

@@ -1,126 +1,77 @@
-"""What a bad line and bad units do to values and commands, in virtual time."""
+"""What a noisy line does to values and commands: nothing false is shown as good, nothing false confirmed."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+from functools import partial
 
-from gateway.families.profile.load import FAMILIES
-from gateway.records import Phase
-from gateway.sim.bus.faults import Babbling, Late, Noisy
+from gateway.sim.bus.faults import Noisy
 from gateway.sim.factory import make_unit
-from gateway.sim.weg.command_sources import P_TIMEOUT
+from tests.lab.torture.rig_row import STARTERS, RigScenario
 from tests.lab.torture.scenario import Row
-from tests.lab.torture.truth import Truth
-from tests.lab.torture.virtual_line import VirtualLine, virtual_line, virtual_row
+from tests.lab.torture.truth import Truth, never_had
+from tests.rig import RigPlant
 
 RUN_S, REST_S = 15.0, 165.0  # more starts would trip the overload
-UNDETECTED = (
-    20_000  # one of so many corrupted frames passes a CRC-16 (1 in 51,000 of those with 1-6 wrong bits)
-)
-STARTED = "ssw07"
+BIT_ERRORS = 0.02  # of a corrupted reply
+UNDETECTED = 20_000  # one of so many corrupted frames passes a CRC-16 (1 in 51,000 with 1-6 wrong bits)
+STARTED = "pump"
+MOVING = ("starting", "running", "stopping")
 
 
-@dataclass(frozen=True)
-class NoiseScenario:
-    """A fault of the line; `corrupt` brings it about."""
-
-    name: str
-    corrupt: Callable[[VirtualLine], None]
-    corrupted_share: float = 0.0  # of the replies
-    names: str = ""  # the trouble that must be reported
-    is_legible: bool = True  # commands can be carried out
-    whole: int = 100_000
-    short: int = 1_500
-
-    def row(self, count: int, seed: int) -> Row:
-        """Run so many transactions and judge."""
-        return virtual_row(self.name, f"{count} frames", lambda row: self._run(row, count, seed))
-
-    async def _run(self, row: Row, count: int, seed: int) -> None:
-        async with virtual_line(seed) as line:
-            self.corrupt(line)
-            starts: list[str] = []
-            while line.transactions < count or not starts:
-                line.judge.never_on -= {STARTED}
-                begun = _started(line)
-                starts.append(line.command(STARTED, "start"))
-                await asyncio.sleep(RUN_S)
-                finals = line.judge.finals.get(starts[-1], [])
-                if finals and finals[0].phase is Phase.CONFIRMED and _started(line) == begun:
-                    row.failures.append(f"{starts[-1]} is said to be confirmed, but nothing was started")
-                line.command(STARTED, "stop")
-                await asyncio.sleep(REST_S)
-            self._judge(row, line, starts)
-
-    def _judge(self, row: Row, line: VirtualLine, starts: list[str]) -> None:
-        judge = line.judge
-        allowed = (
-            1 + int(self.corrupted_share * line.transactions / UNDETECTED) if self.corrupted_share else 0
-        )
-        false_values = {what: number for what, number in judge.false.items() if what.startswith("value")}
-        false_states = {what: number for what, number in judge.false.items() if what.startswith("state")}
-        finals = [judge.finals[id_][0] for id_ in starts if id_ in judge.finals]
-        confirmed = sum(final.phase is Phase.CONFIRMED for final in finals)
-        frames = max(len(unit.start_frames) for unit in line.bus.units if unit.family == STARTED)
-        for is_right, what in (
-            (sum(false_values.values()) <= allowed, f"shown as good, never had: {list(false_values)[:3]}"),
-            (not false_states, f"false states: {false_states}"),
-            (not line.trips(), f"watchdogs tripped: {line.trips()[:3]}"),
-            (frames <= len(starts), f"{frames} start frames for {len(starts)} commands"),
-            (all(len(each) == 1 for each in judge.finals.values()), "a command with several final results"),
-            (not self.names or judge.codes[self.names] > 0, f"{self.names} was not reported"),
-            (confirmed > 0 or not self.is_legible, "no start was confirmed"),
-        ):
-            if not is_right:
-                row.failures.append(what)
-        kinds = {each.kind for each in line.bus.violations}
-        collisions = kinds <= {"collision"} and not self.is_legible
-        if kinds and not (collisions or self.names):
-            row.failures.append(f"line violations: {line.bus.violations[:3]}")
-        row.measurements = {"transactions": line.transactions, "starts": len(starts), "confirmed": confirmed}
-        row.measurements |= {"false values": sum(false_values.values()), "watchdog_s": line.watchdog_s}
+def noise(plant: RigPlant, row: Row, count: int, _seed: int, *, share: float) -> None:
+    """Corrupt this share of all replies; start and stop one motor again and again."""
+    truths = [
+        Truth(each.unit, name, each.unit.family, make_unit(each.unit.family, each.unit.address, seed=address))
+        for address, (name, each) in enumerate(plant.lines["pumps"].starters.items(), 1)
+    ]
+    noisy_s = plant.world.now_s() + 60.0  # until then every point was read once, rightly
+    plant.run(until=noisy_s)
+    for name in STARTERS:
+        plant.lines["pumps"].bus.impair(plant.starter(name).unit.address, Noisy(BIT_ERRORS), chance=share)
+    unit, starts, confirmed = plant.starter(STARTED).unit, 0, 0
+    while _handled(plant) < count or not starts:
+        started, starts = len(unit.starts), starts + 1
+        id_ = plant.command(f"{STARTED}/alice/start")
+        plant.run(until=plant.world.now_s() + RUN_S)
+        phases = [each.json["phase"] for each in plant.messages("result/+/+") if each.json["id"] == id_]
+        confirmed += "confirmed" in phases
+        if "confirmed" in phases and len(unit.starts) == started:
+            row.failures.append(f"{id_} is said to be confirmed, but nothing was started")
+        plant.publish(f"command/{STARTED}/alice/stop")
+        plant.run(until=plant.world.now_s() + REST_S)
+    good = {
+        (each.topic.split("/")[-3], each.topic.split("/")[-1], json.dumps(each.json["value"]))
+        for each in plant.messages("starter/+/value/+", since=noisy_s)
+        if each.json["quality"] == "good"
+    }
+    false = never_had(good, {truth.name: truth.values for truth in truths})
+    moving = {
+        each.topic
+        for each in plant.messages("starter/+/state", since=noisy_s)
+        if each.json["quality"] == "good" and each.json["state"] in MOVING
+    }
+    violations = plant.lines["pumps"].violations
+    for is_right, what in (
+        (len(false) <= 1 + share * _handled(plant) / UNDETECTED, f"shown as good, never had: {false[:3]}"),
+        (moving <= {plant.topic(f"starter/{STARTED}/state")}, f"shown as moving: {moving}"),
+        (len(unit.start_frames) <= starts, f"{len(unit.start_frames)} start frames for {starts} commands"),
+        (confirmed > 0, "no start was confirmed"),
+        (not violations, f"line violations: {violations[:3]}"),
+    ):
+        if not is_right:
+            row.failures.append(what)
+    row.measurements = {"transactions": _handled(plant), "starts": starts, "confirmed": confirmed}
+    row.measurements |= {"good values": len(good), "false values": len(false)}
 
 
-def _started(line: VirtualLine) -> int:
-    return sum(len(unit.starts) for unit in line.bus.units if unit.family == STARTED)
+def _handled(plant: RigPlant) -> int:
+    return sum(plant.starter(name).unit.handled for name in STARTERS)
 
 
-def errors(share: float) -> Callable[[VirtualLine], None]:
-    """Corrupt this share of all replies."""
-
-    def corrupt(line: VirtualLine) -> None:
-        for unit in line.bus.units:
-            line.bus.impair(unit.address, Noisy(0.02), chance=share)
-
-    return corrupt
-
-
-def late(line: VirtualLine) -> None:
-    """Let one reply in twenty come after its time-out."""
-    for unit in line.bus.units:
-        line.bus.impair(unit.address, Late(2.0), chance=0.05)
-
-
-def babbling(line: VirtualLine) -> None:
-    """Let one starter talk without being asked."""
-    line.bus.impair(1 + FAMILIES.index("sst"), Babbling(every_s=0.5))
-
-
-def twins(line: VirtualLine) -> None:
-    """Give one address to two starters of the same family."""
-    address = 1 + FAMILIES.index("ssw06")
-    twin = make_unit("ssw06", address, seed=99, settings={P_TIMEOUT: 0})
-    line.judge.truths["ssw06"].append(Truth(twin, "ssw06", "ssw06", make_unit("ssw06", address, seed=99)))
-    line.bus.add(twin)
-
-
-SCENARIOS = (
-    NoiseScenario("errors 1 %", errors(0.01), corrupted_share=0.01),
-    NoiseScenario("errors 3 %", errors(0.03), corrupted_share=0.03),
-    NoiseScenario("errors 10 %", errors(0.10), corrupted_share=0.10),
-    NoiseScenario("late replies", late),
-    NoiseScenario("babbling starter", babbling, names="babbling"),
-    NoiseScenario("two with one address", twins, names="address_conflict"),
+SCENARIOS = tuple(
+    RigScenario(
+        f"errors {share:.0%}".replace("%", " %"), partial(noise, share=share), 100_000, 1_500, "frames"
+    )
+    for share in (0.01, 0.03, 0.10)
 )

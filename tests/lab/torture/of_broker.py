@@ -1,4 +1,4 @@
-"""The broker is away, killed, flapping, or takes the connection and says nothing."""
+"""The broker is away, killed, or takes the connection and says nothing."""
 
 from __future__ import annotations
 
@@ -109,20 +109,6 @@ async def killed(w: World, count: int) -> None:
     w.measurements["right again s"] = round(slowest_s, 2)
 
 
-async def flapping(w: World, seconds: int) -> None:
-    """A broker that is there for a second and away for the next."""
-    w.sample()
-    begun_s = time.monotonic()
-    while time.monotonic() - begun_s < seconds:
-        await asyncio.to_thread(w.broker.kill)
-        await asyncio.sleep(1.0)
-        await asyncio.to_thread(w.broker.start)
-        await asyncio.sleep(1.0)
-    await asyncio.to_thread(w.broker.kill)
-    w.measurements["right again s"] = round(await back(w, w.broker.start), 2)
-    w.sample()
-
-
 async def half_open(w: World, count: int) -> None:
     """A broker that stands still: connections stay, nothing is answered."""
     for _ in range(count):
@@ -170,6 +156,5 @@ SCENARIOS = (
     Scenario("broker away", Place.BROKER, away, 600, 10, "s"),
     Scenario("killed without broker", Place.BROKER, killed_while_away, 50, 2, "times", quick=1),
     Scenario("broker killed", Place.BROKER, killed, 50, 1, "times", quick=1),
-    Scenario("broker flapping", Place.BROKER, flapping, 600, 4, "s"),
     Scenario("broker half-open", Place.BROKER, half_open, 20, 1, "times", quick=1),
 )

@@ -12,8 +12,8 @@ from contextlib import AsyncExitStack
 from itertools import pairwise
 
 from tests.lab.torture.command_site import STARTERS, USERS, WRITES, CommandSite, Pipe
-from tests.lab.torture.process import sample
 from tests.lab.torture.world import STOP_WITHIN_S
+from tests.lab.usage import usage
 
 WHOLE_S = 60  # from here on a thousand a second
 CALM_S = 6.0
@@ -43,7 +43,7 @@ async def flood(site: CommandSite, seconds: int, seed: int) -> None:
     await asyncio.sleep(1.0)
     running = await _polls(site, CALM_S)
     calm = {key: min(standing[key], running[key]) for key in standing.keys() & running.keys()}
-    memory_kb = [sample(site.gateway.pid).rss_kb]
+    memory_kb = [usage(site.gateway.pid).rss_kib]
     since = len(site.listener.results)
     measuring = asyncio.create_task(_polls(site, seconds - 0.5, calm))
     sampling = asyncio.create_task(_sample(site, memory_kb))
@@ -114,7 +114,7 @@ async def _stop(site: CommandSite, after_s: float) -> float:
 async def _sample(site: CommandSite, memory_kb: list[int]) -> None:
     while True:
         await asyncio.sleep(0.5)
-        memory_kb.append(sample(site.gateway.pid).rss_kb)
+        memory_kb.append(usage(site.gateway.pid).rss_kib)
 
 
 async def _polls(site: CommandSite, seconds: float, also: Collection[Read] = ()) -> Polls:

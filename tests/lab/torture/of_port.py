@@ -29,7 +29,7 @@ async def replugged(w: World, count: int) -> None:
         await w.right(since_s=plugged_s)
         slowest_s = max(slowest_s, time.monotonic() - plugged_s)
     w.sample()
-    w.measurements |= {"right again s": round(slowest_s, 2), "files": w.samples[-1].files}
+    w.measurements |= {"right again s": round(slowest_s, 2), "files": w.samples[-1][1]}
 
 
 async def deaf(w: World, count: int) -> None:

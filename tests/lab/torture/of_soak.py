@@ -28,7 +28,7 @@ async def soak(w: World, seconds: int) -> None:
             await asyncio.sleep(1.5)
             await w.stop("fan")
         await _something(w)
-        used.append((passed_s, w.sample().rss_kb))
+        used.append((passed_s, w.sample().rss_kib))
     await w.right(since_s=begun_s, within_s=AGAIN_S)
     w.sample()
     settled = [each for each in used if each[0] >= WARM_UP * seconds]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import signal
 import subprocess
 import time
@@ -30,18 +29,18 @@ AT_ONCE = 40  # commands that wait for a gateway that stands still; more would b
 
 async def stale(site: CommandSite, count: int, seed: int) -> None:
     """Try every kind, sent with both versions of MQTT, on a gateway that speaks 5."""
-    await _try_all(site, count, (_retained, _expired, _replayed, _queued, _waiting))
-    await _nothing_comes_late(site)
-
-
-async def stale_to_old(site: CommandSite, count: int, seed: int) -> None:
-    """The same on a gateway that has to speak 3.1.1."""
-    assert site.old_broker is not None
-    site.check("MQTT 3.1.1" in site.gateway.log, "the gateway does not speak 3.1.1")
-    site.check(site.old_broker.refused > 0, "no client tried 5")
-    await _try_all(site, count, (_retained_before, _expired, _replayed, _queued, _waiting))
-    await _retained_live(site)
-    await _nothing_comes_late(site)
+    answered = wanted = 0
+    for version in VERSIONS:
+        for kind in (_retained, _expired, _replayed, _queued, _waiting):
+            starts = site.starts()
+            expected = await kind(site, version, count)
+            answered, wanted = answered + count, wanted + expected
+            name = f"{kind.__name__.strip('_')} {version}"
+            site.check(site.starts() == starts + expected, f"{name}: {site.starts() - starts} start frames")
+    site.measurements |= {"commands": answered, "start frames": site.starts(), "wanted starts": wanted}
+    starts = site.starts()
+    await asyncio.sleep(LATE_S)
+    site.check(site.starts() == starts, f"{site.starts() - starts} start frames came late")
 
 
 async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
@@ -95,26 +94,6 @@ async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
     site.measurements |= {"late": late, "in time": early, "start frames": site.starts()}
 
 
-async def _try_all(
-    site: CommandSite, count: int, kinds: tuple[Callable[[CommandSite, str, int], object], ...]
-) -> None:
-    answered = wanted = 0
-    for version in VERSIONS:
-        for kind in kinds:
-            starts = site.starts()
-            expected = await kind(site, version, count)  # type: ignore[misc] # all are coroutines
-            answered, wanted = answered + count, wanted + expected
-            name = f"{kind.__name__.strip('_')} {version}"
-            site.check(site.starts() == starts + expected, f"{name}: {site.starts() - starts} start frames")
-    site.measurements |= {"commands": answered, "start frames": site.starts(), "wanted starts": wanted}
-
-
-async def _nothing_comes_late(site: CommandSite) -> None:
-    starts = site.starts()
-    await asyncio.sleep(LATE_S)
-    site.check(site.starts() == starts, f"{site.starts() - starts} start frames came late")
-
-
 async def _retained(site: CommandSite, version: str, count: int) -> int:
     """Published with the retained flag, half of them received live, the last of each found at a restart."""
     ids = await _publish(site, version, count, lambda id_: site.payload(id_), "-r")
@@ -123,42 +102,6 @@ async def _retained(site: CommandSite, version: str, count: int) -> int:
     await site.settled()
     _forget_retained(site)
     return 0
-
-
-async def _retained_before(site: CommandSite, version: str, count: int) -> int:
-    """Retained while the gateway was cut off; in MQTT 3.1.1 the flag shows in these only [MQTT-3.3.1-9]."""
-    assert site.old_broker is not None
-    places = [(starter, user) for starter in STARTERS for user in USERS]
-    for lap in range(math.ceil(count / len(places))):
-        site.old_broker.cut()
-        ids = [f"retained-{version}-{lap}-{number}" for number in range(len(places))]
-        for id_, (starter, user) in zip(ids, places, strict=True):
-            payload = site.payload(id_, issued_at=rfc3339(time.time()), ttl_s=TTL_S)
-            _publish_one(site, version, f"{starter}/{user}", payload)
-        site.old_broker.repair()
-        await _refused(site, ids, ("retained",), within_s=15.0)
-    _forget_retained(site)
-    return 0
-
-
-async def _retained_live(site: CommandSite) -> None:
-    """In docs/precautions.md: what 3.1.1 delivers live shows no flag; its copy is refused ever after."""
-    assert site.old_broker is not None
-    starts, id_ = site.starts(), "live"
-    _publish_one(site, "mqttv311", "pump/alice", site.payload(id_))
-    final = await site.listener.final(id_)
-    site.check(final["phase"] == "confirmed", f"a live command ended as {final}")
-    await site.stop("pump")
-    for _ in range(3):
-        since = len(site.listener.results)
-        site.old_broker.cut()
-        site.old_broker.repair()
-        await site.result(
-            lambda each: each["id"] == id_ and each["duplicate"], "the copy's answer", since=since
-        )
-        await site.settled()
-    site.check(site.starts() == starts + 1, f"a retained copy made {site.starts() - starts - 1} more starts")
-    _forget_retained(site)
 
 
 async def _expired(site: CommandSite, version: str, count: int) -> int:
@@ -250,12 +193,6 @@ def _leave_session(site: CommandSite, version: str) -> None:
         check=True,
         timeout=10.0,
     )
-
-
-def _publish_one(site: CommandSite, version: str, place: str, payload: str) -> None:
-    """Publish a start, retained."""
-    starter, user = place.split("/")
-    site.broker.publish(f"{BASE}/command/{starter}/{user}/start", payload, "-r", "-q", "1", "-V", version)
 
 
 def _forget_retained(site: CommandSite) -> None:

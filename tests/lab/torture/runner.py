@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.line.capacity.outage import Restart
-from tests.lab.torture import of_broker, of_broker_rules, of_disk, of_port, of_process, of_reload, of_soak
+from tests.lab.torture import of_broker, of_disk, of_port, of_process, of_soak
 from tests.lab.torture.scenario import Much, Place, Row, Scenario
-from tests.lab.torture.scratch import scratch
 from tests.lab.torture.supervisor import restart_of_unit
 from tests.lab.torture.verdict import judge
 from tests.lab.torture.world import World, world
 
 SCENARIOS = (
     *of_process.SCENARIOS,
-    *of_reload.SCENARIOS,
     *of_broker.SCENARIOS,
-    *of_broker_rules.SCENARIOS,
     *of_soak.SCENARIOS,
     *of_port.SCENARIOS,
     *of_disk.SCENARIOS,
@@ -42,7 +40,8 @@ async def run_place(
     restart = restart_of_unit() if much is Much.WHOLE else SHORT_RESTART
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
     async with AsyncExitStack() as stack:
-        folder = stack.enter_context(scratch(f"torture-{place.value}-"))
+        made = TemporaryDirectory(prefix=f"torture-{place.value}-", ignore_cleanup_errors=True)
+        folder = Path(stack.enter_context(made))
         if place is Place.HANG:
             options["module"] = "tests.lab.torture.blockable"
         if place is Place.PORT:
@@ -52,11 +51,6 @@ async def run_place(
         if place is Place.DISK:
             options["state_dir"] = folder / "disk"
             stack.enter_context(of_disk.small_disk(folder / "disk"))
-        if place is Place.LOG:
-            reading, writing = of_process.full_pipe()
-            options["stderr"] = writing
-            stack.callback(os.close, reading)
-            stack.callback(os.close, writing)
         here = await stack.enter_async_context(world(folder, restart, **options))
         for each in scenarios:
             report(await _row(here, each, count or each.count(much)))

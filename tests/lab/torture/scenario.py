@@ -18,7 +18,6 @@ class Place(enum.Enum):
     HANG = "hang"  # watchdogs outlast 1.5 times a hang's gap
     PORT = "port"  # a deaf port is noticed early; the line itself may be cut off, so watchdogs may act
     DISK = "disk"  # the state is stored on a small disk of its own
-    LOG = "log"  # no process reads the log
 
 
 class Much(enum.Enum):

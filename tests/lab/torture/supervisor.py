@@ -1,4 +1,4 @@
-"""Starts the gateway again and again, as systemd does with the shipped unit [systemd.service(5)]."""
+"""Starts a program again and again, as systemd does with the shipped unit [systemd.service(5)]."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -47,24 +48,31 @@ class Life:
 
 @dataclass
 class Supervisor:
-    """Runs `gateway run CONFIG`, whatever happens to it."""
+    """Runs a command, whatever happens to it."""
 
-    config: Path
+    command: Sequence[str]
     restart: Restart
-    folder: Path
-    stderr: int | None = None  # a descriptor; None: the log file
-    module: str = "gateway"
+    folder: Path  # of its log
+    environ: Mapping[str, str] = field(default_factory=dict)
     lives: list[Life] = field(default_factory=list)
     _process: asyncio.subprocess.Process | None = None
     _task: asyncio.Task[None] | None = None
     _fed_s: float = 0.0
     _is_ending: bool = False
 
+    @classmethod
+    def of_gateway(cls, config: Path, restart: Restart, *, module: str = "gateway") -> Supervisor:
+        """Return one that runs the gateway, or a program that is one, with a configuration."""
+        return cls((sys.executable, "-m", module, "run", str(config)), restart, config.parent)
+
+    @property
+    def log_path(self) -> Path:
+        return self.folder / "supervised.log"
+
     @property
     def log(self) -> str:
         """Return everything that all lives have written."""
-        path = self.folder / "gateway.log"
-        return path.read_text("utf-8", "replace") if path.exists() else ""
+        return self.log_path.read_text("utf-8", "replace") if self.log_path.exists() else ""
 
     @property
     def pid(self) -> int:
@@ -117,17 +125,17 @@ class Supervisor:
 
     async def _live(self) -> None:
         address = f"@torture-{os.getpid()}-{self.folder.name}"  # abstract: a folder's path may be too long
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify, self._open_log() as log:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify, self.log_path.open("ab") as log:
             notify.bind(address.replace("@", "\0", 1))
             notify.setblocking(False)
             life = Life(time.monotonic())
             self.lives.append(life)
             self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", self.module, "run", str(self.config)),
+                *self.command,
                 env={**os.environ, **self._environ(address)},
                 stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.DEVNULL,
-                stderr=self.stderr if self.stderr is not None else log,
+                stdout=log,
+                stderr=log,
             )
             watching = asyncio.create_task(self._watch(notify, life))
             life.code = await self._process.wait()
@@ -141,10 +149,8 @@ class Supervisor:
             "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
             "PYTHONFAULTHANDLER": "1",
             BLOCK_FILE: str(self.folder / "block.json"),
+            **self.environ,
         }
-
-    def _open_log(self):  # type: ignore[no-untyped-def] # an open file
-        return (self.folder / "gateway.log").open("ab")
 
     def _listen(self, notify: socket.socket, life: Life) -> None:
         """Read everything that the gateway has logged until now."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gateway.errors import GatewayError
 from gateway.families.diagnosis.identify import identify, identify_requests
-from gateway.families.profile.load import load_profile
+from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
+from gateway.history.own_points import own_points
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.mqtt.contract.topics import to_level
@@ -17,6 +20,8 @@ from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.telemetry.decoding import PointSources
 
+# What the gateway adds: no starter has these.
+OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}
 _REMEMBERED = 50_000  # some hours of one starter's requests
 
 _TABLES = {
@@ -79,6 +84,19 @@ class Truth:
                 answers[question.tag] = None
         setup = StarterSetup(self.name, "line", 1, self._profile, Variant())
         return merged(setup.variant, identify(self._profile, answers))
+
+
+def never_had(
+    good: Iterable[tuple[str, str, str]], values: Mapping[str, Mapping[str, Iterable[Any]]]
+) -> list[tuple[str, str, str]]:
+    """Return what was shown as good (starter, point, value as JSON), and no starter has ever said."""
+    true = {
+        (name, point, json.dumps(value))
+        for name, points in values.items()
+        for point, seen in points.items()
+        for value in seen
+    }
+    return sorted(each for each in set(good) - true if each[1] not in OWN_POINTS)
 
 
 def _words_of_bits(rows: dict[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:

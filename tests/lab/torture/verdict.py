@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from typing import Any
 
-from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.history.own_points import own_points
 from gateway.line.capacity.outage import WIDE_FACTOR
 from tests.lab.torture.books import unfinished
 from tests.lab.torture.machine import MACHINE
+from tests.lab.torture.truth import never_had
 from tests.lab.torture.waiting import until
 from tests.lab.torture.world import STOP_WITHIN_S, World
 
@@ -18,7 +16,7 @@ LATE_S = 0.004  # held up for longer, and silences and replies on our line are n
 AROUND_S = 0.3
 EXCUSED_SHARE = 0.01  # of all requests: more than that is no chance
 FINISHED_WITHIN_S = 20.0  # of the end of a scenario
-GROWN_KB = 20_000
+GROWN_KIB = 20_000
 REPORTED_FROM_S = 0.5  # less than that is not worth a word
 
 
@@ -79,30 +77,20 @@ def _judge_line(w: World, report: dict[str, Any]) -> None:
         w.measurements["line muddled by the machine"] = excused
 
 
-# What the gateway adds: no starter has these.
-OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}
-
-
 def _judge_values(w: World, values: dict[str, dict[str, list[Any]]]) -> None:
-    true = {
-        (name, point, json.dumps(value))
-        for name, points in values.items()
-        for point, seen in points.items()
-        for value in seen
-    }
-    false = {each for each in w.recorder.good - true if each[1] not in OWN_POINTS}
+    false = never_had(w.recorder.good, values)
     w.measurements["good values"] = len(w.recorder.good)
-    w.check(not false, f"shown as good, never had: {sorted(false)[:3]}")
+    w.check(not false, f"shown as good, never had: {false[:3]}")
 
 
 def _judge_samples(w: World) -> None:
     if len(w.samples) < 2:
         return
-    first, last = w.samples[0], w.samples[-1]
-    w.check(last.files <= first.files + 1, f"file descriptors {first.files} -> {last.files}")
+    (first, first_files), (last, last_files) = w.samples[0], w.samples[-1]
+    w.check(last_files <= first_files + 1, f"file descriptors {first_files} -> {last_files}")
     w.check(last.threads <= first.threads + 1, f"threads {first.threads} -> {last.threads}")
-    grown_kb = last.rss_kb - first.rss_kb
-    w.check(grown_kb < GROWN_KB, f"memory {first.rss_kb} -> {last.rss_kb} KB")
+    grown_kib = last.rss_kib - first.rss_kib
+    w.check(grown_kib < GROWN_KIB, f"memory {first.rss_kib} -> {last.rss_kib} KiB")
 
 
 def _stop_latency_s(w: World) -> float:

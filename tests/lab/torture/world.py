@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 from gateway.line.capacity.outage import WIDE_FACTOR, Gaps, Restart
 from tests.lab.torture.machine import MACHINE
 from tests.lab.torture.plant_site import STARTERS, computed, site
-from tests.lab.torture.process import Sample, Starters, sample
+from tests.lab.torture.process import Starters
 from tests.lab.torture.recorder import Recorder
 from tests.lab.torture.supervisor import Supervisor
 from tests.lab.torture.waiting import sleep_fairly, until
+from tests.lab.usage import Usage, open_files, usage
 from tests.mosquitto import MosquittoBroker
 
 RIGHT_WITHIN_S = 5.0  # after a recovery
@@ -56,7 +57,7 @@ class World:
     measurements: dict[str, Any] = field(default_factory=dict)
     stops_s: list[float] = field(default_factory=list)  # from publishing to the frame on the line, fairly
     ids: int = 0
-    samples: list[Sample] = field(default_factory=list)
+    samples: list[tuple[Usage, int]] = field(default_factory=list)  # and how many files are open
 
     def check(self, is_right: bool, what: str) -> None:
         """Note what does not hold."""
@@ -199,10 +200,10 @@ class World:
         except TimeoutError as error:
             raise TimeoutError(f"{error}, but {self.recorder.latest.get(topic)}") from error
 
-    def sample(self) -> Sample:
+    def sample(self) -> Usage:
         """Look at the gateway's process."""
-        taken = sample(self.gateway.pid)
-        self.samples.append(taken)
+        taken = usage(self.gateway.pid)
+        self.samples.append((taken, open_files(self.gateway.pid)))
         return taken
 
 
@@ -221,7 +222,6 @@ async def world(
     deaf_after_s: float = 15.0,
     is_persistent: bool = False,
     state_dir: Path | None = None,
-    stderr: int | None = None,
     module: str = "gateway",
     seed: int = 0,
 ) -> AsyncIterator[World]:
@@ -240,7 +240,7 @@ async def world(
     config.write_text(site(folder, broker.port, **place, watchdog_s=watchdog_s), "utf-8")
     starters = Starters(config, watchdog_s)
     recorder = Recorder(broker.port)
-    gateway = Supervisor(config, restart, folder, stderr, module)
+    gateway = Supervisor.of_gateway(config, restart, module=module)
     here = World(
         folder, state_dir, broker, starters, gateway, recorder, gaps, watchdog_s, random.Random(seed)
     )

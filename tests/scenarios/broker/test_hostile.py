@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from typing import Any
 
 import pytest
@@ -311,3 +312,41 @@ FLOODS = [
 @pytest.mark.parametrize("row", PAYLOADS + STOPS + TOPICS + REFUSED + FLOODS)
 def test_what_arrives(row: ScenarioRow) -> None:
     play(row)
+
+
+def test_random_messages_beside_the_commands_never_raise_and_start_nothing() -> None:
+    """What is a bug in the log fails the test (`RigPlant`)."""
+    dice = random.Random(1)
+    odd: list[Any] = [
+        None,
+        True,
+        7,
+        -(10**25),
+        1.5,
+        "",
+        "x" * 70,
+        "\ud800",
+        "a\x00",
+        "P314",
+        [],
+        ["1"],
+        {"value": {}},
+        {"a": 1},
+    ]
+    keys = ["id", "token", "boot", "issued_at", "ttl_s", "operator", "reason", "args", "expect", "select"]
+    verbs = ["start", "jog", "set", "read", "select", "lock", "unlock", "STOP", "x", "start/now", "", "é"]
+    with RigPlant(SSW07 + ALICE) as plant:
+        plant.run(until=3.0)
+        for _ in range(400):
+            body = json.dumps(
+                {key: dice.choice(odd) for key in dice.sample(keys, dice.randrange(8))}
+            ).encode()
+            content = dice.choice([body, body[: dice.randrange(len(body))], dice.randbytes(20)])
+            flags: dict[str, Any] = {"retain": dice.random() < 0.2, "client": "alice"}
+            plant.publish(f"command/pump/alice/{dice.choice(verbs)}", content, **flags)
+            plant.run(until=plant.world.now_s() + 0.2)
+        plant.run(until=plant.world.now_s() + 3.0)
+
+        assert {each.split()[-2] for each in plant.results()} == {"rejected"}
+        assert plant.starter("pump").writes == []
+        assert plant.last("gateway/status")["state"] == "online"

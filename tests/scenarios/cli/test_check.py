@@ -77,6 +77,38 @@ RIGHT = [
         given=SSW07,
         out="1 starter on 1 line, read-only\n",
     ),
+    *(
+        line_row(
+            f"the language of the names is printed: {said}",
+            "check CONFIG",
+            given=f'[gateway]\nname = "a"\nlanguage = "{language}"\n' + line() + starter("pump", 1, family),
+            out=said,
+        )
+        for language, family, said in (
+            ("en", "ssw06", 'names in language = "en"; there are also: es (ssw06), pt (no family)'),
+            ("es", "ssw07", 'names in language = "es"; ssw07 in English, since no manual of theirs is in it'),
+            ("es", "ssw06", "there are also: pt (no family)"),
+        )
+    ),
+    *(
+        line_row(
+            f"a line of {len(families)} devices, the last a {families[-1]}",
+            "check CONFIG",
+            given=line() + "".join(starter(f"s{n}", n, each) for n, each in enumerate(families, 1)),
+            out=said,
+        )
+        for families, said in (
+            (["ssw06"] * 30, re.compile(r"\A(?![\s\S]*repeater)")),
+            (
+                ["ssw07"] * 31,
+                "31 starters need a repeater, WEG SSW-07/SSW-08 allows 30 without (put",
+            ),
+            (["ssw900"] * 32, re.compile(r"\A(?![\s\S]*repeater)")),
+            (["ssw900"] * 33, "33 starters need a repeater, WEG SSW900 allows 32 without"),
+            (["ssw900"] * 30 + ["ssw06"], "31 starters need a repeater, WEG SSW-06 allows 30 without"),
+            (["sst"] * 40, re.compile(r"\A(?![\s\S]*repeater)")),
+        )
+    ),
     line_row("lines may end as on Windows", "check CONFIG", given=SSW07.replace("\n", "\r\n"), out="valid"),
     line_row(
         "where no gateway runs, an upgrade interrupts nothing",
@@ -367,6 +399,20 @@ OTHERS = [
             "$defs/StarterTable/properties/address/maximum": 247,
         },
     ),
+    *(
+        line_row(
+            f"without a history: {words}", words, given=SSW07, code=1, out="", err="history.db: No such file"
+        )
+        for words in ("history CONFIG pump", "report CONFIG pump --no-broker")
+    ),
+    line_row(
+        "a capture of a gateway that does not run",
+        "capture CONFIG DIR/x.pcapng",
+        given=SSW07,
+        code=1,
+        out="",
+        err=".capture: No such file or directory (is this gateway running",
+    ),
     line_row("the version is printed", "--version", out=re.compile(r"^starter-gateway \d+\.\d+\.\d+")),
     line_row("help is no error", "check --help", out=("usage: starter-gateway check", "--upgrade"), err=""),
 ]
@@ -398,6 +444,7 @@ USAGE = [
         ("parameters save CONFIG mill -", "no starter 'mill' (one of pump)"),
         ("history CONFIG mill", "no starter 'mill' (one of pump)"),
         ("report CONFIG mill", "no starter 'mill' (one of pump)"),
+        *((f"capture CONFIG DIR/x.pcapng --seconds={what}", "--seconds") for what in ("nan", "inf", "0")),
         ("audit show DIR", "no audit in "),
         ("audit show CONFIG --last 0", "--last 0 shows nothing"),
         ("watch mqtt://127.0.0.1 --base Plant/#", "each level is"),

@@ -221,6 +221,25 @@ SENDING = [
             )
         },
     ),
+    *(
+        row(
+            f"a client that may not read {topic} is named with what it lacks",
+            given=SSW07 + ALICE,
+            before=lambda plant, topic=topic: plant.broker.deny("*", f"starters/plant/{topic}", "read"),
+            then={3.0: cli(START, code=1, err=f"does not let a client without login read {what}")},
+        )
+        for topic, what in (
+            ("gateway/status", "starters/plant/gateway/status"),
+            ("gateway/fresh", "starters/plant/gateway/fresh"),
+            ("result/pump/alice", "the results of alice"),
+        )
+    ),
+    row(
+        "a broker of MQTT 3.1.1 is spoken to in it",
+        given=SSW07 + ALICE,
+        before=lambda plant: setattr(plant.broker, "speaks_5", False),
+        then={3.0: cli(START, out="confirmed")},
+    ),
     row(
         "without a broker nothing is sent",
         given=SSW07 + ALICE,

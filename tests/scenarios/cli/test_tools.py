@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
+import json
 import re
 from pathlib import Path
 from typing import Any
 
+import comtrade
 import pytest
 
 from gateway.storage.audit.segments import ANCHOR
@@ -63,6 +66,18 @@ def ran(words: str, **said: object) -> Any:
     return act
 
 
+def while_it_runs(words: str, **said: Any) -> Any:
+    """Return the expectation of a line while a process of the gateway has the lock of the folder."""
+    expected = cli(words, **said)
+
+    def check(plant: RigPlant) -> str:
+        with (plant.folder / "state" / "gateway.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return expected(plant)
+
+    return check
+
+
 def _accepted(plant: RigPlant) -> str:
     """Have `check` accept what `scan` prints."""
     found = plant.cli("scan", "/dev/pumps", "--baud", "19200", "--framing", "8N2", "--address", "1-5")
@@ -78,6 +93,30 @@ def _cut_off(plant: RigPlant) -> str:
     wrong += cli("audit verify CONFIG", out="chain whole")(plant)
     missing = f"no line has the hash {noted}"
     return wrong + cli(f"audit verify CONFIG --contains {noted}", code=1, out=(missing, "chain whole"))(plant)
+
+
+def _read_by_comtrade(name: str, channel: str) -> Any:
+    """Return the expectation that another reader of COMTRADE finds this channel of the pump with values."""
+
+    def check(plant: RigPlant) -> str:
+        base = plant.folder / name
+        reader = comtrade.load(f"{base}.cfg", f"{base}.dat")
+        values = dict(zip(reader.analog_channel_ids, reader.analog, strict=True))[channel]
+        is_right = reader.station_name == "pump" and reader.trigger_time > -0.2 and max(values) > 0.0
+        return "" if is_right else f"{reader.station_name} {reader.trigger_time} {list(values)}"
+
+    return check
+
+
+def _curve_of_a_start(plant: RigPlant) -> str:
+    """Export the curve of the newest start by its id."""
+    records = [
+        json.loads(each) for each in plant.cli("history", str(plant.path), "pump", "--json").out.splitlines()
+    ]
+    (start,) = [each["id"] for each in records if "outcome" in each]
+    exported = f"history CONFIG pump --id {start} --comtrade DIR/start --csv DIR/start.csv"
+    wrong = cli(exported, out="start.cfg: ")(plant) or _read_by_comtrade("start", "current")(plant)
+    return wrong or lines_of("start.csv", "t_s,time,", "current [A]")(plant)
 
 
 OTHER_P314 = changed(
@@ -601,6 +640,10 @@ HISTORY = [
                 cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
                 lines_of("trip.cfg", ",2013", "current,,,A", "ASCII"),
                 file_there("trip.dat"),
+                _read_by_comtrade("trip", "current"),
+                _curve_of_a_start,
+                cli("history CONFIG pump --csv DIR/none/x.csv", code=1, out="", err="cannot be written"),
+                cli("report CONFIG pump --html DIR/none/x.html", code=1, err="cannot be written"),
             ]
         },
     ),
@@ -730,7 +773,64 @@ WATCH = [
 ]
 
 
-@pytest.mark.parametrize("row", SCANNING + DOCTOR + PARAMETERS + AUDIT + HISTORY + BACKUP + WATCH)
+UPGRADE = [
+    row(
+        "a watchdog that a restart would trip ends with 75, and with what to do",
+        given=SSW07 + starter("fan", 2, "ssw06"),
+        sim={"pump": {"settings": {314: 5, 313: 1}}},
+        then={
+            6.0: [
+                while_it_runs(
+                    "check CONFIG --upgrade",
+                    code=75,
+                    out=(
+                        re.compile(
+                            r"pump: a restart may leave it .* s at the worst; its watchdog of 5 s is "
+                        ),
+                        "stop these motors first, or make their watchdogs longer",
+                    ),
+                ),
+                while_it_runs(
+                    "check CONFIG --upgrade --json",
+                    code=75,
+                    json={"is_restart_safe": False, "starters/0/is_safe": False, "starters/1/is_safe": True},
+                ),
+            ]
+        },
+    ),
+    row(
+        "one of the configuration counts as well",
+        given=SSW07 + "watchdog_s = 7.0\n",
+        then={3.0: while_it_runs("check CONFIG --upgrade", code=75, out="pump: a restart may leave it")},
+    ),
+    row(
+        "a restart is safe for a watchdog that is long enough",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 60, 313: 1}}},
+        then={6.0: while_it_runs("check CONFIG --upgrade", out="a restart is safe: no")},
+    ),
+    row(
+        "where no gateway runs a short one is interrupted by nothing",
+        given=SSW07,
+        sim={"pump": {"settings": {314: 5, 313: 1}}},
+        at={6.0: "end"},
+        then={6.0: cli("check CONFIG --upgrade", out="no gateway runs with this state_dir")},
+    ),
+    row(
+        "a state of a later version is refused and stays as it is",
+        given=SSW07,
+        at={3.0: ["end", lambda plant: (plant.folder / "state/watchdogs.json").write_text('{"version": 9}')]},
+        then={
+            3.0: [
+                cli("check CONFIG --upgrade", code=78, out="", err="watchdogs.json has format 9"),
+                lines_of("state/watchdogs.json", '{"version": 9}'),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SCANNING + DOCTOR + PARAMETERS + AUDIT + HISTORY + BACKUP + WATCH + UPGRADE)
 def test_a_tool(row: ScenarioRow) -> None:
     play(row)
 

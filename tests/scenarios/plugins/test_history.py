@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import sqlite3
+from pathlib import Path
+from typing import Any
 
 import comtrade
 import pytest
@@ -246,6 +249,16 @@ DELIVERY = [
                 msg(VALUE + "starts_total", value=0),
                 msg("gateway/status", state="online"),
             ]
+        },
+    ),
+    row(
+        "a kill takes at most ten minutes of hours, an orderly end none",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start"), 650.0: "kill", 651.0: "start", 700.0: "restart"},
+        then={
+            660.0: msg(VALUE + "hours_total", value=pytest.approx(605 / 3600, abs=0.005)),
+            710.0: msg(VALUE + "hours_total", value=pytest.approx(655 / 3600, abs=0.005)),
         },
     ),
 ]
@@ -585,6 +598,34 @@ def test_history(row: ScenarioRow) -> None:
 @pytest.mark.parametrize("row", BASELINE)
 def test_baseline_and_drift(row: ScenarioRow) -> None:
     play(row)
+
+
+def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_can(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    connect, is_away = sqlite3.connect, True
+
+    def connect_unless_away(path: Path, **options: Any) -> Any:
+        if is_away and path.name == "history.db":
+            raise OSError("the disk is away")
+        return connect(path, **options)
+
+    monkeypatch.setattr(sqlite3, "connect", connect_unless_away)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=15.0)
+        assert "history_unavailable" in plant.events()
+        assert len(plant.messages(ONE)) == 1
+
+        is_away = False
+        plant.run(until=100.0)
+        assert "history_available" in plant.events()
+        plant.restart()
+        plant.run(until=105.0)
+
+        assert plant.last(VALUE + "starts_total")["value"] == 1
+        assert len(plant.messages(ONE)) == 1
 
 
 FAULT_LISTS = {  # of the table in docs/history.md

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import re
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from tests.rig import RigPlant, ScenarioRow, command, event, frames, msg, play, reload, results, row
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, LOGIN, METRICS, QUICK, SSW07, WEB, operator, table
-from tests.scenarios.plugins.doors import answer, log_in, phases, pressed
+from tests.scenarios.plugins.doors import SLOW, answer, log_in, phases, pressed
 
 PAGE = SSW07 + ALICE + WEB + LOGIN
 LOOKER = SSW07 + operator("alice", ("stop", "read")) + WEB + LOGIN
@@ -299,6 +300,7 @@ REQUESTS = [
                 if (text := plant.get("/api/v1/diagnostics.json").text)
                 and "scrypt" not in text
                 and '"pump"' in text
+                and '"gateway/status":{"state":' in text.replace(" ", "")
                 else text
             )
         },
@@ -535,6 +537,55 @@ def test_a_stream_brings_a_snapshot_then_changes_then_beats() -> None:
         assert generations == sorted(generations)
 
 
+def test_who_follows_the_changes_has_what_the_whole_would_be_at_most_four_times_a_second() -> None:
+    with RigPlant(FOUR + ALICE + WEB, sim={"pump": SLOW, "mill": SLOW}) as plant:
+        plant.run(until=5.0)
+        stream = plant.browser.stream("/api/v1/events")
+        plant.run(until=6.0)
+        plant.command("pump/alice/start")
+        plant.command("mill/alice/start")
+        plant.run(until=20.0)
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
+        plant.run(until=24.0)
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "clear", ""))
+        plant.run(until=40.0)
+        whole = plant.get("/api/v1/state")
+        again = plant.get("/api/v1/state", if_none_match=whole.headers["etag"])
+
+        followed: dict[str, Any] = {}
+        texts = []
+        for name, data in stream.events:
+            followed = {} if name == "snapshot" else followed
+            followed |= data.get("topics", {})
+            said = data.get("messages", ()) if name == "change" else ()
+            texts += [each["payload"]["seq"] for each in said if each["topic"].endswith("/event")]
+        assert {topic: said for topic, said in followed.items() if said is not None} == whole.json["topics"]
+        assert (again.status, again.body) == (304, b"")
+        happened = [each.json["seq"] for each in plant.messages("#", since=5.1) if "/event" in each.topic]
+        assert sorted(texts) == texts == happened
+        assert 30 < [name for name, _ in stream.events].count("change") <= 35 * 4
+
+
+def test_a_quiet_stream_beats_every_five_seconds_and_one_that_is_not_read_begins_anew() -> None:
+    with RigPlant(SSW07 + ALICE + WEB, sim={"pump": QUICK}) as plant:
+        plant.run(until=30.0)
+        stream = plant.browser.stream("/api/v1/events")
+        plant.run(until=60.0)
+        beats = [data for name, data in stream.events if name == "beat"]
+        assert 4 <= len(beats) <= 6
+        assert all(beat.keys() == {"gen", "time", "token"} for beat in beats)
+
+        before = len(stream.events)
+        plant.do(stream.may_come.clear)
+        for number in range(210):
+            plant.command("pump/alice/stop")
+            plant.run(until=60.0 + number / 10)
+        plant.do(stream.may_come.set)
+        plant.run(until=85.0)
+
+        assert "snapshot" in [name for name, _ in stream.events[before : before + 3]]
+
+
 def test_a_stream_shows_a_reload_and_what_is_gone() -> None:
     with RigPlant(FOUR + WEB) as plant:
         plant.run(until=5.0)
@@ -544,6 +595,55 @@ def test_a_stream_shows_a_reload_and_what_is_gone() -> None:
         plant.run(until=9.0)
 
         assert set([data for name, data in stream.events if name == "snapshot"][-1]["starters"]) == {"pump"}
+
+
+def test_below_a_path_and_behind_a_proxy_with_tls_the_callers_own_address_counts() -> None:
+    proxied = {
+        "host": "plant.example",
+        "origin": "https://plant.example",
+        "x_forwarded_proto": "https",
+        "x_forwarded_for": "127.0.0.1, 203.0.113.4",
+    }
+    web = table(
+        "web",
+        listen="127.0.0.1:8480",
+        base_path="/mcc1/",
+        hosts=["plant.example"],
+        trusted_proxies=["127.0.0.1"],
+    )
+    with RigPlant(SSW07 + ALICE + web + LOGIN + METRICS) as plant:
+        plant.run(until=5.0)
+        redirect = plant.get("/mcc1", **proxied)
+        login = plant.post("/mcc1/api/v1/login", {"user": "anna", "password": "right"}, **proxied)
+        cookie = login.headers["set-cookie"]
+        session = {**proxied, "cookie": cookie.split(";")[0], "x_csrf_token": login.json["csrf"]}
+        stop = plant.post("/mcc1/api/v1/command/pump/stop", {}, **session)
+        scraped = plant.get("/metrics", **proxied, accept_encoding="gzip")
+        plain = plant.get("/metrics", **{**proxied, "x_forwarded_proto": "http"})
+
+        assert (redirect.status, redirect.headers["location"]) == (308, "/mcc1/")
+        assert cookie.startswith("__Host-sid=")
+        assert "Secure" in cookie
+        assert stop.json["final"] is True
+        assert plant.messages("audit")[0].json["args"]["address"] == "203.0.113.4"
+        assert b"starter_gateway_starter_online" in gzip.decompress(scraped.body)
+        assert (scraped.status, plain.status) == (200, 403)
+
+
+def test_files_come_with_an_etag_and_compressed_where_that_is_wanted() -> None:
+    with RigPlant(SSW07 + WEB) as plant:
+        plant.run(until=5.0)
+        (script, *_) = re.findall(r"[\w./]*static/[\w/.-]+\.js", plant.get("/").text)
+        path = "/" + script.lstrip("./")
+        plain = plant.get(path)
+        packed = plant.get(path, accept_encoding="gzip, br")
+        again = plant.get(path, if_none_match=packed.headers["etag"])
+
+        assert "javascript" in plain.headers["content-type"]
+        assert "content-encoding" not in plain.headers
+        assert gzip.decompress(packed.body) == plain.body
+        assert len(packed.body) < len(plain.body)
+        assert (again.status, again.body) == (304, b"")
 
 
 def test_a_stream_ends_with_its_session() -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.records import Quality
-from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S
-from gateway.starters.telemetry.snapshot import Reading
+from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, is_news
+from gateway.starters.telemetry.snapshot import Reading, Value
 from tests.starters.telemetry.support import OfferedReport
 
 DEADBAND = 1.0
@@ -100,3 +101,30 @@ def test_no_change_is_ever_lost(story: list[Step]) -> None:
     assert isinstance(final.value, float)
     assert isinstance(last.value, float)
     assert abs(final.value - last.value) <= DEADBAND
+
+
+def reading(value: Value, quality: Quality = Quality.GOOD, *, label: str | None = None) -> Reading:
+    return Reading(value, "A", quality, label, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "deadband", "expected"),
+    [
+        (reading(1.0), reading(1.0), 0.0, False),
+        (reading(1.0), reading(1.1), 0.0, True),
+        (reading(1.0), reading(1.0, Quality.STALE), 5.0, True),
+        (reading(1, label="on"), reading(1, label="off"), 5.0, True),
+        (reading(None), reading(1.0), 5.0, True),
+        (reading(1.0), reading(None), 5.0, True),
+        (reading(None), reading(None), 0.0, False),
+        (reading(False), reading(True), 5.0, True),
+        (reading("a"), reading("b"), 5.0, True),
+        (reading("a"), reading("a"), 0.0, False),
+        (reading(7), reading(12), 5.0, False),
+        (reading(7), reading(13), 5.0, True),
+    ],
+)
+def test_news_is_a_change_of_quality_or_beyond_the_deadband(
+    before: Reading, now: Reading, deadband: float, *, expected: bool
+) -> None:
+    assert is_news(before, now, deadband) is expected

@@ -1,0 +1,411 @@
+"""The disk fails or is damaged: lines and stops go on, and what waits comes once or is declared."""
+
+from __future__ import annotations
+
+import random
+import resource
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from gateway.storage.outbox import OutboxDisk
+from gateway.storage.spool import Kind
+from gateway.storage.worker import Store
+from tests.lab.torture.of_disk import damage
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    event,
+    frames,
+    msg,
+    never,
+    play,
+    result,
+    results,
+    row,
+    seen,
+)
+from tests.rig.rows import Action, act
+from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
+from tests.scenarios.broker.support import HEAL, TRIP
+from tests.storage.golden.state import unpack_golden
+
+START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
+_, HARD = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+
+def fail(_: RigPlant | None = None) -> None:
+    """Let every write to a file fail, as on a disk that is full or has errors."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, HARD))
+
+
+def heal(_: RigPlant | None = None) -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (HARD, HARD))
+
+
+@pytest.fixture(autouse=True)
+def sound_disk() -> Iterator[None]:
+    yield
+    heal()
+
+
+def in_the_way(plant: RigPlant) -> None:
+    """Put a file where the state directory should be."""
+    (plant.folder / "state").touch()
+
+
+def out_of_the_way(plant: RigPlant) -> None:
+    (plant.folder / "state").unlink()
+
+
+def overwrite(name: str) -> Action:
+    return lambda plant: (plant.folder / "state" / name).write_text("Dear diary, " * 1000)
+
+
+DISKS = [
+    row(
+        "without a state directory no start is taken, a stop is, and all is as it was once it can be made",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        before=in_the_way,
+        at={
+            3.0: [command("pump/alice/start", id="1"), command("pump/alice/stop")],
+            6.0: [out_of_the_way, TRIP],
+            7.0: HEAL,
+            20.0: command("pump/alice/unlock"),  # who may have been locked, is
+            21.0: command("pump/alice/start"),
+        },
+        then={
+            6.0: [
+                results(
+                    "start rejected ledger_unavailable",
+                    "stop accepted ok",
+                    "stop written ok",
+                    "stop confirmed ok",
+                ),
+                frames("pump", STOP),
+                event("ledger_unavailable", severity="error"),
+                event("audit_unavailable", severity="error"),
+                event("outbox_unavailable", severity="error"),
+            ],
+            20.0: [
+                event("ledger_available", severity="info"),
+                event("audit_available", severity="info"),
+                event("outbox_available", severity="info"),
+                seen("starter/pump/event", code="fault", times=1),
+            ],
+            25.0: [frames("pump", STOP, START), result("start confirmed ok")],
+        },
+    ),
+    row(
+        "a disk that fails under way refuses starts, lets stops through, and is used again when it is well",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            5.0: fail,
+            6.0: command("pump/alice/start"),
+            7.0: command("pump/alice/start"),
+            8.0: command("pump/alice/stop"),
+            11.0: heal,
+            25.0: command("pump/alice/start"),
+        },
+        then={
+            11.0: [
+                frames("pump", STOP),
+                event("ledger_unavailable"),
+                never("result/pump/alice", verb="start", phase="written"),
+            ],
+            30.0: [event("ledger_available"), result("start confirmed ok"), frames("pump", STOP, START)],
+        },
+    ),
+    row(
+        "a ledger that was lost is set aside, and for a minute only stops are taken, over a restart too",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            3.0: command("pump/alice/start"),
+            6.0: ["end", overwrite("gateway.sqlite"), "start"],
+            10.0: command("pump/alice/start"),
+            12.0: "restart",
+            16.0: [command("pump/alice/start"), command("pump/alice/stop")],
+            80.0: command("pump/alice/start"),
+        },
+        then={
+            16.0: [event("ledger_lost"), result("start rejected ledger_unavailable")],
+            20.0: [frames("pump", START, STOP)],
+            85.0: result("start confirmed ok"),
+        },
+    ),
+    row(
+        "an outbox that was lost is declared, and what is new goes out",
+        given=SSW07,
+        at={
+            4.0: "broker down",
+            5.0: TRIP,
+            7.0: HEAL,
+            9.0: ["end", overwrite("outbox.sqlite"), "start"],
+            12.0: TRIP,
+            14.0: "broker up",
+        },
+        then={20.0: [event("outbox_lost"), seen("starter/pump/event", code="fault", times=1)]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", DISKS)
+def test_a_disk(row: ScenarioRow) -> None:
+    play(row)
+
+
+def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=6.0)
+        plant.command("pump/alice/stop")
+        plant.run(until=8.0)
+
+        assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
+        assert plant.results()[-1] == "stop confirmed ok"
+        assert "ledger_slow" in plant.events()
+
+
+def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gateway.storage.state_dir.Store", partial(Store, max_bytes=12 * 4096))
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start", id="acted on")
+        for number in range(200):
+            plant.run(until=6.0 + number / 5)
+            plant.command("pump/alice/read", id=f"{number}", args={"parameter": "P003"})
+        plant.restart()
+        plant.run(until=60.0)
+        plant.command("pump/alice/start", id="acted on")
+        plant.run(until=63.0)
+
+        assert plant.last("result/pump/alice")["duplicate"] is True
+        assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
+        assert "ledger_lost" not in plant.events()
+
+
+AMPS = 5  # more than a deadband
+
+
+class Lives:
+    """A gateway whose broker, disk and process come and go; each trip and each value counts once."""
+
+    def __init__(self, plant: RigPlant, dice: random.Random) -> None:
+        self.plant = plant
+        self.dice = dice
+        self.trips = self.value = 0
+        self.values: set[int] = set()
+
+    def wait(self, seconds: float) -> None:
+        self.plant.run(until=self.plant.world.now_s() + seconds)
+
+    def step(self, *steps: str) -> None:
+        """Let a starter trip and have another current, then do something to what is around the gateway."""
+        for knob in (TRIP, HEAL):
+            self.value += 1
+            self.values.add(self.value)
+            act(self.plant, knob)
+            act(self.plant, f"pump P003 = {AMPS * 10 * self.value}")
+            self.wait(2.5)
+        self.trips += 1
+        step = self.dice.choice(steps)
+        if step == "fail":
+            fail()
+        elif step == "heal":
+            heal()
+        elif step == "kill":
+            self.plant.kill()
+            self.plant.start()
+            self.wait(2.5)
+        else:
+            act(self.plant, step)
+            self.wait(0.5)
+
+    def end(self) -> None:
+        heal()
+        act(self.plant, "broker goes")
+        act(self.plant, "broker up")
+        self.wait(90.0)
+
+    def faults(self) -> int:
+        return len(self._events("fault"))
+
+    def missing_values(self) -> set[int]:
+        """Return which currents were neither published when they were new nor later."""
+        live = [each.json for each in self.plant.messages("starter/pump/value/current")]
+        late = [
+            item
+            for each in self.plant.messages("starter/pump/history")
+            for item in each.json["items"]
+            if item["point"] == "current"
+        ]
+        return self.values - {each["value"] / AMPS for each in live + late if each["value"] is not None}
+
+    def lost(self) -> Counter[str]:
+        """Return how much was declared lost, by kind."""
+        lost: Counter[str] = Counter()
+        for each in self.plant.messages("gateway/event"):
+            for one in each.json["data"].get("lost", ()) if each.json["code"] == "gap" else ():
+                lost[one["kind"]] += one["count"]
+        return lost
+
+    def check_order(self) -> None:
+        """Each run's events and values come in their order."""
+        last: dict[str, int] = {}
+        for body in self._events():
+            assert last.get(body["boot"], -1) < body["seq"], body
+            last[body["boot"]] = body["seq"]
+        late = [each.json for each in self.plant.messages("starter/pump/history")]
+        numbers = dict.fromkeys((each["boot"], item["seq"]) for each in late for item in each["items"])
+        for before, after in pairwise(numbers):
+            assert before[0] != after[0] or before[1] < after[1]
+
+    def _events(self, code: str | None = None) -> list[dict[str, Any]]:
+        """Return the events of the starter, each once: what was not acknowledged may come again as it was."""
+        found = {each.payload: each.json for each in self.plant.messages("starter/pump/event")}
+        return [each for each in found.values() if code in (None, each["code"])]
+
+
+@pytest.fixture
+def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let little fit into memory, so that most of it is on the disk and read back page by page."""
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Kind, 8))
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_AT_ONCE", 5)
+    monkeypatch.setattr("gateway.mqtt.outbox.disk_sync.PAGE_ROWS", 7)
+
+
+AROUND = ("broker down", "broker up", "broker drops")
+
+
+@pytest.mark.usefixtures("small_windows")
+@pytest.mark.parametrize("seed", range(4))
+def test_over_outages_and_kills_everything_comes_once_and_in_order(seed: int) -> None:
+    with RigPlant(SSW07, seed=seed) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(seed))
+        for _ in range(20):
+            lives.step(*AROUND, "kill", "restart")
+        lives.end()
+
+        assert lives.faults() == lives.trips
+        assert lives.missing_values() == set()
+        assert lives.lost() == Counter()
+        lives.check_order()
+        assert plant.last("gateway/outbox")["depth"] == 0
+
+
+@pytest.mark.usefixtures("small_windows")
+@pytest.mark.parametrize("seed", range(4))
+def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_process_lives(seed: int) -> None:
+    with RigPlant(SSW07, seed=seed) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(seed))
+        for _ in range(20):
+            lives.step(*AROUND, "broker stalls", "broker goes", "fail", "heal")
+        lives.end()
+
+        assert lives.faults() == lives.trips
+        assert lives.missing_values() == set()
+        assert lives.lost() == Counter()
+
+
+def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
+    """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
+    monkeypatch.setattr("gateway.app.uplink.OutboxDisk", partial(OutboxDisk, **bounds))
+    with RigPlant(SSW07) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(1))
+        for step in ("broker down", *["broker down"] * 30, "kill"):
+            lives.step(step)
+        lives.end()
+        events = [each for each in plant.messages("#") if each.topic.endswith("/event")]
+        published = {each.payload for each in events if each.json["code"] != "gap"}
+        return lives.lost(), lives.missing_values(), len(published)
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing, none, all_events = long_outage(monkeypatch)
+    assert (nothing, none) == (Counter(), set())
+
+    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"max_bytes": 40 * 4096}):
+        lost, missing, events = long_outage(monkeypatch, **bounds)
+
+        assert events + lost["event"] >= all_events, "what is lost is declared"
+        assert lost["value"] > len(missing) > 0
+        assert missing == set(range(min(missing), max(missing) + 1)), "the oldest go"
+        if "most_rows" in bounds:
+            assert events + lost["event"] == all_events
+            assert lost["result"] == 0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_damaged_files_prevent_no_start_and_make_no_nonsense(seed: int) -> None:
+    dice = random.Random(seed)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}, seed=seed) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=6.0)
+        act(plant, "broker down")
+        for at_s in (8.0, 10.0, 12.0):
+            act(plant, f"pump P003 = {int(at_s)}")
+            act(plant, TRIP if at_s != 10.0 else HEAL)
+            plant.run(until=at_s)
+        boot = plant.messages("gateway/status")[-1].json["boot"]
+        plant.kill()
+        for path in sorted(each for each in (plant.folder / "state").rglob("*") if each.is_file()):
+            damage(path, dice)
+        act(plant, "broker up")
+        plant.start()
+        plant.run(until=20.0)
+        plant.command("pump/alice/stop")
+        plant.run(until=23.0)
+
+        assert plant.last("gateway/status")["state"] == "online"
+        assert plant.results()[-1] == "stop confirmed ok"
+        assert plant.starter("pump").writes[-1][1] == STOP
+        old = [each for each in plant.messages("starter/pump/event") if each.json["boot"] == boot]
+        assert len({each.payload for each in old}) <= 5
+        items = [item for each in plant.messages("starter/pump/history") for item in each.json["items"]]
+        assert {item["point"] for item in items} <= set(plant.last("starter/pump/info")["points"])
+
+
+GOLDEN = [
+    row(
+        "the state of 0.2.0 is understood: locks, ids, what waited for the broker",
+        given=FOUR + ALICE,
+        before=lambda plant: unpack_golden(plant.folder / "state"),
+        at={4.0: [command("pump/alice/start", id="c2"), command("mill/alice/start", id="new")]},
+        then={
+            8.0: [
+                msg("starter/mill/state", locked=...),
+                seen("result/pump/alice", id="c2", phase="confirmed", duplicate=True),
+                seen("result/mill/alice", id="new", phase="rejected", code="locked"),
+                frames("pump"),
+                frames("mill"),
+                never("gateway/event", code="ledger_lost"),
+                never("gateway/event", code="outbox_lost"),
+                seen("starter/+/history"),  # values of the run before
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", GOLDEN)
+def test_the_state_of_an_earlier_version(row: ScenarioRow) -> None:
+    play(row)

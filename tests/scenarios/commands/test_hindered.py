@@ -1,0 +1,543 @@
+"""Commands whose starter or line changes, refuses or hides something between two of their own steps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import count
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    result,
+    row,
+    seen,
+)
+from tests.rig.rows import Action, Expectation, act
+from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
+from tests.scenarios.commands import do
+
+SITE = SSW07 + ALICE
+START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
+RESET_0, RESET_1 = "05 00 6b 00 00", "05 00 6b ff 00"
+WHOLE = RUN_OFF, JOG_OFF, RESET_0, RESET_1
+READY, RUNS = "pump VB01 = 0x4102", "pump VB01 = 0x5123"
+WRITES = ("05", "06", "0f", "10")
+TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("not seen to be taken")
+
+Answer = int | str | None  # an exception code, `unheard`, `lost`; None: as usual
+Rule = Callable[[str, Callable[..., None]], Answer]
+
+
+def answers(name: str, rule: Rule) -> Action:
+    """Have a rule say what becomes of each request (PDU in hex); it may do something by words, too."""
+
+    def begin(plant: RigPlant) -> None:
+        found = plant.starter(name)
+        handle = found.unit.handle
+
+        def answer(pdu: bytes, now_s: float) -> bytes | None:
+            said = rule(pdu.hex(" "), lambda *actions: [act(plant, each) for each in actions])
+            if isinstance(said, int):
+                found.asked.append((plant.world.now_s(), pdu))
+                return bytes((pdu[0] | 0x80, said))
+            if said == "unheard":
+                found.asked.append((plant.world.now_s(), pdu))
+                return None
+            reply = handle(pdu, now_s)
+            return None if said == "lost" else reply
+
+        found.unit.handle = answer  # type: ignore[method-assign]
+
+    return begin
+
+
+def when(start: str, said: Answer, *, first: int = 10_000) -> Rule:
+    """Say so of the first requests that begin with these bytes."""
+    numbers = count()
+    return lambda pdu, _: said if pdu.startswith(start) and next(numbers) < first else None
+
+
+def after(pdu: str, *actions: Action, said: Answer = None) -> Rule:
+    """Do something as a request comes, once."""
+    left = [1]
+
+    def rule(found: str, do_these: Callable[..., None]) -> Answer:
+        if found != pdu or not left:
+            return None
+        left.clear()
+        do_these(*actions)
+        return said
+
+    return rule
+
+
+def writes_after(pdu: str, said: Answer, *, first: int = 10_000) -> Rule:
+    """Say so of what is written after this."""
+    begun: list[str] = []
+    numbers = count()
+
+    def rule(found: str, _: object) -> Answer:
+        if found == pdu:
+            begun.append(pdu)
+            return None
+        return said if begun and found[:2] in WRITES and next(numbers) < first else None
+
+    return rule
+
+
+def hides_run(pdu: str, _: object) -> Answer:
+    """Refuse what shows coils 100 and above, and every read of VB03."""
+    function, address, length = (
+        pdu[:2],
+        int(pdu[3:8].replace(" ", ""), 16),
+        int(pdu[-5:].replace(" ", ""), 16),
+    )
+    is_coil = function == "01" and address + length > 100
+    return 2 if is_coil or (function == "03" and address <= 5003 < address + length) else None
+
+
+def no_more_than(name: str, *pdus: str) -> Expectation:
+    """Nothing but these was written, some of them perhaps again."""
+    return lambda plant: "" if {pdu for _, pdu in plant.starter(name).writes} <= set(pdus) else "more"
+
+
+def reset(name: str, rule: Rule, said: str, *pdus: str, **fields: object) -> object:
+    """A reset after a trip, while a rule holds; what it ends with, and what was written."""
+    return row(
+        name,
+        given=SITE,
+        at={2.0: "pump trip E05", 4.0: [answers("pump", rule), do("pump reset")]},
+        then={16.0: [result(f"reset {said}"), frames("pump", *pdus), msg("result/pump/alice", **fields)]},
+    )
+
+
+CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not taken
+    reset("a jog that is not set up may be refused", when(JOG_OFF, 3), "confirmed ok", *WHOLE),
+    reset(
+        "where run = 0 is refused nothing else is written",
+        when(RUN_OFF, 3),
+        "failed run_not_cleared",
+        RUN_OFF,
+        text=re.compile("nothing else was written"),
+    ),
+    reset(
+        "where run = 0 is not answered nothing else is written",
+        when("05", "unheard"),
+        "unconfirmed no_answer",
+        RUN_OFF,
+    ),
+    reset(
+        "where reading run is refused the acknowledgement and a motor at rest suffice",
+        hides_run,
+        "confirmed ok",
+        *WHOLE,
+    ),
+    reset(
+        "a reset that is refused has failed",
+        when(RESET_1, 3),
+        "failed illegal_data_value",
+        *WHOLE,
+        RUN_OFF,
+        JOG_OFF,
+    ),
+    reset(
+        "a motor that starts at a reset is stopped, and the result says that it may be turning",
+        after(RESET_1, RUNS),
+        "unconfirmed not_seen",
+        *WHOLE,
+        RUN_OFF,
+        JOG_OFF,
+        text=re.compile("the motor may be turning"),
+    ),
+]
+
+
+def not_acting(
+    name: str, text: re.Pattern[str], *pdus: str, at: list[Action], said: str = "unconfirmed not_seen"
+) -> object:
+    """A start that does not act; what its end says, and what was written."""
+    return row(
+        name,
+        given=SITE,
+        at={2.0: READY, 3.0: [*at, do("pump start")]},
+        then={16.0: [result(f"start {said}"), msg("result/pump/alice", text=text), frames("pump", *pdus)]},
+    )
+
+
+TAKEN_BACK = [  # S2
+    not_acting(
+        "run = 0 is written again while it is lost",
+        TAKEN,
+        START,
+        RUN_OFF,
+        RUN_OFF,
+        RUN_OFF,
+        at=[answers("pump", writes_after(START, "unheard", first=2))],
+    ),
+    not_acting(
+        "a lost acknowledgement of run = 0 is made up for by what is read",
+        TAKEN,
+        START,
+        RUN_OFF,
+        at=[answers("pump", writes_after(START, "lost"))],
+    ),
+    not_acting(
+        "in local mode nothing says that run = 0 was taken",
+        NOT_TAKEN,
+        START,
+        RUN_OFF,
+        RUN_OFF,
+        RUN_OFF,
+        at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
+    ),
+    not_acting(
+        "a motor that is started meanwhile is left alone",
+        NOT_TAKEN,
+        START,
+        RUN_OFF,
+        at=[answers("pump", after(RUN_OFF, RUNS, said="unheard"))],
+    ),
+    row(
+        "a general disable of an SSW900 stands when a start is taken back",
+        given=SSW900 + ALICE,
+        at={
+            2.0: "mill S5.1.1 = 0x0102",
+            3.0: [answers("mill", after("06 02 ad 00 13", "mill S5.1.1 = 0x0100")), do("mill start")],
+        },
+        then={
+            12.0: [msg("result/mill/alice", text=TAKEN), frames("mill", "06 02 ad 00 13", "06 02 ad 00 10")]
+        },
+    ),
+]
+
+
+def turning_about() -> Rule:
+    """Show another direction with each reading of the status."""
+    words = [0x0102, 0x0902]
+
+    def rule(pdu: str, do_these: Callable[..., None]) -> Answer:
+        if pdu.startswith("03 02 a8 00 06"):
+            words.reverse()
+            do_these(f"mill S5.1.1 = {words[0]}")
+        return None
+
+    return rule
+
+
+DECIDED = [
+    *(
+        row(
+            f"a start of {name} outlasts two lost replies in a row",
+            given=site + ALICE,
+            sim={name: QUICK},
+            at={6.0: [fault("lose", name, count=2), do(f"{name} start")]},
+            then={14.0: result("start confirmed ok")},
+        )
+        for name, site in (("pump", SSW07), ("fan", SSW06), ("mill", SSW900), ("belt", SST))
+    ),
+    row(
+        "what no two readings in a row agree on is not decided",
+        given=SSW900 + ALICE,
+        at={3.0: [answers("mill", turning_about()), do("mill start")]},
+        then={8.0: [result("start rejected readings_disagree"), frames("mill")]},
+    ),
+    row(
+        "what was read before a standstill decides nothing",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: do("pump start"), 3.03: ["pump control local", lambda plant: plant.stand_still(7.0)]},
+        then={20.0: [never("result/pump/alice", phase="written"), frames("pump")]},
+    ),
+    row(
+        "a start whose starter does not answer before its time is over is expired",
+        given=SITE,
+        at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=1)]},
+        then={5.0: [result("start rejected expired"), frames("pump")]},
+    ),
+    row(
+        "a lock ends a start that is not yet written",
+        given=SITE + operator("bob"),
+        at={3.0: command("pump/bob/start"), 3.02: do("pump lock", reason="belt is off")},
+        then={
+            6.0: [
+                result("start rejected locked", client="bob"),
+                result("lock confirmed ok", client="alice"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "a start whose line is lost before the write is rejected",
+        given=SITE,
+        at={3.0: do("pump start"), 3.04: "line pumps unplug"},
+        then={8.0: [result("start rejected no_answer"), frames("pump")]},
+    ),
+    row(
+        "an SST that refuses a register is taken out of its configuration mode",
+        given=SST + ALICE,
+        at={3.0: [answers("belt", when("06", 3)), do("belt configure", R41=60)]},
+        then={
+            12.0: [
+                result("configure unconfirmed illegal_data_value"),
+                lambda plant: "" if not plant.starter("belt").unit.is_configuring else "it is still in it",
+            ]
+        },
+    ),
+    row(
+        "an SST that does not enter its configuration mode is left as it was",
+        given=SST + ALICE,
+        at={3.0: [answers("belt", when("05 00 01 ff 00", "unheard")), do("belt configure")]},
+        then={
+            16.0: [
+                seen("result/belt/alice", phase="unconfirmed"),
+                no_more_than("belt", "05 00 00 00 00", "05 00 01 ff 00", "05 00 01 00 00"),
+            ]
+        },
+    ),
+]
+
+
+def stop(id_: str | None = None) -> Action:
+    return command("pump/alice/stop", id=id_, fresh=False)
+
+
+STOPS = [
+    row(
+        "a stop that is sent again under its id while it is under way has one end, and each copy a frame",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: [do("pump start")], 5.0: [RUNS, *[stop("1")] * 3], 6.0: [stop("1")] * 3},
+        then={
+            6.5: seen("result/pump/alice", id="1", duplicate=True),
+            17.0: [
+                seen("result/pump/alice", times=1, id="1", phase="unconfirmed"),
+                seen("result/pump/alice", times=1, id="1", phase="accepted", duplicate=False),
+            ],
+        },
+    ),
+    row(
+        "a stop that is never acknowledged is confirmed at its deadline by what was read",
+        given=SITE,
+        at={3.0: [answers("pump", when("05", "lost")), stop("1")]},
+        then={
+            12.5: [
+                result("stop written ok"),
+                lambda plant: "" if len(plant.starter("pump").writes) > 15 else "not again",
+            ],
+            14.5: result("stop confirmed ok"),
+        },
+    ),
+    row(
+        "a starter that is silent for long before the end of a stop was not seen to stop",
+        given=SITE,
+        at={3.0: [answers("pump", when("05", "lost")), stop("1")], 9.0: fault("silent", "pump")},
+        then={15.0: result("stop unconfirmed not_seen")},
+    ),
+    row(
+        "the end of the gateway ends a stop under way, of a group too, and writes nothing more",
+        given=SITE + table("[group]", name="hall", starters=["*"]),
+        at={3.0: RUNS, 4.0: [stop("1"), command("hall/alice/stop")], 4.6: "end"},
+        then={
+            5.5: [
+                seen("result/pump/alice", verb="stop", phase="unconfirmed", code="shutting_down"),
+                seen("result/hall/alice", phase="unconfirmed"),
+                lambda plant: "" if all(at_s < 4.7 for at_s, _ in plant.starter("pump").writes) else "late",
+            ]
+        },
+    ),
+    row(
+        "a stop before it is known who answers says in whose words it was sent",
+        given=SSW06.replace("fan", "pump") + ALICE,
+        sim={"pump": {"family": "ssw07", **QUICK}},
+        at={0.01: stop("1")},
+        then={
+            12.0: seen(
+                "result/pump/alice", verb="stop", text=re.compile("before that the stop was sent as ssw06")
+            )
+        },
+    ),
+    row(
+        "a disabled starter is stopped",
+        given=SSW07.replace("every_s", "enabled = false\nevery_s") + ALICE,
+        at={3.0: stop("1")},
+        then={6.0: [result("stop confirmed ok"), frames("pump", RUN_OFF)]},
+    ),
+]
+
+
+def full_disk(name: str) -> Action:
+    """Let this file of the state be written no more: a folder stands in its place."""
+
+    def block(plant: RigPlant) -> None:
+        path = plant.folder / "state" / name
+        path.unlink(missing_ok=True)
+        path.mkdir()
+
+    return block
+
+
+DISK = [
+    row(
+        "a lock that cannot be stored holds, and an unlocking that cannot be stored does not",
+        given=SITE,
+        at={
+            3.0: [full_disk("precautions.json"), do("pump lock", reason="belt")],
+            6.0: do("pump start"),
+            7.0: do("pump unlock"),
+            10.0: do("pump start"),
+        },
+        then={
+            5.9: [result("lock failed not_kept"), event("memory_away")],
+            6.9: result("start rejected locked"),
+            9.9: result("unlock failed not_kept"),
+            12.0: [result("start rejected locked"), frames("pump")],
+        },
+    ),
+    row(
+        "a start that cannot be counted is refused where starts are counted",
+        given=SITE + table("[rules]", starters=["*"], starts_per_hour=5),
+        sim={"pump": QUICK},
+        at={
+            3.0: [full_disk("precautions.json"), do("pump start")],
+            8.0: lambda plant: (plant.folder / "state" / "precautions.json").rmdir(),
+            30.0: do("pump start"),
+        },
+        then={
+            7.0: [result("start rejected not_kept"), frames("pump")],
+            29.0: event("memory_back"),
+            35.0: result("start confirmed ok"),
+        },
+    ),
+    row(
+        "an acceptance that cannot be stored counts for this run",
+        given=SITE.replace('"ssw07"', '"ssw07"\nmodel = "SSW-07 130A"'),
+        sim={"pump": QUICK},
+        at={15.0: [full_disk("identities.json"), do("pump accept")], 20.0: do("pump start")},
+        then={
+            19.0: [result("accept failed not_kept"), event("identities_away")],
+            24.0: result("start confirmed ok"),
+        },
+    ),
+    row(
+        "with a damaged file of identities every starter counts as new, and an event says so",
+        given=SITE,
+        at={
+            10.0: [
+                "end",
+                lambda plant: (plant.folder / "state" / "identities.json").write_text('{"starters": 7}'),
+                "start",
+            ]
+        },
+        then={
+            20.0: [
+                event("memory_damaged", text=re.compile("every starter counts as new")),
+                never("starter/pump/event", code="identity_changed"),
+            ]
+        },
+    ),
+]
+
+
+def written_once_at_most(plant: RigPlant) -> str:
+    starts = [pdu for _, pdu in plant.starter("pump").writes if pdu == START]
+    ends = [
+        each
+        for each in plant.messages("result/pump/alice")
+        if each.json["phase"] not in ("accepted", "written")
+    ]
+    said = {(each.json["phase"], each.json["code"]) for each in ends}
+    return (
+        ""
+        if len(starts) <= 1 and len(said) == 1 and (not starts or said != {("rejected", "crashed")})
+        else f"{len(starts)}, {said}"
+    )
+
+
+KILLED = [
+    row(
+        f"a start goes out once at most and has one end: the gateway is killed after {1000 * after_s:.0f} ms",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: command("pump/alice/start", id="1"),
+            3.0 + after_s: ["kill", "start"],
+            20.0: command("pump/alice/start", id="1"),
+        },
+        then={30.0: written_once_at_most},
+    )
+    for after_s in (0.001, 0.015, 0.03, 0.045, 0.055, 0.065, 0.08, 0.12, 0.3, 0.7)
+]
+
+
+MANY = line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 41)) + ALICE
+
+
+def too_many(verb: str, taken: int) -> Expectation:
+    """Of as many commands as there are starters so many were taken."""
+    return lambda plant: (
+        ""
+        if plant.results().count(f"{verb} rejected too_many") == 40 - taken
+        and plant.results().count(f"{verb} accepted ok") == taken
+        else str(plant.results()[-40:])
+    )
+
+
+LIMITS = [
+    row(
+        "no more commands wait for a line than it can serve while they are fresh",
+        given=MANY,
+        at={9.0: [command(f"p{n}/alice/start") for n in range(1, 41)]},
+        then={12.0: too_many("start", 32)},
+    ),
+    row(
+        "reads beyond their share of a line are refused, a start beside them is not",
+        given=MANY,
+        at={9.0: [*(do(f"p{n} read", parameter="P003") for n in range(1, 41)), do("p40 start")]},
+        then={12.0: [too_many("read", 16), seen("result/p40/alice", verb="start", phase="accepted")]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", LIMITS)
+def test_what_a_line_takes(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", CLEARED)
+def test_nothing_follows_a_run_0_that_was_not_taken(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", TAKEN_BACK)
+def test_a_start_that_does_not_act_is_taken_back(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", DECIDED)
+def test_a_command_is_decided_on_what_is_so_now(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", STOPS)
+def test_a_stop_has_one_end(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", DISK)
+def test_what_must_be_stored_and_cannot_be(row: ScenarioRow) -> None:
+    play(row)
+
+
+@pytest.mark.parametrize("row", KILLED)
+def test_a_start_and_a_kill(row: ScenarioRow) -> None:
+    play(row)
