@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gateway.app.history import HistoryService
 from gateway.app.plant import Plant
 from gateway.app.record_log import log_failure
 from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, RecordBus, RecordWriter, Severity, StateRecord, ValueRecord
+from gateway.contract import AvailabilityRecord, RecordBus, RecordWriter, Severity, StateRecord, ValueRecord
+from gateway.plugins.history.service import HistoryService
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy

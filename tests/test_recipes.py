@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import Moment
-from gateway.mqtt.contract.topics import Topics
-from gateway.starters.policy.request import CommandRequest
+from gateway.contract import CommandRequest, Topics
+from gateway.mqtt.commands import Incoming
+from gateway.starters.policy.freshness import Moment
 from tests.mqtt.commands import NOW, NOW_S, TOKEN, intake
 
 TOP = Path(__file__).parents[1]

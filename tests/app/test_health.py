@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from gateway.app.health import Health
+from gateway.contract import LineRecord, Severity
 from gateway.line.cable import WiredStarter
 from gateway.line.client import LineClient
-from gateway.records import LineRecord, Severity
 from gateway.system.stalls import HangWatch, LagMeter
 from tests.virtual_time import run_virtually
 

@@ -8,13 +8,13 @@ from typing import Any, cast
 
 import pytest
 
-from gateway.app.integrations.integration import Integration, IntegrationHost, IntegrationService, Load
+from gateway.app.plugins import Integration, IntegrationHost, IntegrationService, Load
 from gateway.app.site import Site
-from gateway.records import AvailabilityRecord, Record
+from gateway.contract import AvailabilityRecord, Record
 from gateway.system.clock import SystemClock
 from tests.virtual_time import run_virtually
 
-RECORD = AvailabilityRecord("pump-1", "online", 0.0, None)
+RECORD = AvailabilityRecord(starter="pump-1", state="online", since_s=0.0, reason=None)
 
 
 class Service:

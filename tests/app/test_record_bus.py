@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-
-from gateway.app.history.service import PARTS, HistoryService
 from gateway.app.integrations.latest import LatestRecords
+
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.records import (
+from gateway.contract import (
     KINDS,
     EventRecord,
     Record,
@@ -19,6 +18,7 @@ from gateway.records import (
     StartRecord,
     TripRecord,
 )
+from gateway.plugins.history.service.service import PARTS, HistoryService
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.storage.state_dir import StateDir
@@ -43,7 +43,7 @@ class Broken:
 
 
 def event(code: str) -> EventRecord:
-    return EventRecord("", code, Severity.INFO, "", 0.0, 1)
+    return EventRecord(starter="", code=code, severity=Severity.INFO, text="", time_s=0.0, seq=1)
 
 
 def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:

@@ -7,18 +7,30 @@ import logging
 from typing import Any
 
 from gateway.app.record_log import RecordLog
-from gateway.records import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
+from gateway.contract import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
 from tests.starters.fakes import FAULT, P014, READY, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.virtual_time import VirtualClock
 
 
 def result(phase: Phase, code: str = "ok", text: str = "", **more: Any) -> ResultRecord:
-    return ResultRecord("pump-1", "alice", "1", "start", phase, code, text, 0.0, **more)
+    return ResultRecord(
+        starter="pump-1",
+        client="alice",
+        id="1",
+        verb="start",
+        phase=phase,
+        code=code,
+        text=text,
+        time_s=0.0,
+        **more,
+    )
 
 
 def event(code: str, text: str, data: dict[str, Any] | None = None, starter: str = "pump-1") -> EventRecord:
-    return EventRecord(starter, code, Severity.ERROR, text, 0.0, 1, data or {})
+    return EventRecord(
+        starter=starter, code=code, severity=Severity.ERROR, text=text, time_s=0.0, seq=1, data=data or {}
+    )
 
 
 @virtually
@@ -40,7 +52,7 @@ async def test_a_command_that_was_not_carried_out_says_why() -> None:
 @virtually
 async def test_a_starter_is_named_when_it_answers_first_and_then_by_its_events() -> None:
     def availability(state: str, reason: str | None) -> AvailabilityRecord:
-        return AvailabilityRecord("pump-1", state, 0.0, reason)
+        return AvailabilityRecord(starter="pump-1", state=state, since_s=0.0, reason=reason)
 
     lines = await logged(
         [

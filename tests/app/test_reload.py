@@ -14,8 +14,8 @@ import pytest
 
 from gateway.app.reload import MOST_REMAINS, Reload
 from gateway.app.site import Site
+from gateway.contract import Severity
 from gateway.errors import ConfigError, Problem
-from gateway.records import Severity
 from tests.config.sites import site
 
 

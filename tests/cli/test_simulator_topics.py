@@ -6,8 +6,8 @@ import pytest
 
 from gateway.cli.demo.simulate import answer_to, simulator_topics
 from gateway.errors import UsageError
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming
 from gateway.sim.factory import make_unit
 
 

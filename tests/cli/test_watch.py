@@ -11,7 +11,7 @@ from rich.console import Console
 
 from gateway.cli.watch.overview import Overview
 from gateway.cli.watch.table import render
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 
 BASE = "starters/plant"
 NOW_S = 1_700_000_000.0

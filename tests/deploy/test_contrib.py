@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.cli.broker_kit.logins import KitSettings, access_list, logins_of
-from gateway.mqtt.contract.topics import Topics
+from gateway.contract import Topics
 from tests.config.sites import site
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

@@ -8,11 +8,11 @@ import os
 import sys
 from pathlib import Path
 
-from gateway.app.history import HistoryService
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
-from gateway.history.readings import Readings
-from gateway.records import EventRecord, Record, RecordWriter, Severity, StartRecord
+from gateway.contract import EventRecord, Record, RecordWriter, Severity, StartRecord
+from gateway.plugins.history.service import HistoryService
+from gateway.starters.telemetry.readings import Readings
 from gateway.system.clock import SystemClock
 from tests.history.support import AnalyticStart, ReadMotor
 from tests.small_site import small_site

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 from gateway.client import Client, Result
+from gateway.contract import Topics, encoded
 from gateway.errors import BrokerError, NoResultError, UsageError
-from gateway.mqtt.contract.payloads import to_json
-from gateway.mqtt.contract.topics import Topics
 from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
 
 TOPICS = Topics("starters/mcc1")
@@ -38,7 +37,7 @@ class PlayedGateway:
 
     async def answer(self, id_: str, phase: str, code: str = "ok", **more: Any) -> None:
         fields = {"id": id_, "verb": "x", "phase": phase, "code": code, "text": "said", "time": "2026Z"}
-        payload = to_json({**fields, "duplicate": False, **more})
+        payload = encoded({**fields, "duplicate": False, **more})
         await asyncio.to_thread(self._broker.publish, TOPICS.result("pump-1", "alice"), payload)
 
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from gateway.families.profile.load import load_profile
-from gateway.history.readings import Readings, Value
-from gateway.history.start_record import StartSamples, StartSummary
-from gateway.history.start_recorder import FinishedStart, StartPoints, StartRecorder
+from gateway.plugins.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.start_recorder import FinishedStart, StartPoints, StartRecorder
+from gateway.starters.telemetry.readings import Readings, Value
 
 UTC_S = 1_795_222_000.0  # minus the steady clock
 POINTS = StartPoints.of(load_profile("ssw07"))

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.history.baseline import FIRST, LAST, Month, Trend, TrendVerdict, month_of
-from gateway.history.start_record import StartOutcome, StartSummary
+from gateway.plugins.history.baseline import FIRST, LAST, Month, Trend, TrendVerdict, month_of
+from gateway.plugins.history.start_record import StartOutcome, StartSummary
 
 
 def start(number: int, slower: float = 1.0, **other: Any) -> StartSummary:

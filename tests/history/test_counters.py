@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.history.counters import MotorCounters, Totals, band_of
-from gateway.history.readings import Readings
+from gateway.plugins.history.counters import MotorCounters, Totals, band_of
+from gateway.starters.telemetry.readings import Readings
 
 
 def readings(at_s: float, **values: Any) -> Readings:

@@ -5,7 +5,7 @@ from typing import Any
 import comtrade
 import pytest
 
-from gateway.history.export import Recording, recording_of, to_comtrade, to_csv
+from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 
 TRIP: dict[str, Any] = {
     "id": "b1-7",

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gateway.history.limits import (
+from gateway.plugins.history.limits import (
     LEAST_FALL,
     LEAST_FALL_S,
     LEAST_LEVEL,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.history.start_record import (
+from gateway.plugins.history.start_record import (
     Cause,
     QuantityChange,
     StartOutcome,

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.history.readings import Readings, Value
-from gateway.history.start_curve import crossings
-from gateway.history.start_record import Cause, StartOutcome, StartSource
-from gateway.history.start_recorder import (
+from gateway.plugins.history.start_curve import crossings
+from gateway.plugins.history.start_record import Cause, StartOutcome, StartSource
+from gateway.plugins.history.start_recorder import (
     LONGEST_S,
     FinishedStart,
     StartCommand,
     StartPoints,
     StartRecorder,
 )
+from gateway.starters.telemetry.readings import Readings, Value
 from tests.history.support import POINTS, RATED_A, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from gateway.history.ring import ReadingTable
-from gateway.history.trip_record import MOST_BYTES, TripSnapshot, fitted, size_of
-from gateway.history.trip_recorder import AFTER_S, TripRecorder
+from gateway.plugins.history.ring import ReadingTable
+from gateway.plugins.history.trip_record import MOST_BYTES, TripSnapshot, fitted, size_of
+from gateway.plugins.history.trip_recorder import AFTER_S, TripRecorder
 
 TIME = "2026-11-21T01:02:03.456Z"
 

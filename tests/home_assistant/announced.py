@@ -8,17 +8,18 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+from gateway.mqtt.contract.payloads import Payloads
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
-from gateway.app.integrations.home_assistant import facts_of
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
+from gateway.contract import Topics
 from gateway.families.devices.device import Identity
-from gateway.home_assistant.discovery import gateway_message, starter_message
-from gateway.home_assistant.site_facts import SiteFacts
-from gateway.mqtt.contract.payloads import Message, Payloads
-from gateway.mqtt.contract.topics import Topics
+from gateway.mqtt.message import Message
+from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
+from gateway.plugins.homeassistant.plugin import facts_of
+from gateway.plugins.homeassistant.site_facts import SiteFacts
 from gateway.starters.telemetry.description import info_of
 
 STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}

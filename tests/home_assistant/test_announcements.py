@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.home_assistant.announcements import BORN, LONGEST_PAUSE_S, Announcements, BirthPause
+from gateway.plugins.homeassistant.announcements import BORN, LONGEST_PAUSE_S, Announcements, BirthPause
 
 
 def test_what_was_announced_and_is_not_wanted_is_to_be_deleted() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.home_assistant.entities import (
+from gateway.plugins.homeassistant.entities import (
     BUSY,
     FAULT_NUMBER,
     GATEWAY_IS_ON,

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from gateway.contract import Quality
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.metrics.catalogue import MOTOR_POINTS, SPECS
-from gateway.metrics.collector import exposition
-from gateway.metrics.counts import Counted, RecordCounts
-from gateway.metrics.scrape import ScrapedGateway
-from gateway.records import Quality
+from gateway.plugins.metrics.catalogue import MOTOR_POINTS, SPECS
+from gateway.plugins.metrics.collector import exposition
+from gateway.plugins.metrics.counts import Counted, RecordCounts
+from gateway.plugins.metrics.scrape import ScrapedGateway
 from gateway.starters.telemetry.decoding import unit_of
 from gateway.starters.telemetry.snapshot import Reading
 from tests.metrics.support import NOW_S, Scrape, good, scraped_gateway, scraped_starter

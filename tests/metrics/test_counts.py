@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.metrics.counts import RecordCounts
-from gateway.records import (
-    Phase,
-    Quality,
-    ResultRecord,
-    ValueRecord,
-)
+from gateway.contract import Phase, Quality, ResultRecord, ValueRecord
+from gateway.plugins.metrics.counts import RecordCounts
 
 VERBS = frozenset({"start", "stop"})
 
 
 def result(phase: Phase, *, code: str = "ok", verb: str = "start", id_: str | None = "1", **more: Any) -> Any:
-    return ResultRecord("pump-1", "alice", id_, verb, phase, code, "", 0.0, **more)
+    return ResultRecord(
+        starter="pump-1",
+        client="alice",
+        id=id_,
+        verb=verb,
+        phase=phase,
+        code=code,
+        text="",
+        time_s=0.0,
+        **more,
+    )
 
 
 def counts(*, has_own_values: bool = False) -> RecordCounts:
@@ -47,9 +52,15 @@ def test_verbs_that_clients_invent_make_one_series() -> None:
 
 
 def test_values_are_retained_only_of_the_gateways_own_points_and_only_when_they_are_exported() -> None:
-    own = ValueRecord("pump-1", "hours_total", 3.5, "h", Quality.GOOD, 0.0, 1)
-    stale = ValueRecord("pump-1", "energy_kwh", 3.5, "kWh", Quality.STALE, 0.0, 1)
-    other = ValueRecord("pump-1", "current", 3.5, "A", Quality.GOOD, 0.0, 1)
+    own = ValueRecord(
+        starter="pump-1", point="hours_total", value=3.5, unit="h", quality=Quality.GOOD, time_s=0.0, seq=1
+    )
+    stale = ValueRecord(
+        starter="pump-1", point="energy_kwh", value=3.5, unit="kWh", quality=Quality.STALE, time_s=0.0, seq=1
+    )
+    other = ValueRecord(
+        starter="pump-1", point="current", value=3.5, unit="A", quality=Quality.GOOD, time_s=0.0, seq=1
+    )
     without, with_all = counts(), counts(has_own_values=True)
 
     for each in (own, stale, other):

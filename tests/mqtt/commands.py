@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
-from gateway.mqtt.contract.topics import Topics
-from gateway.starters.policy.request import CommandRequest
+from gateway.contract import CommandRequest, Topics
+from gateway.mqtt.commands import CommandParser, Incoming, Rejection
+from gateway.starters.policy.freshness import Moment, RunToken, Tokens
 
 NOW_S = 1_795_222_923.0
 NOW = "2026-11-21T01:02:03Z"

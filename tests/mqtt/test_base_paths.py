@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.config.load import parse
+from gateway.contract import Topics
 from gateway.errors import ConfigError
-from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import changed
 
 ODD = st.text(st.characters(exclude_categories=["Cs"]) | st.sampled_from("/+#$ a{}A\u00e4\t"), max_size=24)

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.commands import Rejection
-from gateway.records import rfc3339
-from gateway.starters.policy.request import CommandRequest
+from gateway.contract import CommandRequest, rfc3339
+from gateway.mqtt.commands import Rejection
 from tests.mqtt.commands import NOW, NOW_S, TOKEN, command, fresh, judge, refusal
 
 WITHOUT_BRIDGE = 'or, without a bridge, give the operator freshness = "token"'

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.commands import Incoming
-from gateway.starters.policy.request import CommandRequest
+from gateway.contract import CommandRequest
+from gateway.mqtt.commands import Incoming
 from tests.mqtt.commands import NOW, START, command, fresh, judge, refusal
 
 STOP = "b/command/pump-1/alice/stop"

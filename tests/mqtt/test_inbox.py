@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
+from gateway.contract import Topics
+from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.inbox import MOST, MOST_OF_CLIENT, PARSED_STOPS, SHARE, Inbox
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.topics import Topics
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualTimeLoop
 

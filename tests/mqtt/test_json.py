@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import to_json, to_payload
-from gateway.mqtt.contract.strict_json import MAX_DEPTH, read_object
-from gateway.records import Quality, rfc3339
+from gateway.contract import Quality, encoded, read_object, rfc3339
+from gateway.contract.strict_json import MAX_DEPTH
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(st.characters()),
@@ -68,16 +67,16 @@ class Number(enum.IntEnum):
     ],
 )
 def test_a_value_is_written_as_the_contract_wants_it(value: object, text: str) -> None:
-    assert to_json(value) == text
+    assert encoded(value) == text
 
 
 def test_a_lone_surrogate_does_not_break_the_payload() -> None:
-    assert to_payload("\ud800") == b'"?"'
+    assert encoded("\ud800") == b'"?"'
 
 
 @given(ANYTHING)
 def test_whatever_is_written_is_json_without_nan_and_means_the_same(value: Any) -> None:
-    written = to_payload(value)
+    written = encoded(value)
 
     read = json.loads(written.decode("utf-8"), parse_constant=refuse_constant)
 

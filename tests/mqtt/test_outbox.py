@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gateway.mqtt.contract.payloads import LateValue
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import LateValue, Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 
 WIDE = 1000  # a window that never fills

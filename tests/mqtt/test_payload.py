@@ -5,14 +5,9 @@ import math
 from typing import Any
 
 import pytest
+from gateway.mqtt.contract.payloads import Payloads
 
-from gateway.families.devices.device import Identity
-from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
-from gateway.families.profile.schema import Variant
-from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
-from gateway.mqtt.contract.payloads import Message, Payloads
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import (
+from gateway.contract import (
     AlarmRecord,
     AuditRecord,
     AvailabilityRecord,
@@ -26,17 +21,34 @@ from gateway.records import (
     Severity,
     StartRecord,
     StateRecord,
+    Topics,
     TripRecord,
     ValueRecord,
 )
+from gateway.families.devices.device import Identity
+from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
+from gateway.families.profile.schema import Variant
+from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
+from gateway.mqtt.message import Message
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.description import info_of
 
 T = 1_795_222_923.456
 AT = '"2026-11-21T01:02:03.456Z"'
 
-VALUE = ValueRecord("pump-1", "current", 12.0, "A", Quality.GOOD, T, 4711)
-RESULT = ResultRecord("pump-1", "alice", "c1", "start", Phase.CONFIRMED, "ok", "it runs", T)
+VALUE = ValueRecord(
+    starter="pump-1", point="current", value=12.0, unit="A", quality=Quality.GOOD, time_s=T, seq=4711
+)
+RESULT = ResultRecord(
+    starter="pump-1",
+    client="alice",
+    id="c1",
+    verb="start",
+    phase=Phase.CONFIRMED,
+    code="ok",
+    text="it runs",
+    time_s=T,
+)
 
 
 def payloads() -> Payloads:
@@ -62,20 +74,42 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             f'{{"value":12.0,"unit":"A","quality":"good","time":{AT},"seq":4711,"boot":"boot-1"}}',
         ),
         (
-            ValueRecord("pump-1", "S1.2.1", 3, "", Quality.STALE, T, 2, label="Remote"),
+            ValueRecord(
+                starter="pump-1",
+                point="S1.2.1",
+                value=3,
+                unit="",
+                quality=Quality.STALE,
+                time_s=T,
+                seq=2,
+                label="Remote",
+            ),
             "b/starter/pump-1/value/s1_2_1",
             LATEST,
             f'{{"value":3,"unit":"","quality":"stale","time":{AT},"seq":2,"boot":"boot-1","label":"Remote"}}',
         ),
         (
-            ValueRecord("pump-1", "p003", math.nan, "A", Quality.BAD, None, 3),
+            ValueRecord(
+                starter="pump-1",
+                point="p003",
+                value=math.nan,
+                unit="A",
+                quality=Quality.BAD,
+                time_s=None,
+                seq=3,
+            ),
             "b/starter/pump-1/value/p003",
             LATEST,
             '{"value":null,"unit":"A","quality":"bad","time":null,"seq":3,"boot":"boot-1"}',
         ),
         (
             StateRecord(
-                "pump-1", "running", Quality.GOOD, T, 5, {"running": True, "fault": None, "seq": True}
+                starter="pump-1",
+                state="running",
+                quality=Quality.GOOD,
+                time_s=T,
+                seq=5,
+                flags={"running": True, "fault": None, "seq": True},
             ),
             "b/starter/pump-1/state",
             LATEST,
@@ -83,15 +117,15 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             '"fault":null}',
         ),
         (
-            AvailabilityRecord("pump-1", "offline", T, "silent"),
+            AvailabilityRecord(starter="pump-1", state="offline", since_s=T, reason="silent"),
             "b/starter/pump-1/availability",
             LATEST,
             f'{{"state":"offline","since":{AT},"reason":"silent"}}',
         ),
         (
             AlarmRecord(
-                "pump-1",
-                "F072",
+                starter="pump-1",
+                code="F072",
                 is_active=True,
                 severity="fault",
                 text="Überlast",
@@ -126,14 +160,24 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             '"points":{"p_002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
         ),
         (
-            EventRecord("pump-1", "started", Severity.INFO, "started", T, 7, {"peak": 1.0}),
+            EventRecord(
+                starter="pump-1",
+                code="started",
+                severity=Severity.INFO,
+                text="started",
+                time_s=T,
+                seq=7,
+                data={"peak": 1.0},
+            ),
             "b/starter/pump-1/event",
             STORED,
             f'{{"seq":7,"time":{AT},"boot":"boot-1","code":"started","severity":"info","text":"started",'
             '"data":{"peak":1.0}}',
         ),
         (
-            EventRecord("", "port_lost", Severity.ERROR, "unplugged", T, 8),
+            EventRecord(
+                starter="", code="port_lost", severity=Severity.ERROR, text="unplugged", time_s=T, seq=8
+            ),
             "b/gateway/event",
             STORED,
             f'{{"seq":8,"time":{AT},"boot":"boot-1","code":"port_lost","severity":"error","text":"unplugged",'
@@ -159,7 +203,7 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
             '"after":{"P314":30},"id":"c1","operator":"Al","reason":null,"boot":"boot-1"}',
         ),
-        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", STATISTICS, '{"polls":3}'),
+        (LineRecord(line="pumps", data={"polls": 3}), "b/gateway/line/pumps", STATISTICS, '{"polls":3}'),
     ],
 )
 def test_a_record_becomes_the_contracts_message(
@@ -202,8 +246,10 @@ def test_what_a_result_reports_stands_beside_its_own_keys_and_cannot_replace_the
 
 
 def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox_is_full() -> None:
-    start = payloads().message(StartRecord("pump-1", "r-7", {"id": "r-7", "samples": {"t_s": [-1.0, 0.5]}}))
-    trip = payloads().message(TripRecord("pump-1", "r-8", {"id": "r-8", "code": "e05"}))
+    start = payloads().message(
+        StartRecord(starter="pump-1", id="r-7", data={"id": "r-7", "samples": {"t_s": [-1.0, 0.5]}})
+    )
+    trip = payloads().message(TripRecord(starter="pump-1", id="r-8", data={"id": "r-8", "code": "e05"}))
 
     assert (start.topic, text(start)) == (
         "b/starter/pump-1/start",

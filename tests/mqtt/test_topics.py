@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.contract.topics import Malformed, Topics, is_level, to_level
+from gateway.contract import Malformed, Topics, is_level, to_level
 
 
 @pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])

@@ -4,12 +4,11 @@ import json
 from typing import Any
 
 import pytest
+from gateway.mqtt.contract.payloads import Payloads, late_value
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import Payloads, late_value, to_payload
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Quality, ValueRecord
+from gateway.contract import Quality, Topics, ValueRecord, encoded
 
 PAYLOADS = Payloads(Topics("b"), "r1")
 TRICKS = [
@@ -51,8 +50,8 @@ def test_what_is_put_together_by_hand_is_what_the_writer_of_all_else_would_say(
     time = "2025-11-21T01:04:05.500Z" if time_s else None
     fields = {"value": value, "unit": "°C", "quality": "good", "time": time, "seq": 7, "boot": "r1"}
     item = {"point": "s1_2_1", "value": value, "quality": "good", "time": time, "seq": 7}
-    assert said.payload == to_payload(fields | ({} if label is None else {"label": label}))
-    assert late.item == to_payload(item)
+    assert said.payload == encoded(fields | ({} if label is None else {"label": label}))
+    assert late.item == encoded(item)
     json.loads(said.payload)
     json.loads(late.item)
 
@@ -80,7 +79,16 @@ def test_a_retained_message_says_the_record_that_it_was_made_of(
     value: Any, label: str | None, time_s: float | None
 ) -> None:
     payloads = Payloads(Topics("b"), "r1")
-    bad = ValueRecord("pump-2", "Current", None, "A", Quality.BAD, time_s, 8, reason="another model")
+    bad = ValueRecord(
+        starter="pump-2",
+        point="Current",
+        value=None,
+        unit="A",
+        quality=Quality.BAD,
+        time_s=time_s,
+        seq=8,
+        reason="another model",
+    )
     records = [record(value, label=label, time_s=time_s), bad]
 
     latest = {message.topic: message for message in map(payloads.message, records)}

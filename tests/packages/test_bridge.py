@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, commands
 from tests.packages.built import Packages
 from tests.packages.container import Container

@@ -8,11 +8,10 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
 import pytest
+from gateway.mqtt.contract import commands
 from jsonschema import Draft7Validator
 
-from gateway.contract import EVENTS
-from gateway.mqtt.contract import commands
-from gateway.mqtt.contract.topics import Topics
+from gateway.contract import EVENTS, Topics
 from tests.reference.asyncapi import payload_schema
 from tests.reference.fields import Field
 from tests.reference.topics import TOPICS, Topic

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.records import (
+from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     InfoRecord,
@@ -47,11 +47,11 @@ def info(starter: str, **changes: Any) -> InfoRecord:
         "commands": ("start", "stop", "reset", "set", "select"),
         **changes,
     }
-    return InfoRecord(starter, **given)
+    return InfoRecord(starter=starter, **given)
 
 
 def availability(starter: str, state: str, time_s: float, reason: str | None = None) -> AvailabilityRecord:
-    return AvailabilityRecord(starter, state, time_s, reason)
+    return AvailabilityRecord(starter=starter, state=state, since_s=time_s, reason=reason)
 
 
 def value(
@@ -62,22 +62,42 @@ def value(
     quality: Quality = Quality.GOOD,
     time_s: float | None = EPOCH_S + 50.0,
 ) -> ValueRecord:
-    return ValueRecord(starter, point, is_, "A", quality, time_s, 1)
+    return ValueRecord(
+        starter=starter, point=point, value=is_, unit="A", quality=quality, time_s=time_s, seq=1
+    )
 
 
 def state(
     starter: str, name: str = "ready", *, lock: LockRecord | None = None, **flags: bool | None
 ) -> StateRecord:
-    return StateRecord(starter, name, Quality.GOOD, EPOCH_S + 60.0, 1, flags, lock)
+    return StateRecord(
+        starter=starter,
+        state=name,
+        quality=Quality.GOOD,
+        time_s=EPOCH_S + 60.0,
+        seq=1,
+        flags=flags,
+        lock=lock,
+    )
 
 
 def alarm(starter: str, code: str, *, is_active: bool = True, severity: str = "fault") -> AlarmRecord:
     cleared_s = None if is_active else EPOCH_S + 90.0
-    return AlarmRecord(starter, code, is_active, severity, f"text of {code}", EPOCH_S + 80.0, cleared_s, 1, 1)
+    return AlarmRecord(
+        starter=starter,
+        code=code,
+        is_active=is_active,
+        severity=severity,
+        text=f"text of {code}",
+        time_s=EPOCH_S + 80.0,
+        cleared_s=cleared_s,
+        count=1,
+        seq=1,
+    )
 
 
 def line(statistics: Mapping[str, Any]) -> LineRecord:
-    return LineRecord("hall", statistics)
+    return LineRecord(line="hall", data=statistics)
 
 
 def dcmd(*writes: dict[str, Any], time_s: float | None = EPOCH_S + 100.0) -> bytes:

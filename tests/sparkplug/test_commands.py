@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.commands import Incoming, Rejection
-from gateway.mqtt.contract.topics import Topics
-from gateway.sparkplug.commands import MOST_WRITES, CommandMapper, DeviceCommand
-from gateway.sparkplug.payload import decoded_command
+from gateway.contract import Topics
+from gateway.mqtt.commands import Incoming, Rejection
+from gateway.plugins.sparkplug.commands import MOST_WRITES, CommandMapper, DeviceCommand
+from gateway.plugins.sparkplug.payload import decoded_command
 from tests.sparkplug.support import EPOCH_S, dcmd, write
 
 NOW_S = EPOCH_S + 100.0

@@ -6,7 +6,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gateway.config.values import Name, SparkplugId
-from gateway.sparkplug.topics import EdgeTopics
+from gateway.plugins.sparkplug.topics import EdgeTopics
 
 
 @pytest.mark.parametrize("text", ["a+b", "a/b", "#", "", "a\n", "a\x00b"])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.sparkplug.payload import DataType, Metric, decoded_command, encoded
+from gateway.plugins.sparkplug.payload import DataType, Metric, decoded_command, encoded
 from tests.rig.sparkplug import metrics_of
 from tests.sparkplug.support import EPOCH_S, dcmd, write
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.sparkplug.primary_host import PrimaryHost, host_state
+from gateway.plugins.sparkplug.primary_host import PrimaryHost, host_state
 from tests.sparkplug.support import host_says
 
 

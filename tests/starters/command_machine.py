@@ -15,7 +15,7 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from gateway.records import Phase, rfc3339
+from gateway.contract import Phase, rfc3339
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, GatewayWorld

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, TypeVar
 
+from gateway.contract import EventRecord, Record, ResultRecord
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
@@ -16,7 +17,6 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
-from gateway.records import EventRecord, Record, ResultRecord
 
 R = TypeVar("R")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from gateway.records import Phase, ResultRecord, StateRecord
+from gateway.contract import Phase, ResultRecord, StateRecord
 from gateway.starters.policy.motor_history import MOVING, STANDING
 from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, GatewayWorld
 

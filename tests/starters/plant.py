@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.app.record_log import log_failure
+from gateway.contract import CommandRequest, Operator, RecordBus, RecordWriter
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.records import RecordBus, RecordWriter
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry

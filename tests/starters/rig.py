@@ -7,15 +7,14 @@ import functools
 from collections.abc import Callable, Coroutine
 from typing import Any
 
+from gateway.contract import CommandRequest, Operator, RecordWriter
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.records import RecordWriter
 from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.rights import Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import (

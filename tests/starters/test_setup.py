@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.contract import SequenceNumbers
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
-from gateway.records import SequenceNumbers
 from gateway.starters.setup import StarterSetup, merged
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from gateway.app.incoming import IncomingCommands
 from gateway.app.record_log import log_failure
+from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -22,18 +23,16 @@ from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import EVERY_S, RunToken, Tokens
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Record, RecordBus, RecordWriter, ResultRecord
+from gateway.mqtt.commands import Incoming
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gateway.records import AuditRecord
+from gateway.contract import AuditRecord
 from gateway.storage.audit import log as audit_log
 from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.log import AuditLog
@@ -13,7 +13,17 @@ from gateway.storage.audit.segments import lines
 
 
 def record(seq: int, args: dict[str, Any]) -> AuditRecord:
-    return AuditRecord("pump-1", "alice", None, "set", args, "confirmed", "ok", 1_760_000_000.0, seq)
+    return AuditRecord(
+        starter="pump-1",
+        client="alice",
+        operator=None,
+        verb="set",
+        args=args,
+        decision="confirmed",
+        code="ok",
+        time_s=1_760_000_000.0,
+        seq=seq,
+    )
 
 
 def written(folder: Path, *records: AuditRecord) -> list[dict[str, Any]]:

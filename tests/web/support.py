@@ -10,17 +10,17 @@ from typing import Any
 from urllib.parse import unquote
 
 from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.topics import Topics
-from gateway.records import Quality, Record, SequenceNumbers, StateRecord, ValueRecord
+from gateway.plugins.web.commands import PendingCommands
+
+from gateway.contract import Quality, Record, SequenceNumbers, StateRecord, Topics, ValueRecord
+from gateway.plugins.web.accounts import Accounts
+from gateway.plugins.web.application import WebApp
+from gateway.plugins.web.interface import WebSettings, WebUser
+from gateway.plugins.web.routes import Routes
+from gateway.plugins.web.site_model import ShownSite, SiteModel
+from gateway.plugins.web.static_files import StaticFile
+from gateway.plugins.web.streams import Streams
 from gateway.system.clock_steps import ClockReading
-from gateway.web.accounts import Accounts
-from gateway.web.application import WebApp
-from gateway.web.commands import PendingCommands
-from gateway.web.interface import WebSettings, WebUser
-from gateway.web.routes import Routes
-from gateway.web.site_model import ShownSite, SiteModel
-from gateway.web.static_files import StaticFile
-from gateway.web.streams import Streams
 
 HOST = "127.0.0.1:8480"
 ORIGIN = f"http://{HOST}"
@@ -161,10 +161,24 @@ class PageRig:
         return message.payload
 
     def value(self, starter: str, point: str, value: float, quality: Quality = Quality.GOOD) -> bytes:
-        return self.publish(ValueRecord(starter, point, value, "A", quality, 1.0, self._sequence.take()))
+        return self.publish(
+            ValueRecord(
+                starter=starter,
+                point=point,
+                value=value,
+                unit="A",
+                quality=quality,
+                time_s=1.0,
+                seq=self._sequence.take(),
+            )
+        )
 
     def state(self, starter: str, state: str) -> bytes:
-        return self.publish(StateRecord(starter, state, Quality.GOOD, 1.0, self._sequence.take()))
+        return self.publish(
+            StateRecord(
+                starter=starter, state=state, quality=Quality.GOOD, time_s=1.0, seq=self._sequence.take()
+            )
+        )
 
     async def get(self, path: str, **headers: str) -> Answer:
         return await self.ask("GET", path, headers=headers)

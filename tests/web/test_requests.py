@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.web.interface import WebSettings
-from gateway.web.requests import (
+from gateway.plugins.web.interface import WebSettings
+from gateway.plugins.web.requests import (
     Caller,
     caller_of,
     cookie,

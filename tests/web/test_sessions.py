@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 
-from gateway.web.interface import WebUser
-from gateway.web.sessions import (
+from gateway.plugins.web.interface import WebUser
+from gateway.plugins.web.sessions import (
     FREE_FAILURES,
     FREE_OF_ONE,
     IDLE_S,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.page.page import NOT_INSTALLED, web_settings_of
+from gateway.plugins.web.plugin import NOT_INSTALLED, web_settings_of
 from tests.config.sites import site
 from tests.rig import RigPlant
 from tests.rig.sites import ALICE, SSW07, WEB
@@ -34,7 +34,7 @@ def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_anew(
 
     with RigPlant(SSW07 + ALICE + WEB) as plant:
         plant.run(until=5.0)
-        monkeypatch.setattr(f"gateway.web.site_model.{place}", fail)
+        monkeypatch.setattr(f"gateway.plugins.web.site_model.{place}", fail)
         plant.run(until=5.5)
         plant.command("pump/alice/stop")
         plant.run(until=6.0)
@@ -48,7 +48,7 @@ def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_anew(
 
 
 def test_missing_packages_are_an_event_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [each for each in sys.modules if each.startswith(("starlette", "gateway.web."))]:
+    for name in [each for each in sys.modules if each.startswith(("starlette", "gateway.plugins.web."))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "starlette", None)
 

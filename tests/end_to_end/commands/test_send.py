@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
+from gateway.contract import Topics
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import changed
 from tests.mosquitto import StartMosquitto
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
 from tests.end_to_end.site import Program
 from tests.mosquitto import Certificate, MosquittoBroker, Seen, StartMosquitto, Watcher

@@ -9,10 +9,10 @@ from contextlib import asynccontextmanager
 import pytest
 from playwright.async_api import Page, expect
 
-from gateway.web.interface import WebSettings
-from gateway.web.server import Server
-from gateway.web.sessions import IDLE_S
-from gateway.web.static_files import read_files
+from gateway.plugins.web.interface import WebSettings
+from gateway.plugins.web.server import Server
+from gateway.plugins.web.sessions import IDLE_S
+from gateway.plugins.web.static_files import read_files
 from tests.end_to_end.page.support import browser, need_chromium
 from tests.web.support import SETTINGS, PageRig
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.sparkplug.payload import DataType, Metric, encoded
+from gateway.plugins.sparkplug.payload import DataType, Metric, encoded
 from tests.end_to_end.sparkplug.judges import (
     decoded_by_npm,
     npm_judge,

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.web import server as web_server
-from gateway.web.interface import WebSettings
-from gateway.web.server import MOST_CONNECTIONS, Server
+from gateway.plugins.web import server as web_server
+from gateway.plugins.web.interface import WebSettings
+from gateway.plugins.web.server import MOST_CONNECTIONS, Server
 from tests.end_to_end.web.raw_client import WebClient, exchange, request, until
 from tests.mosquitto import Certificate
 from tests.web.support import SETTINGS, PageRig, shown_site

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.plugins.web.interface import WebSettings, WebUser
+from gateway.plugins.web.service import WebService
 from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
-from gateway.web.interface import WebSettings, WebUser
-from gateway.web.service import WebService
 from tests.end_to_end.web.raw_client import RawAnswer, read_answer, request, until
 from tests.mosquitto import Certificate
 from tests.web.support import FakeAccess, shown_site

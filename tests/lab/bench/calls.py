@@ -21,11 +21,14 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from gateway.mqtt.contract.payloads import Payloads
+
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import LineTable
+from gateway.contract import RecordBus, RecordWriter, Topics
 from gateway.line.port.base import Port
 from gateway.line.port.opener import SerialOpener
 from gateway.line.scheduler.requests import Poll
@@ -34,13 +37,10 @@ from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.mqtt.contract.freshness import RunToken
-from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import RecordBus, RecordWriter
 from gateway.sim.bus.port import SimulatedLine
+from gateway.starters.policy.freshness import RunToken
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from tests.lab.bench.plant import name

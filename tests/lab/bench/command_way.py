@@ -8,14 +8,13 @@ from __future__ import annotations
 import asyncio
 import json
 
-from gateway.mqtt.contract.commands import CommandParser, Incoming
-from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.topics import Topics
+
+from gateway.contract import CommandRequest, Record, Topics
+from gateway.mqtt.commands import CommandParser, Incoming
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import Record
-from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.freshness import Moment, RunToken, Tokens
 from tests.lab.bench.calls import Counts, counted
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import CommandRig

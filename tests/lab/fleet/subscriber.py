@@ -15,7 +15,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from gateway.records import Phase
+from gateway.contract import Phase
 from tests.lab.fleet.books import Name, Received, received
 from tests.lab.fleet.site import OPERATOR
 

@@ -17,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.records import rfc3339
+from gateway.contract import rfc3339
 from tests.lab.peers.measure import CURRENT, CURRENT_PCT, RUNNING, Published
 
 STARTERS = ("pump", "fan", "mill", "belt")

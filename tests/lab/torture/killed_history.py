@@ -6,9 +6,9 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from gateway.app.history.starts import CURVES, SUMMARIES
-from gateway.history.baseline import FIRST, values_of
-from gateway.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.baseline import FIRST, values_of
+from gateway.plugins.history.service.starts import CURVES, SUMMARIES
+from gateway.plugins.history.start_record import StartSamples, StartSummary
 from gateway.storage.history import read_history
 
 LONGEST_S = 0.4

@@ -7,18 +7,18 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gateway.contract import to_level
 from gateway.errors import GatewayError
 from gateway.families.diagnosis.identify import identify, identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
-from gateway.history.own_points import own_points
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
-from gateway.mqtt.contract.topics import to_level
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.telemetry.decoding import PointSources
+from gateway.starters.telemetry.own_points import own_points
 
 # What the gateway adds: no starter has these.
 OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from gateway.records import Phase
+from gateway.contract import Phase
 from gateway.starters.commands.lifecycle import NEXT, Lifecycle
 
 ENDS_UNWRITTEN = {Phase.CONFIRMED, Phase.FAILED, Phase.REJECTED}

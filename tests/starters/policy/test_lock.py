@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from gateway.contract import LockRecord
 from gateway.errors import CommandError
-from gateway.records import LockRecord
 from gateway.starters.policy.preconditions import is_forbidden, reason_in, refusal
 
 
@@ -34,8 +34,8 @@ def test_a_lock_never_stands_in_the_way_of_stopping_or_reading(verb: str, args: 
 
 
 def test_a_refusal_says_who_locked_and_why_and_that_it_is_no_physical_lock() -> None:
-    claimed = refusal(LockRecord("alice", 0.0, "belt is off", "Alice A."))
-    plain = refusal(LockRecord("alice", 0.0, "belt is off"))
+    claimed = refusal(LockRecord(by="alice", since_s=0.0, reason="belt is off", operator="Alice A."))
+    plain = refusal(LockRecord(by="alice", since_s=0.0, reason="belt is off"))
 
     assert claimed.code == "locked"
     assert claimed.text == (

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from gateway.contract import LockRecord
 from gateway.errors import DamagedError
-from gateway.records import LockRecord
 from gateway.starters.policy.motor_history import MOST_STARTS, MotorHistory
 from gateway.system.clock_steps import ClockReading
 
@@ -100,13 +100,13 @@ def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_
 def test_a_restart_forgets_nothing() -> None:
     motor_history = seen((100.0, "ready"))
     motor_history.note_start("a", now_s=150.0)
-    motor_history.set_lock("a", LockRecord("alice", UTC_S, "belt", "Alice A."))
+    motor_history.set_lock("a", LockRecord(by="alice", since_s=UTC_S, reason="belt", operator="Alice A."))
 
     new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=later(30.0))
 
     assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
     assert new.starts_since("a", -1e9) == [pytest.approx(7.0 - 80.0)]
-    assert new.lock_of("a") == LockRecord("alice", UTC_S, "belt", "Alice A.")
+    assert new.lock_of("a") == LockRecord(by="alice", since_s=UTC_S, reason="belt", operator="Alice A.")
 
 
 def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> None:

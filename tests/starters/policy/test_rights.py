@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.starters.policy.rights import Operator, Rights
+from gateway.contract import Operator
+from gateway.starters.policy.rights import Rights
 
 ALICE = Operator("alice", may=("start", "stop"), starters=("pump-*", "fan-?"))
 ADMIN = Operator("admin", may=("*",), starters=("*",))

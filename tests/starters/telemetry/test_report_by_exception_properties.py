@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.records import Quality
+from gateway.contract import Quality
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
 from tests.starters.telemetry.support import OfferedReport
