@@ -225,7 +225,7 @@ def way_rows() -> list[Row]:
     up = f"{len(publication.files)}; {publication.calls}"
     return [
         ("files and calls from the reply to the publication", up, "22; 450"),
-        ("files of a start command, from its message to its result", str(len(command.calls)), "35"),
+        ("files of a start command, from its message to its result", str(len(command.files)), "35"),
         ("calls on the lines' thread for each transaction, 8 starters", f"{line:.0f}", "130"),
     ]
 

@@ -46,7 +46,7 @@ def test_no_class_name_exists_twice() -> None:
 
 
 def test_tests_construct_fewer_internal_classes_than_before() -> None:
-    assert size_page.internal_constructions().total() < 1800
+    assert size_page.internal_constructions().total() < 950
 
 
 def test_the_page_has_every_row_that_is_counted_in_the_tree() -> None:

@@ -72,6 +72,11 @@ def test_a_number_that_fits_no_register_is_refused(word: int) -> None:
         reply_of(fc(3, 0, 1), (word,))
 
 
+def test_reads_and_writes_are_distinguished() -> None:
+    assert [request.function for request, _ in REQUESTS if not request.is_write] == [1, 2, 3, 4]
+    assert not fc(43).is_write
+
+
 @pytest.mark.parametrize(("request_", "value"), REQUESTS)
 def test_only_the_whole_reply_of_its_function_is_taken(request_: Any, value: Any) -> None:
     reply = reply_of(request_, value)

@@ -232,7 +232,7 @@ class StarterTelemetry:
 
     def on_unit(self, *, is_answering: bool, reason: str, frames: tuple[str, ...] = ()) -> None:
         """Record that the starter began to answer or went silent."""
-        if self._has_ended:
+        if self._has_ended or not self.setup.is_enabled:  # a stop asks a disabled one, too
             return
         if is_answering:
             self._come_online()

@@ -149,7 +149,7 @@ RIGHT = [
                 '[gateway]\nname = "a"\nclock = "untrusted"\n'
                 + SSW07
                 + operator("alice", freshness="issued_at"),
-                "operator alice: the commands of this operator need issued_at, but the configuration does not trust",
+                "operator alice: the commands of this operator need issued_at",
             ),
             (
                 SSW07 + ALICE + table("sparkplug", group="plant", commands=True, operator="alice"),

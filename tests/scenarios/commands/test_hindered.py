@@ -25,6 +25,7 @@ from tests.rig import (
 from tests.rig.rows import Action, Expectation, act
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
 from tests.scenarios.commands import do
+from tests.scenarios.line.wires import chatter
 
 SITE = SSW07 + ALICE
 START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
@@ -45,8 +46,12 @@ def answers(name: str, rule: Rule) -> Action:
         found = plant.starter(name)
         handle = found.unit.handle
 
+        def do_these(*actions: Action) -> None:
+            for each in actions:
+                act(plant, each)
+
         def answer(pdu: bytes, now_s: float) -> bytes | None:
-            said = rule(pdu.hex(" "), lambda *actions: [act(plant, each) for each in actions])
+            said = rule(pdu.hex(" "), do_these)
             if isinstance(said, int):
                 found.asked.append((plant.world.now_s(), pdu))
                 return bytes((pdu[0] | 0x80, said))
@@ -265,6 +270,24 @@ DECIDED = [
         then={5.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
+        "an id that was refused because the starter was busy stays refused in the next run",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: [do("pump start"), command("pump/alice/jog", id="late", args={"value": True})],
+            6.0: do("pump stop"),
+            9.0: "restart",
+            14.0: command("pump/alice/jog", id="late", args={"value": True}),
+        },
+        then={
+            16.0: [
+                seen("result/pump/alice", times=2, id="late", phase="rejected", code="busy"),
+                seen("result/pump/alice", times=2, id="late"),
+                frames("pump", START, RUN_OFF),
+            ]
+        },
+    ),
+    row(
         "a lock ends a start that is not yet written",
         given=SITE + operator("bob"),
         at={3.0: command("pump/bob/start"), 3.02: do("pump lock", reason="belt is off")},
@@ -281,6 +304,12 @@ DECIDED = [
         given=SITE,
         at={3.0: do("pump start"), 3.04: "line pumps unplug"},
         then={8.0: [result("start rejected no_answer"), frames("pump")]},
+    ),
+    row(
+        "a line that is never quiet between two writes leaves a command unconfirmed",
+        given=SITE,
+        at={2.0: "pump trip E05", 4.0: do("pump reset"), 4.45: chatter(0.002, 20.0)},
+        then={14.0: [result("reset unconfirmed line_down"), frames("pump", RUN_OFF, JOG_OFF)]},
     ),
     row(
         "an SST that refuses a register is taken out of its configuration mode",
@@ -371,6 +400,12 @@ STOPS = [
         given=SSW07.replace("every_s", "enabled = false\nevery_s") + ALICE,
         at={3.0: stop("1")},
         then={6.0: [result("stop confirmed ok"), frames("pump", RUN_OFF)]},
+    ),
+    row(
+        "a disabled starter stays disabled after its stop",
+        given=SSW07.replace("every_s", "enabled = false\nevery_s") + ALICE,
+        at={3.0: stop("1")},
+        then={30.0: never("starter/pump/availability", state="online")},
     ),
 ]
 

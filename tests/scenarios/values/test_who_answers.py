@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.rig import (
+    RigPlant,
     ScenarioRow,
     command,
     event,
@@ -20,7 +21,7 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.rows import Action
+from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import is_silent_to_fc43, names_itself, nothing_written
 
@@ -114,6 +115,16 @@ def _another_of_its_family(family: str, ours: dict[str, Any], its: dict[str, Any
             25: [result("start rejected identity_changed"), nothing_written(name)],
         },
     )
+
+
+def asked_its_name(name: str, *at_s: float) -> Expectation:
+    """FC43 was put at about these times and no others."""
+
+    def check(plant: RigPlant) -> str:
+        found = [at_s for at_s, pdu in plant.starter(name).asked if pdu[0] == 0x2B]
+        return "" if found == pytest.approx(at_s, abs=0.5) else str(found)
+
+    return check
 
 
 def _without_fc43(family: str, habit: Action, said: str) -> ScenarioRow:
@@ -322,6 +333,28 @@ ROWS = [
                 frames("mill"),
             ]
         },
+    ),
+    row(
+        "a starter that refuses to say its name is asked ever less often, and one event says so",
+        given=SSW07,
+        at={0: fault("refuse", "pump", 1, (43,))},
+        then={
+            100: [
+                asked_its_name("pump", 0.2, 2.3, 6.3, 14.4, 30.4, 62.5),
+                seen("starter/pump/event", times=1, code="identity_unknown"),
+            ]
+        },
+    ),
+    row(
+        "one that is known is not asked its name again",
+        given=SSW07,
+        then={40: asked_its_name("pump", 0.2)},
+    ),
+    row(
+        "one that does not answer and is known by its registers is asked three times",
+        given=SSW06,
+        at={0: is_silent_to_fc43("fan")},
+        then={50: [asked_its_name("fan", 0.1, 2.2, 6.3), msg("starter/fan/state", quality="good")]},
     ),
     row(
         "no value is good before it is known who answers",
