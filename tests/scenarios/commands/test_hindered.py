@@ -33,7 +33,7 @@ RESET_0, RESET_1 = "05 00 6b 00 00", "05 00 6b ff 00"
 WHOLE = RUN_OFF, JOG_OFF, RESET_0, RESET_1
 READY, RUNS = "pump VB01 = 0x4102", "pump VB01 = 0x5123"
 WRITES = ("05", "06", "0f", "10")
-TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("not seen to be taken")
+TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("did not confirm run = 0")
 
 Answer = int | str | None  # an exception code, `unheard`, `lost`; None: as usual
 Rule = Callable[[str, Callable[..., None]], Answer]
@@ -391,7 +391,9 @@ STOPS = [
         at={0.01: stop("1")},
         then={
             12.0: seen(
-                "result/pump/alice", verb="stop", text=re.compile("before that the stop was sent as ssw06")
+                "result/pump/alice",
+                verb="stop",
+                text=re.compile("until then the stop was sent in the ssw06 format"),
             )
         },
     ),
