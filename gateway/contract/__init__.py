@@ -31,6 +31,7 @@ from gateway.contract.records import (
     ValueRecord,
     history_item,
     json_schema,
+    read_record,
 )
 from gateway.contract.request import (
     DEFAULT_TTL_S,
@@ -68,6 +69,7 @@ from gateway.contract.vocabulary import (
     Phase,
     Quality,
     Severity,
+    StarterState,
     rfc3339,
 )
 
@@ -120,6 +122,7 @@ __all__ = [
     "Severity",
     "Sink",
     "StartRecord",
+    "StarterState",
     "StateRecord",
     "StatusRecord",
     "Topics",
@@ -132,6 +135,7 @@ __all__ = [
     "read_body",
     "read_leniently",
     "read_object",
+    "read_record",
     "rfc3339",
     "shortened",
     "to_level",

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from gateway.mqtt.contract.payloads import CONTRACT_VERSION
+from gateway.contract import CONTRACT_VERSION
 from tests.reference.fields import object_schema
 from tests.reference.topics import PARAMETERS, TOPICS, Topic
 

@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft7Validator
 
 from gateway.mqtt.contract import commands
-from gateway.mqtt.contract.topics import Topics
+from gateway.contract import Topics
 from tests.reference.asyncapi import payload_schema
 from tests.reference.event_codes import EVENTS
 from tests.reference.fields import Field

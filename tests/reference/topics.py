@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gateway.history.start_record import COLUMNS, StartOutcome, StartSource
-from gateway.records import Phase, Quality, Severity
+from gateway.contract import Phase, Quality, Severity
 from gateway.starters.identity.registry import FIELDS as FINGERPRINT
 from tests.reference.fields import (
     Field,

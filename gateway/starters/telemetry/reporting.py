@@ -23,6 +23,7 @@ from gateway.contract import (
     Record,
     RecordWriter,
     Severity,
+    StarterState,
     StateRecord,
     ValueRecord,
 )
@@ -205,7 +206,7 @@ class Emitter:
 
     def state(
         self,
-        state: str,
+        state: StarterState,
         *,
         quality: Quality,
         time_s: float | None,
