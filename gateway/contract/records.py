@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache, lru_cache
 from string import Formatter
-from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
@@ -79,6 +79,11 @@ def _maybe(description: str) -> Any:
     return Field(description=description, exclude_if=_is_absent)
 
 
+def _beside(description: str) -> Any:
+    """Describe the items of the field that `BESIDE` names."""
+    return Field(description=description, exclude_if=lambda _: True)
+
+
 def _time(name: str, description: str) -> Any:
     """Describe a time by its key in the JSON."""
     return Field(alias=name, description=description)
@@ -90,7 +95,7 @@ def _described_by(kind: Any) -> PlainSerializer:
 
 
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
-_OWN_NAMES: dict[type, frozenset[str]] = {}
+_OWN_NAMES: dict[type[Record], frozenset[str]] = {}
 
 
 def _adapter_of(kind: type) -> TypeAdapter[Any]:
@@ -99,9 +104,9 @@ def _adapter_of(kind: type) -> TypeAdapter[Any]:
     return _ADAPTERS[kind]
 
 
-def _own_names_of(kind: type) -> frozenset[str]:
+def _own_names_of(kind: type[Record]) -> frozenset[str]:
     if kind not in _OWN_NAMES:
-        _OWN_NAMES[kind] = frozenset(_schema_of(kind)["properties"])
+        _OWN_NAMES[kind] = frozenset(_schema_of(kind)["properties"]) - {kind.BESIDE}
     return _OWN_NAMES[kind]
 
 
@@ -195,12 +200,13 @@ def json_schema(kind: type[Record]) -> dict[str, Any]:
     """Return the JSON Schema of a record's payload."""
     schema = _schema_of(kind)
     if kind.BESIDE:
-        beside = _schema_of(get_type_hints(kind, include_extras=True)[kind.BESIDE])
-        schema["properties"] |= beside.get("properties", {})
-        schema["required"] = [*schema.get("required", ()), *beside.get("required", ())]
-        schema["$defs"] = schema.get("$defs", {}) | beside.get("$defs", {})
-        if "properties" not in beside:
-            schema["additionalProperties"] = {"description": beside["description"]}
+        items = schema["properties"].pop(kind.BESIDE)
+        if "$ref" in items:
+            items = schema["$defs"][items["$ref"].rpartition("/")[2]]
+            schema["properties"] |= items["properties"]
+            schema["required"] = [*schema.get("required", ()), *items.get("required", ())]
+        else:
+            schema["additionalProperties"] = {"description": items["description"]}
     return schema
 
 
@@ -229,7 +235,7 @@ class LockRecord:
     operator: Annotated[str | None, Field(description="who that client says it acts for, a claim")] = None
     since_s: Annotated[Time, _time("since", "when it was set")]
     reason: Annotated[str, Field(description="why")]
-    notice: Annotated[Literal["replaces no physical lock"], Field(description="a warning")] = (
+    notice: Annotated[Literal["replaces no physical lock"], Field(description="this text, a warning")] = (
         "replaces no physical lock"
     )
 
@@ -256,7 +262,7 @@ class StateRecord(Record):
     ] = None
     flags: Annotated[
         Mapping[str, bool | None],
-        Field(description="each boolean point by its name: true, false, or null: not known", exclude=True),
+        _beside("each boolean point by its name: true, false, or null: not known"),
     ] = field(default_factory=dict)
 
 
@@ -320,7 +326,7 @@ class InfoRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventRecord(Record):
-    """Something that happened once, to a starter or (with an empty name) to the gateway."""
+    """Something that happened once, to a starter or to the gateway."""
 
     TOPIC = "starter/{starter}/event"
     RETAIN = False
@@ -364,7 +370,7 @@ class ResultRecord(Record):
             description="whether this is the stored result of an id that was used before",
         ),
     ] = False
-    values: Annotated[Mapping[str, Any], _described_by(ResultValues), Field(exclude=True)] = field(
+    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
         default_factory=dict
     )
     correlation: Hidden = None  # MQTT 5 correlation data, echoed
@@ -411,7 +417,7 @@ class _ReadyMade(Record):
     """A record whose JSON is one mapping, described where it is made."""
 
     BESIDE = "data"
-    data: Annotated[Mapping[str, Any], Field(description="the whole payload", exclude=True)]
+    data: Annotated[Mapping[str, Any], _beside("the whole payload")]
 
     def payload(self) -> bytes:
         """Return the mapping as JSON."""
@@ -456,7 +462,7 @@ class LineRecord(_ReadyMade):
     TOPIC = "gateway/line/{line}"
     QOS = 0
     line: InTopic
-    data: Annotated[Mapping[str, Any], _described_by(LineStatistics), Field(exclude=True)]
+    data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -520,7 +526,7 @@ class GatewayRecord(Record):
     """What this gateway is."""
 
     TOPIC = "gateway/info"
-    product: Annotated[Literal["starter-gateway"], Field(description="its name")] = "starter-gateway"
+    product: Annotated[Literal["starter-gateway"], Field(description="this text")] = "starter-gateway"
     version: Annotated[str, Field(description="its version")]
     contract: Annotated[int, Field(description="version of what this page describes")] = CONTRACT_VERSION
     boot: Boot
@@ -534,7 +540,7 @@ class GatewayRecord(Record):
     starters: Annotated[tuple[str, ...], Field(description="names")]
     lines: Annotated[tuple[str, ...], Field(description="names")]
     operators: Annotated[tuple[Operator, ...], Field(description="who may do what")]
-    notice: Annotated[Literal["not a safety function"], Field(description="a warning")] = (
+    notice: Annotated[Literal["not a safety function"], Field(description="this text, a warning")] = (
         "not a safety function"
     )
     groups: Annotated[

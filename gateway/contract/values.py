@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, NotRequired
 
 from pydantic import Field
 from typing_extensions import TypedDict  # pydantic needs its own before Python 3.12
@@ -12,6 +12,9 @@ from gateway.contract.vocabulary import Phase
 
 _Value = Annotated[bool | int | float | str | None, Field(description="the value, in `unit`")]
 _Unit = Annotated[str, Field(description="its unit; empty for none")]
+_Label = Annotated[str | None, Field(description="the name of the value in the manual, of an enum")]
+_Raw = Annotated[list[int], Field(description="the words as they were read")]
+_Reason = Annotated[str, Field(description="why there is no value")]
 _Seen = Annotated[str | None, Field(description="accept: as the accepted device reports it")]
 
 
@@ -27,17 +30,14 @@ class PointInfo(TypedDict):
     deadband: Annotated[float | None, Field(description="a smaller change is not published")]
 
 
-class _Shown(TypedDict, total=False):
-    label: Annotated[str | None, Field(description="the name of the value in the manual, of an enum")]
-    raw: Annotated[list[int], Field(description="the words as they were read")]
-    reason: Annotated[str, Field(description="why there is no value")]
-
-
-class ReadValue(_Shown):
+class ReadValue(TypedDict):
     """The value of a parameter, as it was read."""
 
     value: _Value
     unit: _Unit
+    label: NotRequired[_Label]
+    raw: NotRequired[_Raw]
+    reason: NotRequired[_Reason]
 
 
 class MemberEnd(TypedDict):
@@ -47,12 +47,15 @@ class MemberEnd(TypedDict):
     code: Annotated[str, Field(description="why, for programs: see the result codes")]
 
 
-class ResultValues(_Shown, total=False):
+class ResultValues(TypedDict, total=False):
     """Fields of a result besides those that every result has; each belongs to some verbs or codes."""
 
     parameter: Annotated[str, Field(description="the parameter that was read or set")]
     value: _Value
     unit: _Unit
+    label: _Label
+    raw: _Raw
+    reason: _Reason
     values: Annotated[Mapping[str, ReadValue], Field(description="several parameters, by code")]
     select: Annotated[str, Field(description="select: the token for the command to come")]
     valid_s: Annotated[float, Field(description="select: the time for which it is valid, s")]

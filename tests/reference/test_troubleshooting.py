@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from gateway.starters.commands.result_codes import CODES
+from tests.reference.contract_pages import TOPICS
 from tests.reference.event_codes import EVENTS
-from tests.reference.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
 ROWS = [
