@@ -41,12 +41,17 @@ InTopic = Annotated[str, Field(exclude=True)]
 Hidden = Annotated[Any, Field(exclude=True)]
 
 
-def _seconds(time: str | None) -> float | None:
-    return None if time is None else datetime.fromisoformat(time).timestamp()
+def _seconds(time: object) -> float | None:
+    if time is None:
+        return None
+    if not isinstance(time, str):
+        raise ValueError("must be a text")  # noqa: TRY004 - as pydantic reports it
+    return datetime.fromisoformat(time).timestamp()
 
 
-def _known_seconds(time: str | None) -> float:
-    return math.nan if time is None else datetime.fromisoformat(time).timestamp()
+def _known_seconds(time: object) -> float:
+    seconds = _seconds(time)
+    return math.nan if seconds is None else seconds
 
 
 _Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")]

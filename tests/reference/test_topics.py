@@ -11,7 +11,15 @@ import pytest
 from jsonschema import Draft7Validator
 
 from gateway import contract
-from gateway.contract import CommandBody, Record
+from gateway.contract import (
+    CommandBody,
+    EventRecord,
+    HistoryRecord,
+    Record,
+    StartRecord,
+    TripRecord,
+    read_record,
+)
 from tests.reference.contract_pages import TOPICS, Topic, closed
 from tests.reference.event_codes import EVENTS
 from tests.rig import MqttMessage, RigPlant, act, command, fault
@@ -19,6 +27,9 @@ from tests.rig.sites import ALICE, FOUR, QUICK, table
 
 LISTED = {code: event for events in EVENTS.values() for code, event in events.items()}
 LOOSE = {"command", "result"}  # whose fields depend on the verb
+READABLE = [
+    topic for topic in TOPICS if topic.kind not in (None, EventRecord, StartRecord, TripRecord, HistoryRecord)
+]
 RARE = {  # what this day does not have
     "lineStatistics": {"uart_errors"},  # of a real port
     "starterValue": {"reason"},
@@ -87,6 +98,15 @@ def _problems(topic: Topic, messages: list[MqttMessage]) -> Iterator[str]:
             yield f"{'.'.join(map(str, error.path))}: {error.message}"
         if (message.qos, message.retain) != topic.delivery:
             yield f"qos {message.qos}, retain {message.retain}"
+
+
+@pytest.mark.parametrize("topic", READABLE, ids=lambda topic: topic.name)
+def test_a_record_is_read_as_it_was_written(topic: Topic, published: Mapping[str, list[MqttMessage]]) -> None:
+    address = re.compile(".*/" + re.sub(r"{(\w+)}", r"(?P<\1>[a-z0-9_-]+)", topic.address))
+    for message in published[topic.name]:
+        found = address.fullmatch(message.topic)
+        assert topic.kind and found
+        assert read_record(topic.kind, message.payload, **found.groupdict()).payload() == message.payload
 
 
 @pytest.mark.parametrize("name", ["starterEvent", "gatewayEvent"])
