@@ -75,7 +75,7 @@ DELETED = {
     "payload": {"type": "string", "maxLength": 0},
 }
 WORDS = {"string": "text", "integer": "whole number", "boolean": "true, false", "array": "list"}
-KEPT = ("type", "pattern", "enum", "description")  # of a schema, besides its parts
+PASSED_ON = ("type", "pattern", "enum", "description")  # of a schema, besides its parts
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str
     kinds = [each for each in kinds if each != {"type": "null"}]
     if len(kinds) == 1:
         schema = {**kinds[0], **schema}
-    flat = {name: schema[name] for name in KEPT if name in schema}
+    flat = {name: schema[name] for name in PASSED_ON if name in schema}
     if is_nullable and "type" in flat:
         flat["type"] = [flat["type"], "null"]
         if "enum" in flat:

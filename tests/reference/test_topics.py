@@ -105,7 +105,8 @@ def test_a_record_is_read_as_it_was_written(topic: Topic, published: Mapping[str
     address = re.compile(".*/" + re.sub(r"{(\w+)}", r"(?P<\1>[a-z0-9_-]+)", topic.address))
     for message in published[topic.name]:
         found = address.fullmatch(message.topic)
-        assert topic.kind and found
+        assert topic.kind
+        assert found
         assert read_record(topic.kind, message.payload, **found.groupdict()).payload() == message.payload
 
 
