@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config.values import split_url
-from gateway.contract import Phase, Topics, is_level, meaning_of
+from gateway.contract import Phase, ResultRecord, Topics, is_level, meaning_of, rfc3339
 from gateway.errors import NoResultError, UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 
 WITHIN_S = 30.0
-
-_OWN_FIELDS = frozenset({"id", "verb", "phase", "code", "text", "time", "duplicate"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +111,7 @@ class Client:
         )
         notify = on_phase or (lambda _: None)
         final = await CommandClient(self._settings(), self._topics).send(
-            order, now_s=time.time(), within_s=within_s, on_phase=lambda fields: notify(_result(fields))
+            order, now_s=time.time(), within_s=within_s, on_phase=lambda record: notify(_result(record))
         )
         if final is None:
             text = f"no final result of {verb} {starter} within {within_s:g} s: look at the starter"
@@ -158,13 +156,13 @@ def broker_at(
     return BrokerSettings(parts[0].hostname or "", parts[1], client_id, username, password, tls=tls)
 
 
-def _result(fields: Mapping[str, Any]) -> Result:
+def _result(record: ResultRecord) -> Result:
     return Result(
-        id=str(fields.get("id")),
-        phase=str(fields.get("phase")),
-        code=str(fields.get("code")),
-        text=str(fields.get("text")),
-        time=fields.get("time"),
-        is_duplicate=fields.get("duplicate") is True,
-        values={name: value for name, value in fields.items() if name not in _OWN_FIELDS},
+        id=str(record.id),
+        phase=record.phase.value,
+        code=record.code,
+        text=record.text,
+        time=rfc3339(record.time_s),
+        is_duplicate=record.is_duplicate,
+        values=record.values,
     )

@@ -14,7 +14,7 @@ from gateway.cli.command import arguments, expectations
 from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
-from gateway.contract import SELECT, Phase, Topics, is_level
+from gateway.contract import SELECT, Phase, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
 
@@ -62,9 +62,9 @@ def run(args: argparse.Namespace) -> int:
         print(f"starter-gateway: {what} (is {order.client} allowed to write commands?)", file=sys.stderr)
         return 1
     _show(result)
-    if "select" in result and order.verb == SELECT:
-        print(f"select={result['select']} (within {result.get('valid_s')} s)", flush=True)
-    return 0 if result["phase"] == Phase.CONFIRMED else 1
+    if "select" in result.values and order.verb == SELECT:
+        print(f"select={result.values['select']} (within {result.values.get('valid_s')} s)", flush=True)
+    return 0 if result.phase is Phase.CONFIRMED else 1
 
 
 def _order(args: argparse.Namespace, client: str) -> Order:
@@ -99,17 +99,17 @@ def _client(config: Config, client: str | None) -> str:
     raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
 
 
-def _show(result: Mapping[str, Any]) -> None:
+def _show(result: ResultRecord) -> None:
     """Print one phase: what the gateway said of it, and the value when it read one."""
-    phase, code = str(result.get("phase")), result.get("code")
-    text = str(result.get("text") or "").removeprefix(phase).lstrip("; ")
-    line = phase if code in (None, "", "ok", phase) else f"{phase} [{code}]"
+    phase, code, values = str(result.phase), result.code, result.values
+    text = result.text.removeprefix(phase).lstrip("; ")
+    line = phase if code in ("", "ok", phase) else f"{phase} [{code}]"
     if text:
         line += f": {text}"
-    if "value" in result:
-        line += f" = {_readable(result)}"
+    if "value" in values:
+        line += f" = {_readable(values)}"
     print(line, flush=True)
-    for parameter, value in (result.get("values") or {}).items():
+    for parameter, value in (values.get("values") or {}).items():
         print(f"  {parameter} = {_readable(value)}", flush=True)
 
 

@@ -32,6 +32,7 @@ from gateway.contract.records import (
     ValueRecord,
     history_item,
     json_schema,
+    read_record,
 )
 from gateway.contract.request import (
     DEFAULT_TTL_S,
@@ -78,6 +79,7 @@ from gateway.contract.vocabulary import (
     Phase,
     Quality,
     Severity,
+    StarterState,
     rfc3339,
 )
 
@@ -137,6 +139,7 @@ __all__ = [
     "Severity",
     "Sink",
     "StartRecord",
+    "StarterState",
     "StateRecord",
     "StatusRecord",
     "Topics",
@@ -153,6 +156,7 @@ __all__ = [
     "read_body",
     "read_leniently",
     "read_object",
+    "read_record",
     "result_meanings",
     "rfc3339",
     "shortened",

@@ -10,23 +10,55 @@ of one run (`boot`). The reference and asyncapi.yaml are generated from these ty
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cache, lru_cache
 from string import Formatter
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, PlainSerializer, TypeAdapter, WithJsonSchema
-from pydantic_core import PydanticSerializationError, SchemaSerializer
+from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import PydanticSerializationError
+from pydantic_core.core_schema import DataclassField, ModelField, TypedDictField
 
 from gateway.contract.events import EventCode
 from gateway.contract.json_text import encoded, with_decimals
+from gateway.contract.statistics import LineStatistics
+from gateway.contract.strict_json import read_object
 from gateway.contract.topics import to_level
-from gateway.contract.vocabulary import CONTRACT_VERSION, Phase, Quality, Severity, rfc3339
+from gateway.contract.values import PointInfo, ResultValues
+from gateway.contract.vocabulary import (
+    CONTRACT_VERSION,
+    Phase,
+    Quality,
+    Severity,
+    StarterState,
+    rfc3339,
+)
 
 InTopic = Annotated[str, Field(exclude=True)]
 Hidden = Annotated[Any, Field(exclude=True)]
-Time = PlainSerializer(rfc3339, return_type=str | None)
+
+
+def _seconds(time: object) -> float | None:
+    if time is None:
+        return None
+    if not isinstance(time, str):
+        raise ValueError("must be a text")  # noqa: TRY004 - as pydantic reports it
+    return datetime.fromisoformat(time).timestamp()
+
+
+def _known_seconds(time: object) -> float:
+    seconds = _seconds(time)
+    return math.nan if seconds is None else seconds
+
+
+_Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")]
+_AS_TEXT = PlainSerializer(rfc3339, return_type=_Text | None)  # null: beyond the calendar
+Time = Annotated[float, BeforeValidator(_known_seconds), _AS_TEXT]
+PossibleTime = Annotated[float | None, BeforeValidator(_seconds), _AS_TEXT]
 Seq = Annotated[int, Field(description="counts up by one over everything that this run publishes")]
 Boot = Annotated[
     str,
@@ -53,19 +85,35 @@ def _maybe(description: str) -> Any:
     return Field(description=description, exclude_if=_is_absent)
 
 
+def _beside(description: str) -> Any:
+    """Describe the items of the field that `BESIDE` names."""
+    return Field(description=description, exclude_if=lambda _: True)
+
+
 def _time(name: str, description: str) -> Any:
     """Describe a time by its key in the JSON."""
-    return Field(serialization_alias=name, description=description)
+    return Field(alias=name, description=description)
 
 
-_SERIALIZERS: dict[type, SchemaSerializer] = {}
+def _described_by(kind: Any) -> PlainSerializer:
+    """Describe JSON that is made elsewhere by a type of its own."""
+    return PlainSerializer(lambda made: made, return_type=kind)
 
 
-def _serializer_of(record: object) -> SchemaSerializer:
-    kind = type(record)
-    if kind not in _SERIALIZERS:
-        _SERIALIZERS[kind] = TypeAdapter(kind).serializer
-    return _SERIALIZERS[kind]
+_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
+_OWN_NAMES: dict[type[Record], frozenset[str]] = {}
+
+
+def _adapter_of(kind: type) -> TypeAdapter[Any]:
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
+
+
+def _own_names_of(kind: type[Record]) -> frozenset[str]:
+    if kind not in _OWN_NAMES:
+        _OWN_NAMES[kind] = frozenset(_schema_of(kind)["properties"]) - {kind.BESIDE}
+    return _OWN_NAMES[kind]
 
 
 @lru_cache
@@ -86,6 +134,7 @@ class Record:
     QOS: ClassVar[int] = 1
     RETAIN: ClassVar[bool] = True
     IS_DROPPABLE: ClassVar[bool] = False  # before others, where it is not retained
+    BESIDE: ClassVar[str] = ""  # the field whose items stand beside the other fields in the JSON
 
     @property
     def topic(self) -> str:
@@ -104,33 +153,67 @@ class Record:
 
     def fields(self) -> dict[str, Any]:
         """Return what the payload says, by its keys."""
-        said: dict[str, Any] = _serializer_of(self).to_python(self, by_alias=True)
+        said: dict[str, Any] = _adapter_of(type(self)).serializer.to_python(self, by_alias=True)
         return said
 
     def payload(self) -> bytes:
         """Return the record as JSON."""
-        serializer = _serializer_of(self)
+        serializer = _adapter_of(type(self)).serializer
         try:
-            return with_decimals(serializer.to_json(self, by_alias=True))
+            payload = with_decimals(serializer.to_json(self, by_alias=True))
         except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
-            return encoded(self.fields())
+            payload = encoded(self.fields())
+        if self.BESIDE:
+            own = _own_names_of(type(self))  # which cannot be overwritten
+            added = {key: value for key, value in getattr(self, self.BESIDE).items() if key not in own}
+            return payload[:-1] + b"," + encoded(added)[1:] if added else payload
+        return payload
 
 
-@lru_cache
-def json_schema(kind: type) -> dict[str, Any]:
+R = TypeVar("R", bound=Record)
+
+
+def read_record(kind: type[R], payload: bytes, **names: str) -> R:
+    """Return the record of a payload, given the names in its topic; ValueError when it is none.
+
+    A field of a later version is ignored; one that a later version adds here has a default.
+    """
+    found = read_object(payload)
+    own = {key: found.pop(key) for key in _own_names_of(kind) & found.keys()}
+    beside = {kind.BESIDE: found} if kind.BESIDE else {}
+    record: R = _adapter_of(kind).validate_python({**own, **beside, **names})
+    return record
+
+
+class _Schema(GenerateJsonSchema):
+    """Every field of a record is in its JSON, but one that is left out where it says nothing."""
+
+    def field_is_required(
+        self,
+        field: ModelField | DataclassField | TypedDictField,
+        total: bool,  # noqa: FBT001 - as pydantic calls it
+    ) -> bool:
+        if field["type"] == "typed-dict-field":
+            return field.get("required", total)
+        return field.get("serialization_exclude_if") is None
+
+
+def _schema_of(kind: Any) -> dict[str, Any]:
+    return TypeAdapter(kind).json_schema(mode="serialization", by_alias=True, schema_generator=_Schema)
+
+
+def json_schema(kind: type[Record]) -> dict[str, Any]:
     """Return the JSON Schema of a record's payload."""
-    return TypeAdapter(kind).json_schema(mode="serialization", by_alias=True)
-
-
-@lru_cache
-def _names_of(kind: type) -> frozenset[str]:
-    return frozenset(json_schema(kind)["properties"])
-
-
-def _extended(payload: bytes, more: Mapping[str, Any], *, own: frozenset[str]) -> bytes:
-    """Return an object with what `more` adds; the contract's own keys cannot be overwritten."""
-    added = {key: value for key, value in more.items() if key not in own}
-    return payload[:-1] + b"," + encoded(added)[1:] if added else payload
+    schema = _schema_of(kind)
+    if kind.BESIDE:
+        items = schema["properties"].pop(kind.BESIDE)
+        if "$ref" in items:
+            items = schema["$defs"][items["$ref"].rpartition("/")[2]]
+            schema["properties"] |= items["properties"]
+            schema["required"] = [*schema.get("required", ()), *items.get("required", ())]
+        else:
+            schema["additionalProperties"] = {"description": items["description"]}
+    return schema
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +226,7 @@ class ValueRecord(Record):
     value: Annotated[bool | int | float | str | None, Field(description="in `unit`; null: not known")]
     unit: Annotated[str, Field(description="its unit; empty for none")]
     quality: Trust
-    time_s: Annotated[float | None, Time, _time("time", "when the reply left the wire; null: never read")]
+    time_s: Annotated[PossibleTime, _time("time", "when the reply left the wire; null: never read")]
     seq: Seq
     boot: Boot = ""
     label: Annotated[str | None, _maybe("the name of the value, of an enum")] = None
@@ -156,20 +239,23 @@ class LockRecord:
 
     by: Annotated[str, Field(description="the client that set it")]
     operator: Annotated[str | None, Field(description="who that client says it acts for, a claim")] = None
-    since_s: Annotated[float, Time, _time("since", "when it was set")]
+    since_s: Annotated[Time, _time("since", "when it was set")]
     reason: Annotated[str, Field(description="why")]
-    notice: Literal["replaces no physical lock"] = "replaces no physical lock"
+    notice: Annotated[Literal["replaces no physical lock"], Field(description="this text, a warning")] = (
+        "replaces no physical lock"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateRecord(Record):
-    """What a starter does, at once on change, else every 30 s; each boolean point stands beside it."""
+    """What a starter does, at once on change, else every 30 s."""
 
     TOPIC = "starter/{starter}/state"
+    BESIDE = "flags"
     starter: InTopic
-    state: Annotated[str, Field(description="the one word for it: see the states")]
+    state: Annotated[StarterState, Field(description="the one word for it")]
     quality: Trust
-    time_s: Annotated[float | None, Time, _time("time", "when the oldest of its readings left the wire")]
+    time_s: Annotated[PossibleTime, _time("time", "when the oldest of its readings left the wire")]
     seq: Seq
     boot: Boot = ""
     reason: Annotated[str, _maybe("why it is unknown although the starter answers")] = ""
@@ -178,13 +264,12 @@ class StateRecord(Record):
     )
     lock: Annotated[
         LockRecord | None,
-        Field(serialization_alias="locked", description="the maintenance lock; null: not locked"),
+        Field(alias="locked", description="the maintenance lock; null: not locked"),
     ] = None
-    flags: Annotated[Mapping[str, bool | None], Field(exclude=True)] = field(default_factory=dict)
-
-    def payload(self) -> bytes:
-        """Return the state with its boolean points as JSON."""
-        return _extended(Record.payload(self), self.flags, own=_names_of(StateRecord))
+    flags: Annotated[
+        Mapping[str, bool | None],
+        _beside("each boolean point by its name: true, false, or null: not known"),
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +279,7 @@ class AvailabilityRecord(Record):
     TOPIC = "starter/{starter}/availability"
     starter: InTopic
     state: Annotated[Presence, Field(description="degraded: a part is not read; disabled: it is not asked")]
-    since_s: Annotated[float, Time, _time("since", "since when")]
+    since_s: Annotated[Time, _time("since", "since when")]
     reason: Annotated[str | None, Field(description="why it is not online")]
 
 
@@ -205,11 +290,11 @@ class AlarmRecord(Record):
     TOPIC = "starter/{starter}/alarm/{code}"
     starter: InTopic
     code: InTopic
-    is_active: Annotated[bool, Field(serialization_alias="active", description="whether it is active")]
-    severity: Annotated[str, Field(description="fault or alarm: a fault trips the motor")]
+    is_active: Annotated[bool, Field(alias="active", description="whether it is active")]
+    severity: Annotated[Literal["fault", "alarm"], Field(description="a fault trips the motor")]
     text: Annotated[str, Field(description="what the manual calls it")]
-    time_s: Annotated[float, Time, _time("time", "when it came last")]
-    cleared_s: Annotated[float | None, Time, _time("cleared", "when it went; null while it is active")]
+    time_s: Annotated[Time, _time("time", "when it came last")]
+    cleared_s: Annotated[PossibleTime, _time("cleared", "when it went; null while it is active")]
     count: Annotated[int, Field(description="how often it came")]
     seq: Seq
     boot: Boot = ""
@@ -236,22 +321,25 @@ class InfoRecord(Record):
     address: Annotated[int, Field(description="its Modbus address, 1 to 247")]
     points: Annotated[
         Mapping[str, Mapping[str, Any]],
-        PlainSerializer(lambda points: {to_level(name): point for name, point in points.items()}),
-        Field(description="by name: code, name, meaning, unit, type, enum, deadband"),
+        PlainSerializer(
+            lambda points: {to_level(name): point for name, point in points.items()},
+            return_type=Mapping[str, PointInfo],
+        ),
+        Field(description="by name"),
     ]
     commands: Annotated[tuple[str, ...], Field(description="the verbs that it has")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventRecord(Record):
-    """Something that happened once, to a starter or (with an empty name) to the gateway."""
+    """Something that happened once, to a starter or to the gateway."""
 
     TOPIC = "starter/{starter}/event"
     RETAIN = False
     IS_DROPPABLE = True
     starter: InTopic
     seq: Seq
-    time_s: Annotated[float, Time, _time("time", "when it happened")]
+    time_s: Annotated[Time, _time("time", "when it happened")]
     boot: Boot = ""
     code: Annotated[EventCode, Field(description="what happened, for programs: see the events")]
     severity: Annotated[Severity, Field(description="error: a person must act")]
@@ -272,6 +360,7 @@ class ResultRecord(Record):
 
     TOPIC = "result/{starter}/{client}"
     RETAIN = False
+    BESIDE = "values"
     starter: InTopic
     client: InTopic
     id: Annotated[str | None, Field(description="of the command")]
@@ -279,15 +368,17 @@ class ResultRecord(Record):
     phase: Annotated[Phase, Field(description="the last four are final")]
     code: Annotated[str, Field(description="why, for programs: see the result codes")]
     text: Annotated[str, Field(description="why, for people")]
-    time_s: Annotated[float, Time, _time("time", "when")]
+    time_s: Annotated[Time, _time("time", "when")]
     is_duplicate: Annotated[
         bool,
         Field(
-            serialization_alias="duplicate",
+            alias="duplicate",
             description="whether this is the stored result of an id that was used before",
         ),
     ] = False
-    values: Annotated[Mapping[str, Any], Field(exclude=True)] = field(default_factory=dict)
+    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
+        default_factory=dict
+    )
     correlation: Hidden = None  # MQTT 5 correlation data, echoed
     response_topic: Hidden = None  # MQTT 5 response topic, already checked
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
@@ -298,10 +389,6 @@ class ResultRecord(Record):
         is_sole = self.phase.is_final and not self.is_duplicate
         return f"{self.client}/{self.id}" if is_sole and self.id else ""
 
-    def payload(self) -> bytes:
-        """Return the result with its values as JSON."""
-        return _extended(Record.payload(self), self.values, own=_names_of(ResultRecord))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditRecord(Record):
@@ -311,7 +398,7 @@ class AuditRecord(Record):
     RETAIN = False
     IS_DROPPABLE = True
     seq: Seq
-    time_s: Annotated[float, Time, _time("time", "when")]
+    time_s: Annotated[Time, _time("time", "when")]
     starter: Annotated[str, Field(description="the starter")]
     client: Annotated[str, Field(description="who commanded, by the broker's login")]
     verb: Annotated[str, Field(description="what")]
@@ -335,7 +422,8 @@ class AuditRecord(Record):
 class _ReadyMade(Record):
     """A record whose JSON is one mapping, described where it is made."""
 
-    data: Annotated[Mapping[str, Any], Field(description="the whole payload")]
+    BESIDE = "data"
+    data: Annotated[Mapping[str, Any], _beside("the whole payload")]
 
     def payload(self) -> bytes:
         """Return the mapping as JSON."""
@@ -380,14 +468,21 @@ class LineRecord(_ReadyMade):
     TOPIC = "gateway/line/{line}"
     QOS = 0
     line: InTopic
+    data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutboxRecord(_ReadyMade):
-    """What waits for the broker: depth, oldest_s, bytes, dropped, refused, reconnects."""
+class OutboxRecord(Record):
+    """What waits for the broker, every 30 s and on loss."""
 
     TOPIC = "gateway/outbox"
     QOS = 0
+    depth: Annotated[int, Field(description="messages that wait")]
+    oldest_s: Annotated[float, Field(description="age of the oldest, s")]
+    bytes: Annotated[int, Field(description="size of what waits, B")]
+    dropped: Annotated[int, Field(description="messages that were lost")]
+    refused: Annotated[int, Field(description="messages that the broker refused")]
+    reconnects: Annotated[int, Field(description="connections after the first")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -396,11 +491,11 @@ class StatusRecord(Record):
 
     TOPIC = "gateway/status"
     state: Annotated[Literal["starting", "online", "degraded", "offline"], Field(description="its state")]
-    time_s: Annotated[float | None, Time, _time("time", "when this was published")]
+    time_s: Annotated[PossibleTime, _time("time", "when this was published")]
     boot: Annotated[
         str, Field(description="names this connection; a command that carries another one is refused")
     ]
-    since_s: Annotated[float | None, Time, _time("since", "since when it is in this state")]
+    since_s: Annotated[PossibleTime, _time("since", "since when it is in this state")]
     reason: Annotated[str | None, Field(description="why it is degraded or offline")]
     run: Boot
 
@@ -412,7 +507,12 @@ class FreshRecord(Record):
     TOPIC = "gateway/fresh"
     QOS = 0
     token: Annotated[str, Field(description="for the `token` of a command")]
-    time_s: Annotated[float, Time, _time("time", "when it was issued")]
+    time_s: Annotated[
+        float,
+        BeforeValidator(_known_seconds),
+        PlainSerializer(rfc3339, return_type=_Text),
+        _time("time", "when it was issued"),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -432,17 +532,23 @@ class GatewayRecord(Record):
     """What this gateway is."""
 
     TOPIC = "gateway/info"
-    product: Literal["starter-gateway"] = "starter-gateway"
+    product: Annotated[Literal["starter-gateway"], Field(description="this text")] = "starter-gateway"
     version: Annotated[str, Field(description="its version")]
     contract: Annotated[int, Field(description="version of what this page describes")] = CONTRACT_VERSION
     boot: Boot
     mqtt_version: Annotated[
-        str | None, Field(description="of the connection: 5 or 3.1.1; null before the first")
+        str | None,
+        Field(
+            description="of the connection; null before the first",
+            json_schema_extra={"enum": ["5", "3.1.1", None]},
+        ),
     ] = None
     starters: Annotated[tuple[str, ...], Field(description="names")]
     lines: Annotated[tuple[str, ...], Field(description="names")]
     operators: Annotated[tuple[Operator, ...], Field(description="who may do what")]
-    notice: Literal["not a safety function"] = "not a safety function"
+    notice: Annotated[Literal["not a safety function"], Field(description="this text, a warning")] = (
+        "not a safety function"
+    )
     groups: Annotated[
         Mapping[str, tuple[str, ...]],
         Field(description="members of each group, by its name", exclude_if=lambda groups: not groups),
@@ -471,7 +577,7 @@ class HistoryItem:
     point: Annotated[str, Field(description="the point")]
     value: Annotated[bool | int | float | str | None, Field(description="its value")]
     quality: Trust
-    time_s: Annotated[float | None, Time, _time("time", "when the reply left the wire")]
+    time_s: Annotated[PossibleTime, _time("time", "when the reply left the wire")]
     seq: Seq
 
 
@@ -485,7 +591,7 @@ class HistoryRecord(Record):
     starter: InTopic
     boot: Annotated[str, Field(description="the run that they were read in")]
     items: Annotated[
-        Sequence[bytes], WithJsonSchema({"type": "array", "items": {"$ref": "#/$defs/HistoryItem"}})
+        Sequence[bytes], _described_by(list[HistoryItem]), Field(description="the oldest first")
     ]  # each as `history_item` made it
 
     def payload(self) -> bytes:
@@ -502,4 +608,4 @@ def history_item(record: ValueRecord) -> bytes:
         time_s=record.time_s,
         seq=record.seq,
     )
-    return with_decimals(_serializer_of(item).to_json(item, by_alias=True))
+    return with_decimals(_adapter_of(HistoryItem).serializer.to_json(item, by_alias=True))

@@ -6,6 +6,7 @@ import enum
 import math
 from datetime import UTC, datetime
 from functools import lru_cache
+from typing import Literal
 
 CONTRACT_VERSION = 1
 
@@ -21,6 +22,9 @@ OWN_VERBS = (
     ACCEPT,
     BASELINE,
 )  # of every family: they concern the gateway alone
+
+
+StarterState = Literal["ready", "starting", "running", "stopping", "fault", "not_ready", "unknown"]
 
 
 class Quality(enum.StrEnum):

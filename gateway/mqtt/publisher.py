@@ -101,7 +101,7 @@ class Publisher:
         while True:
             losses = self._losses()
             if losses != reported or self._clock.now_s() >= due_s:
-                self._sink.put(OutboxRecord(data=self._outbox.statistics(self._clock.now_s())))
+                self._sink.put(OutboxRecord(**self._outbox.statistics(self._clock.now_s())))
                 self._log_losses(reported, losses)
                 reported = losses
                 due_s = self._clock.now_s() + EVERY_S

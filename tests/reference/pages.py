@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.reference import (
-    asyncapi,
     commands_page,
     configuration_page,
+    contract_pages,
     events_page,
-    topics_page,
     wiring,
 )
 
@@ -20,8 +19,8 @@ def pages() -> dict[str, str]:
     """Return the text of each generated page."""
     return {
         "reference/configuration.md": configuration_page.page(),
-        "reference/topics.md": topics_page.page(),
-        "reference/asyncapi.yaml": asyncapi.page(),
+        "reference/topics.md": contract_pages.topics_page(),
+        "reference/asyncapi.yaml": contract_pages.asyncapi(),
         "reference/events.md": events_page.page(),
         "reference/commands.md": commands_page.page(),
         **wiring.drawings(),

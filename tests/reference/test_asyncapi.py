@@ -7,7 +7,7 @@ import pytest
 import yaml
 from jsonschema import Draft7Validator
 
-from tests.reference.asyncapi import document
+from tests.reference.contract_pages import document
 from tests.reference.pages import FOLDER
 
 SCHEMA = FOLDER.parent / "build" / "asyncapi" / "3.0.0.json"  # by get-asyncapi.sh

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import pytest
-from gateway.mqtt.contract import commands
 from jsonschema import Draft7Validator
 
-from gateway.contract import EVENTS, Topics
-from tests.reference.asyncapi import payload_schema
-from tests.reference.fields import Field
-from tests.reference.topics import TOPICS, Topic
+from gateway import contract
+from gateway.contract import (
+    EVENTS,
+    CommandBody,
+    EventRecord,
+    HistoryRecord,
+    Record,
+    StartRecord,
+    TripRecord,
+    read_record,
+)
+from tests.reference.contract_pages import TOPICS, Topic, closed
 from tests.rig import MqttMessage, RigPlant, act, command, fault
 from tests.rig.sites import ALICE, FOUR, QUICK, table
 
-BY_NAME = {topic.name: topic for topic in TOPICS}
 LOOSE = {"command", "result"}  # whose fields depend on the verb
+READABLE = [
+    topic for topic in TOPICS if topic.kind not in (None, EventRecord, StartRecord, TripRecord, HistoryRecord)
+]
 RARE = {  # what this day does not have
     "lineStatistics": {"uart_errors"},  # of a real port
     "starterValue": {"reason"},
@@ -78,16 +87,26 @@ def test_what_is_published_has_all_fields_that_the_page_says_and_no_others(
     assert messages
     assert wrong[:5] == []
     if topic.name not in LOOSE:
-        assert set(topic.fields) - fields == RARE.get(topic.name, set())
+        assert set(topic.schema["properties"]) - fields == RARE.get(topic.name, set())
 
 
 def _problems(topic: Topic, messages: list[MqttMessage]) -> Iterator[str]:
-    validator = Draft7Validator(payload_schema(topic, is_closed=True))
+    validator = Draft7Validator(closed(topic.schema))
     for message in messages:
         for error in validator.iter_errors(message.json):
             yield f"{'.'.join(map(str, error.path))}: {error.message}"
-        if (message.qos, message.retain) != (topic.qos, topic.is_retained):
+        if (message.qos, message.retain) != topic.delivery:
             yield f"qos {message.qos}, retain {message.retain}"
+
+
+@pytest.mark.parametrize("topic", READABLE, ids=lambda topic: topic.name)
+def test_a_record_is_read_as_it_was_written(topic: Topic, published: Mapping[str, list[MqttMessage]]) -> None:
+    address = re.compile(".*/" + re.sub(r"{(\w+)}", r"(?P<\1>[a-z0-9_-]+)", topic.address))
+    for message in published[topic.name]:
+        found = address.fullmatch(message.topic)
+        assert topic.kind
+        assert found
+        assert read_record(topic.kind, message.payload, **found.groupdict()).payload() == message.payload
 
 
 @pytest.mark.parametrize("name", ["starterEvent", "gatewayEvent"])
@@ -100,30 +119,33 @@ def test_events_have_the_severity_and_data_that_the_list_says(
         assert set(event.get("data") or ()) <= set(listed.data), event
 
 
-def test_the_page_has_every_topic_of_the_contract_and_no_others() -> None:
-    topics = Topics("b")
-    fixed = {value for name, value in vars(topics).items() if name.startswith(("gateway_", "audit"))}
-    built = {
-        method(topics, *list(inspect.signature(method).parameters)[1:])
-        for name, method in inspect.getmembers(Topics, inspect.isfunction)
-        if not name.startswith(("_", "parse_")) and name != "starter"
-    }
+def test_the_page_has_every_record_of_the_contract_that_is_published() -> None:
+    found = {each for each in vars(contract).values() if isinstance(each, type) and issubclass(each, Record)}
 
-    assert fixed | built == {f"b/{topic.address}".translate({ord(c): "" for c in "{}"}) for topic in TOPICS}
+    assert {topic.kind for topic in TOPICS} - {None} == {each for each in found if getattr(each, "TOPIC", "")}
 
 
 def test_a_command_may_have_the_fields_that_the_page_says_and_no_others() -> None:
-    assert set(BY_NAME["command"].fields) == set(commands._Body.model_fields)
+    (page,) = (topic.schema for topic in TOPICS if topic.name == "command")
+
+    assert page["properties"].keys() == CommandBody.model_fields.keys()
 
 
-def described(fields: Mapping[str, Field], path: str = "") -> list[str]:
-    bare = [f"{path}{name}" for name, field in fields.items() if not field.meaning]
-    return bare + [
-        each for name, field in fields.items() for each in described(field.inside, f"{path}{name}.")
-    ]
+def parts(schema: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the fields of a schema, with all that they contain."""
+    for name, each in schema.get("properties", {}).items():
+        yield f"{path}{name}", each
+        yield from parts(each, f"{path}{name}.")
+    for name in ("items", "additionalProperties"):
+        if name in schema:
+            yield from parts(schema[name], path)
 
 
-def test_every_field_has_a_meaning_and_a_number_of_seconds_its_unit() -> None:
-    for topic in TOPICS:
-        assert described(topic.fields) == []
-        assert {field.unit for name, field in topic.fields.items() if name.endswith("_s")} <= {"s", ""}
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
+def test_every_field_has_a_meaning_and_a_number_of_seconds_its_unit(topic: Topic) -> None:
+    fields = dict(parts(topic.schema))
+
+    assert [path for path, each in fields.items() if not each.get("description")] == []
+    seconds = {path: each for path, each in fields.items() if path.endswith("_s")}
+    numbers = {path: each["description"] for path, each in seconds.items() if "number" in each["type"]}
+    assert {path: text for path, text in numbers.items() if ", s" not in text} == {}

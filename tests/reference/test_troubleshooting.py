@@ -11,7 +11,7 @@ import pytest
 
 from gateway.contract import EVENTS, EventCode, ResultCode
 from gateway.contract.results import result_meanings, result_notes
-from tests.reference.topics import TOPICS
+from tests.reference.contract_pages import TOPICS
 
 ROOT = Path(__file__).parents[2]
 ROWS = [

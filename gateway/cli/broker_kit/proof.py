@@ -20,7 +20,7 @@ from gateway.cli.broker_kit.expected import TriedTopic, topics_of
 from gateway.cli.broker_kit.logins import PROBE, PROVER, Login, Role
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
-from gateway.contract import Topics
+from gateway.contract import StatusRecord, Topics
 from gateway.errors import BrokerError, StartError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.command_client import CommandClient, connected
@@ -82,8 +82,8 @@ async def prove(broker: Broker, logins: tuple[Login, ...]) -> list[ProofFinding]
 async def _require_no_gateway(broker: Broker) -> None:
     topics = Topics(broker.config.base)
     prover = CommandClient(broker.settings(PROVER), topics)
-    status = await prover.retained(topics.gateway_status, within_s=STATUS_WITHIN_S)
-    if status is not None and status.get("state") not in (None, "offline"):
+    status = await prover.retained(StatusRecord, within_s=STATUS_WITHIN_S)
+    if status is not None and status.state != "offline":
         what = "the gateway is running, and the proof needs its login"
         raise StartError(what, "systemctl stop starter-gateway")
 

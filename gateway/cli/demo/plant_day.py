@@ -72,7 +72,7 @@ async def _do(deed: Deed, port: int) -> None:
         result = await client.send(
             order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
         )
-        if result is None or result["phase"] != Phase.CONFIRMED:
+        if result is None or result.phase is not Phase.CONFIRMED:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
     except GatewayError as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.operator_login import settings_of, user_name
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
-from gateway.contract import AvailabilityRecord, Phase, Topics
+from gateway.contract import AvailabilityRecord, Phase, Topics, rfc3339
 from gateway.errors import BrokerError, ConfigError
 from gateway.families.devices.findings import Weight
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
@@ -69,12 +68,12 @@ class BrokerAccess:
         BrokerError when the broker, or the right to read it, is missing.
         """
         topics = Topics(self.config.base)
-        asking, topic = CommandClient(self._usable(), topics), topics.of(AvailabilityRecord, starter=starter)
-        known = await asking.retained(topic, within_s=KNOWN_WITHIN_S)
-        if known is None or known.get("state") == "online":
+        asking = CommandClient(self._usable(), topics)
+        known = await asking.retained(AvailabilityRecord, within_s=KNOWN_WITHIN_S, starter=starter)
+        if known is None or known.state == "online":
             return ""
-        since = f" since {known['since']}" if known.get("since") else ""
-        return f"the gateway says: {known.get('state')}{since}: {known.get('reason') or 'no reason given'}"
+        since = f" since {at}" if (at := rfc3339(known.since_s)) else ""
+        return f"the gateway says: {known.state}{since}: {known.reason or 'no reason given'}"
 
     async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return the raw words of these rows, asked of the running gateway; what it refuses is left out.
@@ -96,10 +95,10 @@ class BrokerAccess:
             result = await sending
             if result is None:
                 raise BrokerError("the gateway gives no result", "is it allowed to read commands?")
-            if result.get("phase") == Phase.CONFIRMED:
-                rows[code] = _words(result)
+            if result.phase is Phase.CONFIRMED:
+                rows[code] = tuple(result.values.get("raw") or ())
             else:
-                refusal = f"the gateway refuses to read it: {result.get('text')} [{result.get('code')}]"
+                refusal = f"the gateway refuses to read it: {result.text} [{result.code}]"
         if refusal and not rows:
             raise BrokerError(refusal)
         return rows
@@ -108,8 +107,3 @@ class BrokerAccess:
         if self._settings is None:
             raise BrokerError("the broker cannot be used", "see above")
         return self._settings
-
-
-def _words(result: Mapping[str, Any]) -> tuple[int, ...]:
-    raw = result.get("raw")
-    return tuple(int(word) for word in raw) if isinstance(raw, list) else ()

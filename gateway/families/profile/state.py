@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
+from gateway.contract import StarterState
 from gateway.families.profile.schema import Profile
 
-STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unknown")
+STATES: tuple[StarterState, ...] = get_args(StarterState)
 
 _MOVING = ("running", "accelerating", "decelerating", "full_voltage", "jog", "braking", "reversing")
 
@@ -19,7 +20,7 @@ def moving(profile: Profile) -> tuple[str, ...]:
     return (*_MOVING, *profile.state.starting)
 
 
-def state_of(profile: Profile, points: Mapping[str, Any]) -> str:
+def state_of(profile: Profile, points: Mapping[str, Any]) -> StarterState:
     """Return one of `STATES`; not to know a deciding point makes it `unknown`, never a guess."""
     for name, state in profile.state.order.items():
         value = points.get(name)

@@ -7,9 +7,19 @@ import uuid
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
-from gateway.contract import STOP, Phase, ResultRecord, Topics, encoded, read_object, rfc3339
+from gateway.contract import (
+    STOP,
+    FreshRecord,
+    Record,
+    ResultRecord,
+    StatusRecord,
+    Topics,
+    encoded,
+    read_record,
+    rfc3339,
+)
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
@@ -20,8 +30,9 @@ from gateway.mqtt.message import Message
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
 TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
-_FINAL = frozenset(phase.value for phase in Phase if phase.is_final)
 _REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
+
+R = TypeVar("R", bound=Record)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +60,8 @@ class CommandClient:
         self._news: asyncio.Queue[Incoming | int | None] = asyncio.Queue()  # int: reason code; None: lost
 
     async def send(
-        self, order: Order, *, now_s: float, within_s: float, on_phase: Callable[[Mapping[str, Any]], None]
-    ) -> Mapping[str, Any] | None:
+        self, order: Order, *, now_s: float, within_s: float, on_phase: Callable[[ResultRecord], None]
+    ) -> ResultRecord | None:
         """Return the final result, None when none came in time; every phase goes to `on_phase` before.
 
         `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
@@ -70,16 +81,16 @@ class CommandClient:
             within_s = min(within_s, TROUBLED_WITHIN_S) if trouble is not None else within_s
             try:
                 async with asyncio.timeout(within_s):
-                    return await self._final(order, message, on_phase)
+                    return await self._final(order, on_phase)
             except TimeoutError:
                 if trouble is not None:
                     raise BrokerError(f"the stop was sent, and no gateway answered: {trouble}") from None
                 return None
 
-    async def retained(self, topic: str, *, within_s: float) -> Mapping[str, Any] | None:
-        """Return the retained message of a topic, None when there is none; BrokerError as `send`."""
+    async def retained(self, kind: type[R], *, within_s: float, **names: str) -> R | None:
+        """Return the retained record of a topic, None when there is none; BrokerError as `send`."""
         async with self._connected() as session:
-            return await self._retained(session, topic, within_s)
+            return await self._retained(session, within_s, kind, **names)
 
     @asynccontextmanager
     async def _connected(self) -> AsyncIterator[Session]:
@@ -99,7 +110,7 @@ class CommandClient:
         is_stop = order.verb == STOP
         try:
             status = await self._gateway_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
-            proof = {"boot": str(status.get("boot"))}
+            proof = {"boot": status.boot}
             if not is_stop:
                 proof["token"] = await self._current_token(session)
         except BrokerError as error:
@@ -108,52 +119,48 @@ class CommandClient:
             return {}, error
         return proof, None
 
-    async def _gateway_status(self, session: Session, within_s: float) -> dict[str, Any]:
-        topic = self._topics.gateway_status
-        status = await self._retained(session, topic, within_s)
+    async def _gateway_status(self, session: Session, within_s: float) -> StatusRecord:
+        status = await self._retained(session, within_s, StatusRecord)
         if status is None:
-            raise BrokerError(f"no gateway has published its state in {topic}", "is it running?")
-        if status.get("state") == "offline":
-            raise BrokerError(
-                f"the gateway is offline: {status.get('reason') or 'no reason given'}", "start it"
-            )
+            where = self._topics.gateway_status
+            raise BrokerError(f"no gateway has published its state in {where}", "is it running?")
+        if status.state == "offline":
+            raise BrokerError(f"the gateway is offline: {status.reason or 'no reason given'}", "start it")
         return status
 
     async def _current_token(self, session: Session) -> str:
         """Return the present token; taken last, so that it is as young as can be."""
-        topic = self._topics.gateway_fresh
-        fresh = await self._retained(session, topic, STATUS_WITHIN_S)
+        fresh = await self._retained(session, STATUS_WITHIN_S, FreshRecord)
         if fresh is None:
-            raise BrokerError(f"no gateway publishes its token in {topic}", "is it of this version?")
-        return str(fresh.get("token"))
+            where = self._topics.gateway_fresh
+            raise BrokerError(f"no gateway publishes its token in {where}", "is it of this version?")
+        return fresh.token
 
-    async def _retained(self, session: Session, topic: str, within_s: float) -> dict[str, Any] | None:
+    async def _retained(self, session: Session, within_s: float, kind: type[R], **names: str) -> R | None:
+        topic = self._topics.of(kind, **names)
         if not await session.subscribe(topic, with_retained=True):
             raise self._forbidden(f"read {topic}")
         try:
             async with asyncio.timeout(within_s):
                 while True:
-                    message = await self._next(topic)
-                    if message is not None:
-                        return message
+                    record = await self._next(kind, names)
+                    if record is not None:
+                        return record
         except TimeoutError:
             return None
 
-    async def _final(
-        self, order: Order, message: Message, on_phase: Callable[[Mapping[str, Any]], None]
-    ) -> Mapping[str, Any]:
-        topic = self._topics.of(ResultRecord, starter=order.starter, client=order.client)
-        wanted = read_object(message.payload)["id"]
+    async def _final(self, order: Order, on_phase: Callable[[ResultRecord], None]) -> ResultRecord:
+        names = {"starter": order.starter, "client": order.client}
         while True:
-            result = await self._next(topic, order)
-            if result is None or result.get("id") != wanted:
+            result = await self._next(ResultRecord, names, order)
+            if result is None or result.id != order.id:
                 continue
-            if result.get("phase") in _FINAL:
+            if result.phase.is_final:
                 return result
             on_phase(result)
 
-    async def _next(self, topic: str, order: Order | None = None) -> dict[str, Any] | None:
-        """Return the next message when it is of this topic and readable, else None."""
+    async def _next(self, kind: type[R], names: Mapping[str, str], order: Order | None = None) -> R | None:
+        """Return the next message when it is such a record and readable, else None."""
         news = await self._news.get()
         match news:
             case None:
@@ -162,9 +169,9 @@ class CommandClient:
                 raise self._forbidden(
                     f"write {self._topics.command(order.starter, order.client, order.verb)}"
                 )
-            case Incoming() if news.topic == topic:
+            case Incoming() if news.topic == self._topics.of(kind, **names):
                 try:
-                    return read_object(news.payload)
+                    return read_record(kind, news.payload, **names)
                 except ValueError:
                     return None
             case _:

@@ -25,6 +25,7 @@ from gateway.contract import (
     Record,
     RecordWriter,
     Severity,
+    StarterState,
     StateRecord,
     ValueRecord,
 )
@@ -210,7 +211,7 @@ class Emitter:
 
     def state(
         self,
-        state: str,
+        state: StarterState,
         *,
         quality: Quality,
         time_s: float | None,

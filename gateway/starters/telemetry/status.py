@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gateway.contract import Quality, Record
+from gateway.contract import Quality, Record, StarterState
 from gateway.families.devices import device_of
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, once_per_profile
@@ -71,7 +71,7 @@ class Status:
         self._sent: tuple[str, Quality, dict[str, Value], Value, str] | None = None
         self.next_due_s = -math.inf  # when the state is published again although nothing changed
         self._standing = -1  # of the snapshot that was looked at last
-        self.state = UNKNOWN  # as of the latest look
+        self.state: StarterState = "unknown"  # as of the latest look
         self._records: list[Record] = []  # made by the present look
 
     def expire(self) -> bool:
@@ -271,7 +271,7 @@ class Status:
 
     def _add_state(
         self,
-        state: str,
+        state: StarterState,
         values: Mapping[str, Value],
         snapshot: Snapshot,
         number: Value,

@@ -13,9 +13,8 @@ import pytest
 import yaml
 from jsonschema import Draft7Validator
 
-from tests.reference.asyncapi import payload_schema
+from tests.reference.contract_pages import TOPICS, closed
 from tests.reference.pages import FOLDER
-from tests.reference.topics import TOPICS
 from tests.rig import RigPlant, ScenarioRow, play, retained, row
 from tests.rig.broker import MqttMessage
 from tests.rig.sites import (
@@ -99,9 +98,7 @@ class Described:
             name: Draft7Validator(each["payload"]) for name, each in whole["components"]["messages"].items()
         }
         # The file permits fields that it does not name, for later versions; this one has none.
-        self._closed = {
-            topic.name: Draft7Validator(payload_schema(topic, is_closed=True)) for topic in TOPICS
-        }
+        self._closed = {topic.name: Draft7Validator(closed(topic.schema)) for topic in TOPICS}
         self._delivery = {
             each["channel"]["$ref"].rpartition("/")[2]: each["bindings"]["mqtt"]
             for each in whole["operations"].values()
