@@ -90,5 +90,5 @@ def test_the_installed_wheel_has_its_documentation_and_its_kit(program: Path, tm
 
 def test_the_installed_wheel_can_show_the_demo(program: Path, tmp_path: Path) -> None:
     assert "--plant" in output_of(program, "demo", "--help", folder=tmp_path)
-    imports = "import gateway.cli.demo.demo, gateway.web.service, gateway.cli.demo.simulate"
+    imports = "import gateway.cli.demo.demo, gateway.plugins.web.page, gateway.cli.demo.simulate"
     subprocess.run([program.parent / "python", "-I", "-c", imports], check=True, cwd=tmp_path, timeout=60.0)

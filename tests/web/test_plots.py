@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.web.plots import NAN, Ring, numbers, thinned
+from gateway.plugins.web.plots import NAN, Ring, numbers, thinned
 
 
 def test_a_value_holds_until_the_next_one_and_nothing_is_known_before_the_first() -> None:

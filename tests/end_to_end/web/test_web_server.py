@@ -14,13 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.web import server as web_server
-from gateway.web.interface import WebSettings
-from gateway.web.server import MOST_CONNECTIONS, Server
-from gateway.web.streams import MOST_STREAMS
+from gateway.plugins.web import server as web_server
+from gateway.plugins.web.server import MOST_CONNECTIONS, Server
+from gateway.plugins.web.streams import MOST_STREAMS
 from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
 from tests.mosquitto import Certificate
-from tests.web.support import SETTINGS, PageRig, shown_site
+from tests.web.support import PageRig, web_settings
 
 QUICK_S = 0.6
 
@@ -32,7 +31,7 @@ async def served(
     """Serve a page on a free port of loopback."""
     rig = rig or PageRig()
     files = {"cert_file": str(certificate.cert), "key_file": str(certificate.key)} if certificate else {}
-    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users, **files))
+    server = Server(rig.page, web_settings(port=0, **files))
     task = asyncio.create_task(server.run())
     await server.is_open.wait()
     assert server.address is not None
@@ -105,8 +104,8 @@ async def test_ten_thousand_malformed_requests_change_nothing_and_log_nothing(
             await asyncio.gather(*(hit(port, malformed(chance)) for _ in range(20)))
 
         assert await is_well(port)
-        assert rig.access.commands == []
-        assert {login[1] for login in rig.access.logins} <= {"wrong_login"}
+        assert rig.control.commands == []
+        assert set(rig.gateway.logins) <= {"wrong_login"}
         assert len(server._connections) < MOST_CONNECTIONS
     assert errors == []
     assert len(caplog.records) <= 5, [record.getMessage() for record in caplog.records[:9]]
@@ -141,7 +140,7 @@ async def test_a_client_that_never_sends_its_body_or_nothing_at_all_is_cut_off()
 
 @pytest.mark.usefixtures("quick")
 async def test_a_client_that_takes_nothing_of_its_stream_is_cut_off() -> None:
-    rig = PageRig(site=shown_site(*(f"pump-{n}" for n in range(2000))))
+    rig = PageRig(web_settings(*(f"pump-{n}" for n in range(2000))))
     async with served(rig) as (_, server, port):
         sock = socket.socket()
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
@@ -221,7 +220,7 @@ async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
         answer = await exchange(port, head.encode() + both + inner)
 
         assert answer.status in (0, 400)
-        assert rig.access.commands == []
+        assert rig.control.commands == []
 
 
 async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() -> None:
