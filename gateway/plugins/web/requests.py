@@ -5,7 +5,7 @@
 2. What changes something is a POST that comes from the page itself (`require_own_post`): with the page's own
    `Origin`, from no browser that says otherwise (`Sec-Fetch-Site`), as JSON, and with the token of its
    session, which no other page can read. A login alone has no session yet.
-3. The path is matched as the server has unquoted it, once; one with an encoded slash is nobody's.
+3. The path is matched as the server has unquoted it, once; no path has an encoded slash.
 4. Headers of a proxy count only from a configured one.
 """
 
