@@ -126,12 +126,12 @@ class SiteModel:
         return [each.record for each in sorted(found, key=lambda each: each.number)]
 
     def facts(self, starter: str) -> dict[str, Any]:
-        """Return what is known of a starter besides its readings."""
+        """Return what is known of a starter besides its readings; a reload may just have removed it."""
         groups = [name for name, members in self.settings.groups.items() if starter in members]
         info = self.latest.find(InfoRecord.topic_of(starter=starter))
         said = {name: getattr(info, name, None) for name in _FACTS}
         known = {name: value for name, value in said.items() if value is not None}
-        return {**self.settings.starters[starter], "groups": groups, **known}
+        return {**self.settings.starters.get(starter, {}), "groups": groups, **known}
 
     def facts_since(self, since: int) -> dict[str, dict[str, Any]]:
         """Return the facts of starters that have changed since a number."""
