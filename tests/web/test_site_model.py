@@ -96,7 +96,7 @@ def test_a_client_is_sent_what_is_newer_than_it_has_seen_and_what_is_gone() -> N
     assert model.topics(None) == []
 
 
-def test_who_has_missed_messages_is_told_so_and_who_has_seen_all_is_not() -> None:
+def test_a_client_that_has_missed_messages_gets_none_and_is_sent_the_whole_again() -> None:
     model = Shown()
     model.take(event())
     seen = model.now.happened
@@ -129,13 +129,13 @@ def test_results_and_starts_are_sent_as_they_come_and_results_in_a_starters_snap
 def test_the_phases_of_a_command_stand_together_with_what_was_asked() -> None:
     model = Shown()
     model.take(result(Phase.ACCEPTED), decided("accepted"), result(Phase.WRITTEN), result(Phase.CONFIRMED))
-    model.take(result(Phase.ACCEPTED, "b"), result(Phase.ACCEPTED, starter="nobody"))
+    model.take(result(Phase.ACCEPTED, "b"), result(Phase.ACCEPTED, starter="absent"))
 
     first, second = model.commands("pump-1")
     assert [each["phase"] for each in first["phases"]] == ["accepted", "written", "confirmed"]
     assert (first["args"], first["source"]) == ({"n": 1}, "web")
     assert (second["id"], second["source"]) == ("b", "mqtt")
-    assert model.commands("nobody") == []
+    assert model.commands("absent") == []
 
 
 def test_a_stop_without_id_is_another_one_once_the_last_is_over() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from gateway.contract import (
@@ -104,10 +105,11 @@ class SiteModel:
 
         What no longer exists has no record; from the beginning (0) it is left out.
         """
+        of_scope = f"starter/{scope}/"
         changed = [
             (topic, record)
             for topic, record in self.latest.newer_than(since)
-            if (since or record is not None) and _is_shown(topic, scope)
+            if (since or record is not None) and (_is_overview(topic) or topic.startswith(of_scope))
         ]
         changed.reverse()
         return changed
@@ -219,9 +221,10 @@ def _is_of(record: Record, starter: str | None) -> bool:
     return getattr(record, "starter", None) == starter
 
 
-def _is_shown(topic: str, scope: str | None) -> bool:
-    """Return whether a client is sent a topic: what an overview shows, and everything of its starter."""
-    branch, name, *rest = topic.split("/")
-    if branch != "starter" or name == scope:
+@cache  # as many as there are points; a snapshot looks at each
+def _is_overview(topic: str) -> bool:
+    """Return whether every client is sent a topic: what an overview shows."""
+    branch, _, *rest = topic.split("/")
+    if branch != "starter":
         return True
     return rest[0] in _OVERVIEW or (rest[0] == "value" and rest[1] in _OVERVIEW_VALUES)

@@ -71,10 +71,10 @@ def main() -> None:
     """Print the ways; with -v file by file."""
     for what, calls in (("lock", way("lock", args={"reason": "bearing"})), ("start", way("start"))):
         own = {name: count for name, count in calls.items() if not name.startswith(OTHERS)}
+        print(f"{what}: {len(calls)} files, {sum(calls.values())} calls; of these in page, contract and app,")
         print(
-            f"{what}: {len(calls)} files, {sum(calls.values())} calls; without what carries out, stores and"
+            f"  without what carries it out, stores and publishes it: {len(own)} files, {sum(own.values())}"
         )
-        print(f"  publishes it (page, contract, app): {len(own)} files, {sum(own.values())} calls")
         if "-v" in sys.argv:
             print("\n".join(f"  {count:5d}  {name}" for name, count in calls.most_common()))
 
