@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -58,14 +58,17 @@ def _names(layer: list[str]) -> str:
 
 
 def _of(layer: list[str], inside: Mapping[str, list[list[str]]]) -> str:
-    return "<br>".join(_chain(name, inside) for name in layer if f"gateway.{name}" in inside)
+    """Return the layers inside the packages of a layer, and inside the packages of those."""
+    return "<br>".join(_chain(of, inside) for name in layer for of in inside if _is_in(of, name))
 
 
-def _chain(name: str, inside: Mapping[str, list[list[str]]]) -> str:
-    def steps() -> Iterator[str]:
-        yield from (" · ".join(each) for each in inside[f"gateway.{name}"])
+def _is_in(container: str, name: str) -> bool:
+    return f"{container}.".startswith(f"gateway.{name}.")
 
-    return f"{name}: {' > '.join(steps())}"
+
+def _chain(container: str, inside: Mapping[str, list[list[str]]]) -> str:
+    steps = (" · ".join(each) for each in inside[container])
+    return f"{container.rpartition('.')[2]}: {' > '.join(steps)}"
 
 
 if __name__ == "__main__":

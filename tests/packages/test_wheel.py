@@ -41,8 +41,8 @@ def test_the_wheel_holds_the_documentation_the_page_and_the_deploy_kit_and_no_le
 
     for wanted in (
         "gateway/docs_site/index.html",
-        "gateway/plugins/web/static/index.html",
-        "gateway/plugins/web/static/vendor/uPlot.iife.min.js",
+        "gateway/web/static/index.html",
+        "gateway/web/static/vendor/uPlot.iife.min.js",
         "gateway/deploy_kit/INSTALL.md",
         "gateway/deploy_kit/starter-gateway.service",
         "gateway/deploy_kit/starter-gateway-bridge.service",
@@ -67,7 +67,7 @@ def test_what_pip_builds_from_a_checkout_has_plots_and_documentation(tmp_path: P
 
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    vendor = "gateway/plugins/web/static/vendor"
+    vendor = "gateway/web/static/vendor"
     for wanted in (f"{vendor}/uPlot.iife.min.js", f"{vendor}/uPlot.min.css", "gateway/docs_site/index.html"):
         assert wanted in names
         assert not (tree / wanted).exists()  # the checkout stays as it was
@@ -90,5 +90,5 @@ def test_the_installed_wheel_has_its_documentation_and_its_kit(program: Path, tm
 
 def test_the_installed_wheel_can_show_the_demo(program: Path, tmp_path: Path) -> None:
     assert "--plant" in output_of(program, "demo", "--help", folder=tmp_path)
-    imports = "import gateway.cli.demo.demo, gateway.plugins.web.service, gateway.cli.demo.simulate"
+    imports = "import gateway.cli.demo.demo, gateway.plugins.web.page, gateway.cli.demo.simulate"
     subprocess.run([program.parent / "python", "-I", "-c", imports], check=True, cwd=tmp_path, timeout=60.0)

@@ -4,38 +4,49 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any, cast
 from urllib.parse import unquote
 
-from gateway.mqtt.contract.payloads import Payloads
-from gateway.plugins.web.commands import PendingCommands
-
-from gateway.contract import Quality, Record, SequenceNumbers, StateRecord, Topics, ValueRecord
-from gateway.plugins.web.accounts import Accounts
-from gateway.plugins.web.application import WebApp
-from gateway.plugins.web.interface import WebSettings, WebUser
-from gateway.plugins.web.routes import Routes
-from gateway.plugins.web.site_model import ShownSite, SiteModel
+from gateway.contract import (
+    AuditRecord,
+    EventRecord,
+    Latest,
+    Phase,
+    Quality,
+    Record,
+    RecordWriter,
+    ResultRecord,
+    StateRecord,
+    ValueRecord,
+)
+from gateway.errors import StoreError
+from gateway.plugins.web.accounts import Accounts, WebSession
+from gateway.plugins.web.plugin import WebSettings, WebUser
+from gateway.plugins.web.routes import WebApp
+from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import StaticFile
 from gateway.plugins.web.streams import Streams
 from gateway.system.clock_steps import ClockReading
+from tests.config.sites import site
 
 HOST = "127.0.0.1:8480"
 ORIGIN = f"http://{HOST}"
 USER = WebUser("anna", "alice", "line-of-anna")
-SETTINGS = WebSettings(users={"anna": USER})
 
 
-def shown_site(*starters: str, groups: Mapping[str, tuple[str, ...]] | None = None) -> ShownSite:
+def web_settings(*starters: str, **fields: Any) -> WebSettings:
+    """Return settings of a page that shows these starters; Anna may log in."""
     names = starters or ("pump-1", "pump-2")
     facts = {
         name: {"line": "pumps", "address": place, "family": "ssw07", "title": "WEG", "enabled": True}
         for place, name in enumerate(names, 1)
     }
     lines = {"pumps": {"port": "/dev/x", "baud": 19200, "framing": "8E1", "starters": list(names)}}
-    return ShownSite("mcc1", "starters/mcc1", "0.1.0", 1, facts, lines, groups or {})
+    made = WebSettings(config=site(), users={"anna": USER}, starters=facts, lines=lines)
+    return replace(made, **fields)
 
 
 class HandClock:
@@ -55,57 +66,75 @@ class HandClock:
 
 
 @dataclass
-class FakeAccess:
-    """A gateway that records what the page asks of it; a command ends as `ends` says."""
+class FakeControl:
+    """Records what the page commands; a command ends at once as `phases` say."""
 
     commands: list[tuple[str, str, bytes, str, str]] = field(default_factory=list)
-    logins: list[tuple[str, str, str, str, str]] = field(default_factory=list)
     offers: list[dict[str, Any]] = field(default_factory=list)
-    results: PendingCommands | None = None
-    phases: tuple[str, ...] = ("accepted", "confirmed")
-    tokens: int = 0
+    phases: tuple[Phase, ...] = (Phase.ACCEPTED, Phase.CONFIRMED)
 
     def token(self) -> str:
-        return f"token-{self.tokens}"
-
-    def may_start(self, client: str) -> bool:
-        return client == "alice"
+        return "token-0"
 
     def actions(self, starter: str, client: str | None) -> list[dict[str, Any]]:
         return [{**offer, "client": client} for offer in self.offers]
 
-    def submit(
-        self, starter: str, verb: str, body: bytes, *, client: str, user: str, correlation: bytes
-    ) -> None:
-        self.commands.append((starter, verb, body, client, user))
+    async def submit(
+        self, starter: str, verb: str, body: bytes, session: WebSession
+    ) -> AsyncIterator[ResultRecord]:
+        user = session.user
+        self.commands.append((starter, verb, body, user.client, user.name))
+        named: Any = {"starter": starter, "client": user.client, "verb": verb, "id": None}
         for phase in self.phases:
-            assert self.results is not None
-            payload = json.dumps({"phase": phase}).encode()
-            self.results.put(correlation, f"result/{starter}/{client}", payload)
+            yield ResultRecord(**named, phase=phase, code="ok", text="", time_s=0.0)
 
-    def note_login(self, verb: str, code: str, *, user: str, client: str, address: str) -> None:
-        self.logins.append((verb, code, user, client, address))
-
-    async def parameters(self, starter: str) -> list[dict[str, Any]]:
+    def parameters(self, starter: str) -> list[dict[str, Any]]:
         return [{"code": "P314"}]
 
-    async def records(self, starter: str) -> Mapping[str, list[Any]] | None:
+
+@dataclass
+class FakeGateway:
+    """The gateway as the page sees it, commands apart; of its records it holds all."""
+
+    clock: Any
+    published: list[Record] = field(default_factory=list)
+    latest: Latest = field(default_factory=Latest)
+    make_web_server: Any = None
+
+    def __post_init__(self) -> None:
+        self.records = RecordWriter(self, self.clock)
+        self.mqtt = SimpleNamespace(is_connected=lambda: True)
+        self.dispatcher = SimpleNamespace(stopped_s=lambda: 0.0)
+        self.tokens = SimpleNamespace(issue=lambda _: "token-0", made_s=lambda _: 0.0)
+        self.starters: dict[str, Any] = {}
+
+    def put(self, record: Record) -> None:
+        self.published.append(record)
+        self.latest.put(record)
+
+    def publish_event(self, *event: Any) -> None:
+        self.records.event("", *event)
+
+    @property
+    def logins(self) -> list[str]:
+        """Return the code of each login and logout."""
+        return [each.code for each in self.published if isinstance(each, AuditRecord)]
+
+    @property
+    def events(self) -> list[str]:
+        return [each.code for each in self.published if isinstance(each, EventRecord)]
+
+    def plugin(self, name: str) -> None:
         return None
 
-    def metrics(self) -> None:
+    def progress(self) -> Mapping[str, int]:
+        return {}
+
+    def clock_doubt(self) -> None:
         return None
 
-    async def health(self) -> Mapping[str, Any]:
-        return {"lines": {"pumps": True}, "broker": True}
-
-    def about(self) -> dict[str, Any]:
-        return {"clock": {"doubt": None}}
-
-    def diagnostics(self) -> dict[str, Any]:
-        return {"config": {}}
-
-    async def run_tool(self, name: str) -> dict[str, Any]:
-        return {"code": 0, "output": name}
+    async def stored(self, *_: Any) -> Any:
+        raise StoreError("there is no history")
 
 
 @dataclass
@@ -126,59 +155,35 @@ class PageRig:
 
     def __init__(
         self,
-        settings: WebSettings = SETTINGS,
+        settings: WebSettings | None = None,
         *,
-        site: ShownSite | None = None,
         files: Mapping[str, StaticFile] | None = None,
         clock: Any = None,
     ) -> None:
+        settings = settings or web_settings()
         self.clock = clock or HandClock()
-        self.access = FakeAccess()
-        self.model = SiteModel(site or shown_site())
-        self.accounts = Accounts(settings, self.access, self.clock, check=self._check)
-        self.commands = self.access.results = PendingCommands()
-        self.streams = Streams(self.model, self.access, self.clock, is_logged_in=self.accounts.is_logged_in)
-        routes = Routes(
-            model=self.model,
-            access=self.access,
-            accounts=self.accounts,
-            streams=self.streams,
-            commands=self.commands,
-            files=files or {},
-            clock=self.clock,
-        )
-        self.page = WebApp(settings, routes.router)
+        self.gateway = cast("Any", FakeGateway(self.clock))
+        self.control = cast("Any", FakeControl())
+        self.model = SiteModel(settings, self.gateway.latest)
+        self.accounts = Accounts(settings, self.gateway.records, check=self._check)
+        self.streams = Streams(self.model, self.control, self.accounts, self.clock)
+        self.page = WebApp(self.gateway, self.model, self.control, self.accounts, self.streams, files or {})
         self.cookie = self.csrf = ""
-        self._payloads = Payloads(Topics("starters/mcc1"), "boot")
-        self._sequence = SequenceNumbers()
 
-    def publish(self, record: Record) -> bytes:
-        """Publish a record as the gateway does; return its payload."""
-        message = self._payloads.message(record)
-        self.model.publish(message.topic, message.payload, is_retained=message.retain)
+    def publish(self, record: Record) -> None:
+        """Publish a record as the gateway does."""
+        self.gateway.put(record)
         self.model.put(record, self.clock.now_s())
         self.streams.note_change()
-        return message.payload
 
-    def value(self, starter: str, point: str, value: float, quality: Quality = Quality.GOOD) -> bytes:
-        return self.publish(
-            ValueRecord(
-                starter=starter,
-                point=point,
-                value=value,
-                unit="A",
-                quality=quality,
-                time_s=1.0,
-                seq=self._sequence.take(),
-            )
-        )
+    def value(self, starter: str, point: str, value: float, quality: Quality = Quality.GOOD) -> None:
+        seq = self.gateway.records.sequence.take()
+        named = {"starter": starter, "point": point, "unit": "A"}
+        self.publish(ValueRecord(**named, value=value, quality=quality, time_s=1.0, seq=seq))
 
-    def state(self, starter: str, state: str) -> bytes:
-        return self.publish(
-            StateRecord(
-                starter=starter, state=state, quality=Quality.GOOD, time_s=1.0, seq=self._sequence.take()
-            )
-        )
+    def state(self, starter: str, state: str) -> None:
+        seq = self.gateway.records.sequence.take()
+        self.publish(StateRecord(starter=starter, state=state, quality=Quality.GOOD, time_s=1.0, seq=seq))
 
     async def get(self, path: str, **headers: str) -> Answer:
         return await self.ask("GET", path, headers=headers)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from urllib.parse import unquote
+
 import pytest
 
-from gateway.plugins.web.interface import WebSettings
+from gateway.plugins.web.plugin import WebSettings
 from gateway.plugins.web.requests import (
     Caller,
+    WebError,
     caller_of,
     cookie,
-    cross_site,
-    is_json,
     is_own_host,
+    path_in,
+    require_own_post,
     security_headers,
     set_cookie,
     takes_gzip,
 )
+from tests.web.support import web_settings
 
-LOOPBACK = WebSettings()
-PLANT = WebSettings(host="0.0.0.0", hosts=("mcc1.plant",), trusted_proxies=("10.0.0.0/8",))
+LOOPBACK = web_settings()
+PLANT = web_settings(host="0.0.0.0", hosts=("mcc1.plant",), trusted_proxies=("10.0.0.0/8",))
 PAGE = Caller("127.0.0.1", "mcc1.plant:8480", "http")
 
 
@@ -49,30 +55,87 @@ def test_the_page_answers_to_its_own_names_only(settings: WebSettings, host: str
 
 
 def test_an_address_of_version_6_is_compared_in_its_usual_form() -> None:
-    assert is_own_host(WebSettings(host="::1"), "[0:0::1]:8480", local="::1")
-    assert is_own_host(WebSettings(host="::"), "192.0.2.1", local="::ffff:192.0.2.1")
+    assert is_own_host(web_settings(host="::1"), "[0:0::1]:8480", local="::1")
+    assert is_own_host(web_settings(host="::"), "192.0.2.1", local="::ffff:192.0.2.1")
+
+
+OWN = {
+    "origin": "http://mcc1.plant:8480",
+    "sec-fetch-site": "same-origin",
+    "content-type": "application/json",
+    "x-csrf-token": "t0ken",
+}
 
 
 @pytest.mark.parametrize(
-    ("headers", "is_allowed"),
+    ("headers", "refusal"),
     [
-        ({"origin": "http://mcc1.plant:8480", "sec-fetch-site": "same-origin"}, True),
-        ({"origin": "http://mcc1.plant:8480"}, True),
-        ({}, False),
-        ({"sec-fetch-site": "same-origin"}, False),
-        ({"origin": "http://evil.example"}, False),
-        ({"origin": "https://mcc1.plant:8480"}, False),
-        ({"origin": "http://mcc1.plant"}, False),
-        ({"origin": "null"}, False),
-        ({"sec-fetch-site": "cross-site"}, False),
-        ({"sec-fetch-site": "same-site", "origin": "http://mcc1.plant:8480"}, False),
-        ({"sec-fetch-site": "none"}, False),
+        ({}, ""),
+        ({"sec-fetch-site": None}, ""),  # of an old browser
+        ({"content-type": "application/json; charset=utf-8"}, ""),
+        ({"origin": None}, "cross_site"),
+        ({"origin": "http://evil.example"}, "cross_site"),
+        ({"origin": "https://mcc1.plant:8480"}, "cross_site"),
+        ({"origin": "http://mcc1.plant"}, "cross_site"),
+        ({"origin": "null"}, "cross_site"),
+        ({"sec-fetch-site": "cross-site"}, "cross_site"),
+        ({"sec-fetch-site": "same-site"}, "cross_site"),
+        ({"sec-fetch-site": "none"}, "cross_site"),
+        ({"content-type": None}, "no_json"),
+        ({"content-type": "text/plain"}, "no_json"),
+        ({"content-type": "application/x-www-form-urlencoded"}, "no_json"),
+        ({"content-type": "multipart/form-data"}, "no_json"),
+        ({"x-csrf-token": None}, "csrf"),
+        ({"x-csrf-token": "guess"}, "csrf"),
     ],
 )
 def test_what_changes_something_must_come_from_the_page_itself(
-    headers: dict[str, str], is_allowed: bool
+    headers: dict[str, str | None], refusal: str
 ) -> None:
-    assert (cross_site(headers, PAGE) == "") is is_allowed
+    given = {name: value for name, value in {**OWN, **headers}.items() if value is not None}
+    assert refusal_of(Caller("127.0.0.1", "mcc1.plant:8480", "http", given), "t0ken") == refusal
+
+
+def test_without_a_session_nothing_but_a_login_is_done() -> None:
+    caller = replace(PAGE, headers={**OWN, "x-csrf-token": ""})
+
+    assert refusal_of(caller, "") == "login"
+    assert refusal_of(caller, None) == ""
+    assert refusal_of(replace(caller, headers={}), None) == "cross_site"
+
+
+def refusal_of(caller: Caller, csrf: str | None) -> str:
+    try:
+        require_own_post(caller, csrf)
+    except WebError as error:
+        return str(json.loads(error.body)["error"])
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("base", "raw", "path"),
+    [
+        ("/", "/api/v1/command/pump/stop", "/api/v1/command/pump/stop"),
+        ("/", "/api/v1/command/p%75mp/stop", "/api/v1/command/pump/stop"),
+        ("/", "/api/v1/command/p%2575mp/stop", "/api/v1/command/p%75mp/stop"),  # once, not twice
+        ("/", "/api/v1/command/pump%2fstop", None),
+        ("/", "/api/v1/command/pump%2Fstop", None),
+        ("/motors/", "/motors/health", "/health"),
+        ("/motors/", "/motors/", "/"),
+        ("/motors/", "/motors", None),  # sent on to the one with a slash
+        ("/motors/", "/health", "/health"),
+        ("/motors/", "/motorshealth", "/motorshealth"),
+    ],
+)
+def test_a_path_is_unquoted_once_and_counts_below_the_base_path(
+    base: str, raw: str, path: str | None
+) -> None:
+    settings = web_settings(base_path=base)
+    if path is None:
+        with pytest.raises(WebError):
+            path_in(settings, unquote(raw), raw=raw.encode())
+    else:
+        assert path_in(settings, unquote(raw), raw=raw.encode()) == path
 
 
 def test_a_proxy_is_believed_only_when_it_is_named() -> None:
@@ -102,22 +165,19 @@ def test_the_cookie_is_http_only_and_strict_and_with_tls_bound_to_the_host() -> 
 
 
 def test_a_cookie_that_is_there_twice_counts_for_none() -> None:
-    assert cookie({"cookie": "a=1; sid=x; b=2"}, "sid") == "x"
-    assert cookie({"cookie": "sid=x; sid=y"}, "sid") == ""
-    assert cookie({"cookie": "sid=x,sid=y"}, "sid") == ""
-    assert cookie({}, "sid") == ""
-
-
-def test_no_form_of_another_page_can_be_json() -> None:
-    assert is_json({"content-type": "application/json; charset=utf-8"})
-    for form in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data", ""):
-        assert not is_json({"content-type": form})
+    for header, value in (
+        ("a=1; sid=x; b=2", "x"),
+        ("sid=x; sid=y", ""),
+        ("sid=x,sid=y", ""),
+        ("", ""),
+    ):
+        assert cookie(replace(PAGE, headers={"cookie": header})) == value
 
 
 def test_hsts_is_said_with_tls_only() -> None:
     assert b"strict-transport-security" not in dict(security_headers(PAGE))
     assert b"strict-transport-security" in dict(security_headers(Caller("", "", "https")))
-    policy = dict(security_headers(None))[b"content-security-policy"].decode()
+    policy = dict(security_headers(PAGE))[b"content-security-policy"].decode()
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy
     assert "frame-ancestors 'none'" in policy

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 
-from gateway.plugins.web.interface import WebUser
-from gateway.plugins.web.sessions import (
+from gateway.plugins.web.accounts import (
     FREE_FAILURES,
     FREE_OF_ONE,
     IDLE_S,
@@ -17,6 +16,7 @@ from gateway.plugins.web.sessions import (
     LoginLimiter,
     Sessions,
 )
+from gateway.plugins.web.plugin import WebUser
 
 USER = WebUser("anna", "alice", "line")
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from gateway.plugins.web.plugin import NOT_INSTALLED, web_settings_of
+from gateway.plugins.web.plugin import MISSING, settings_of
 from tests.config.sites import site
 from tests.rig import RigPlant
 from tests.rig.sites import ALICE, SSW07, WEB
@@ -25,16 +27,15 @@ def test_the_gateway_itself_imports_neither_web_server_nor_prometheus() -> None:
     assert found.stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("place", ["SiteModel.put", "SiteModel.publish"])
-def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_anew(
-    place: str, monkeypatch: pytest.MonkeyPatch
+def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_again(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("ordered")
 
     with RigPlant(SSW07 + ALICE + WEB) as plant:
         plant.run(until=5.0)
-        monkeypatch.setattr(f"gateway.plugins.web.site_model.{place}", fail)
+        monkeypatch.setattr("gateway.plugins.web.site_model.SiteModel.put", fail)
         plant.run(until=5.5)
         plant.command("pump/alice/stop")
         plant.run(until=6.0)
@@ -56,16 +57,17 @@ def test_missing_packages_are_an_event_and_nothing_else(monkeypatch: pytest.Monk
         plant.run(until=60.0)
 
         (event,) = [each.json for each in plant.messages("gateway/event") if each.json["code"] == "web_away"]
-        assert event["text"] == NOT_INSTALLED
+        assert event["text"] == MISSING.text
         assert plant.last("starter/pump/availability")["state"] == "online"
 
 
 def test_settings_are_plain_values_with_paths_below_the_configurations_folder() -> None:
     config = site((TABLE, f'[web]\ncert_file = "c.pem"\nkey_file = "/k.pem"\nbase_path = "/x"\n{TABLE}'))
-    assert config.web is not None
+    read: Any = SimpleNamespace(config=config, folder=Path("/etc/gw"), path=None, computed={})
 
-    settings = web_settings_of(config.web, Path("/etc/gw"))
+    settings = settings_of(read)
 
+    assert settings is not None
     assert (settings.cert_file, settings.key_file) == ("/etc/gw/c.pem", "/k.pem")
     assert settings.url == "https://127.0.0.1:8480/x/"
     assert settings.is_tls

@@ -1,31 +1,149 @@
-"""Who is logged in to the page: passwords checked one at a time in a thread, each attempt in the audit."""
+"""Who is logged in to the page: sessions, how often a wrong password may be tried, and the audit of both.
+
+A session's secret is 256 bits, of which only the SHA-256 is stored here. Passwords are checked one at a time,
+in a thread.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import logging
 import math
+import secrets
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from gateway.contract import rfc3339
-from gateway.plugins.web.interface import GatewayAccess, WebSettings
-from gateway.plugins.web.requests import Caller, cookie, cookie_name, set_cookie
-from gateway.plugins.web.sessions import IDLE_S, LoginLimiter, Sessions, WebSession
-from gateway.system.clock import Clock
+from gateway.config.convert import rights_of
+from gateway.contract import AuditRecord, RecordWriter, rfc3339
+from gateway.plugins.web.plugin import WebSettings, WebUser
+from gateway.plugins.web.requests import Caller, WebError, busy, cookie, set_cookie
 from gateway.system.password_hash import MAX_PASSWORD_BYTES, is_password, unmatched_line
+
+log = logging.getLogger(__name__)
+
+WEB = "web"  # the source of commands and logins in the audit
+
+IDLE_S = 1800.0  # of those who may start a motor
+LONGEST_S = 12 * 3600.0
+MOST_SESSIONS = 64  # the one that was used longest ago ends for a new one
 
 MOST_WAITING = 4  # logins that wait for their check
 BUSY_S = 2
+FREE_FAILURES = 5  # wrong passwords for a login from one address without a wait; then it doubles
+LONGEST_WAIT_S = 300.0
+FREE_OF_ONE = 20  # the same for a login from any address, and for any login from an address
+LONGEST_OF_ONE_S = 2.0
+MOST_KEYS = 1024  # addresses and logins of which failures are remembered
+_Key = tuple[str | None, str | None]  # login, address; None: any
 
 
-@dataclass(frozen=True, slots=True)
-class LoginOutcome:
-    """A session with its secret, or how long to wait; neither: wrong."""
+@dataclass(slots=True)
+class WebSession:
+    """One login."""
 
-    session: WebSession | None = None
-    secret: str = field(default="", repr=False)
-    wait_s: int = 0
+    key: str  # SHA-256 of the secret
+    user: WebUser  # as it was at the login: with another password or operator the session ends
+    csrf: str
+    is_idle_limited: bool  # the user may start motors
+    begun_s: float
+    used_s: float
+
+    def is_over(self, now_s: float) -> bool:
+        """Return whether it has ended by time."""
+        is_idle = self.is_idle_limited and now_s - self.used_s > IDLE_S
+        return is_idle or now_s > self.ends_s
+
+    @property
+    def ends_s(self) -> float:
+        """Return when it ends at the latest, used or not."""
+        return self.begun_s + LONGEST_S
+
+
+class Sessions:
+    """All sessions of this run."""
+
+    def __init__(self) -> None:
+        self._sessions: OrderedDict[str, WebSession] = OrderedDict()  # by key, the latest used last
+
+    def open(self, user: WebUser, *, is_idle_limited: bool, now_s: float) -> tuple[str, WebSession]:
+        """Begin a session; return its secret, which is not stored, and the session."""
+        while len(self._sessions) >= MOST_SESSIONS:
+            self._sessions.popitem(last=False)
+        secret, csrf = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
+        session = WebSession(key_of(secret), user, csrf, is_idle_limited, now_s, now_s)
+        self._sessions[session.key] = session
+        return secret, session
+
+    def find(self, secret: str, *, now_s: float, is_use: bool = True) -> WebSession | None:
+        """Return the session of this secret; using it counts against its idle time."""
+        session = self.by_key(key_of(secret), now_s=now_s)
+        if session is not None and is_use:
+            session.used_s = now_s
+            self._sessions.move_to_end(session.key)
+        return session
+
+    def by_key(self, key: str, *, now_s: float) -> WebSession | None:
+        """Return a session that has not ended."""
+        session = self._sessions.get(key)
+        if session is not None and session.is_over(now_s):
+            del self._sessions[key]
+            return None
+        return session
+
+    def end(self, key: str) -> None:
+        """End a session, if there is one."""
+        self._sessions.pop(key, None)
+
+    def keep_users(self, users: Mapping[str, WebUser]) -> None:
+        """End the sessions of users that were removed or have another password or operator."""
+        for key, session in tuple(self._sessions.items()):
+            if users.get(session.user.name) != session.user:
+                del self._sessions[key]
+
+
+def key_of(secret: str) -> str:
+    """Return what a session is found by."""
+    return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
+
+
+class LoginLimiter:
+    """How long a login waits at an address after wrong passwords for it from there.
+
+    A login from anywhere, and an address with any login, wait a moment at most: others are not shut out.
+    """
+
+    def __init__(self) -> None:
+        self._failures: OrderedDict[_Key, tuple[int, float]] = OrderedDict()  # count, until when
+
+    def wait_s(self, user: str, address: str, *, now_s: float) -> float:
+        """Return how long this login may not be tried from this address; 0 when it may."""
+        return max(0.0, *(self._failures.get(key, (0, now_s))[1] - now_s for key in _limits(user, address)))
+
+    def failed(self, user: str, address: str, *, now_s: float) -> None:
+        """Count a wrong password."""
+        for key, (free, longest_s) in _limits(user, address).items():
+            count = self._failures.pop(key, (0, 0.0))[0] + 1
+            wait_s = min(2.0 ** (count - free), longest_s) if count >= free else 0.0
+            self._failures[key] = min(count, 64), now_s + wait_s
+            while len(self._failures) > MOST_KEYS:
+                self._failures.popitem(last=False)
+
+    def succeeded(self, user: str, address: str) -> None:
+        """Forget what was wrong before the right password came."""
+        for key in _limits(user, address):
+            self._failures.pop(key, None)
+
+
+def _limits(user: str, address: str) -> dict[_Key, tuple[int, float]]:
+    """Return what counts for this login from this address: passwords without a wait, and the longest wait."""
+    return {
+        (user, address): (FREE_FAILURES, LONGEST_WAIT_S),
+        (user, None): (FREE_OF_ONE, LONGEST_OF_ONE_S),
+        (None, address): (FREE_OF_ONE, LONGEST_OF_ONE_S),
+    }
 
 
 class Accounts:
@@ -34,46 +152,46 @@ class Accounts:
     def __init__(
         self,
         settings: WebSettings,
-        access: GatewayAccess,
-        clock: Clock,
+        records: RecordWriter,
         *,
         check: Callable[[str, str], bool] = is_password,
     ) -> None:
         self._settings = settings
-        self._access = access
-        self._clock = clock
+        self._records = records
+        self._clock = records.clock
         self._check = check
         self._sessions = Sessions()
         self._limiter = LoginLimiter()
         self._one_at_a_time = asyncio.Lock()
         self._waiting = 0
 
-    def move(self, settings: WebSettings) -> None:
+    def reconfigure(self, settings: WebSettings) -> None:
         """Know other users from now on; sessions of those that are no longer the same end."""
         self._settings = settings
         self._sessions.keep_users(settings.users)
 
-    def session(
-        self, headers: Mapping[str, str], caller: Caller, *, is_use: bool = True
-    ) -> WebSession | None:
+    def session(self, caller: Caller, *, is_use: bool = True) -> WebSession | None:
         """Return the login that a request carries; None for none."""
-        secret = cookie(headers, cookie_name(caller))
-        if not secret:
-            return None
-        return self._sessions.find(secret, now_s=self._clock.now_s(), is_use=is_use)
+        secret = cookie(caller)
+        return self._sessions.find(secret, now_s=self._clock.now_s(), is_use=is_use) if secret else None
 
-    def is_logged_in(self, key: str) -> bool:
+    def is_logged_in(self, session: WebSession) -> bool:
         """Return whether a session has not ended."""
-        return self._sessions.by_key(key, now_s=self._clock.now_s()) is not None
+        return self._sessions.by_key(session.key, now_s=self._clock.now_s()) is not None
 
-    async def log_in(self, user: object, password: object, caller: Caller) -> LoginOutcome:
-        """Check a password; each attempt takes the same time, whatever is wrong with it."""
+    async def log_in(self, user: object, password: object, caller: Caller) -> tuple[str, WebSession]:
+        """Check a password and begin a session, or raise WebError.
+
+        Each attempt takes the same time, whatever is wrong with it.
+        """
         name = user if isinstance(user, str) else ""
         tried = name[:64], caller.address
         now_s = self._clock.now_s()
         wait_s = self._limiter.wait_s(*tried, now_s=now_s)
         if wait_s > 0 or self._waiting >= MOST_WAITING:
-            return LoginOutcome(wait_s=math.ceil(wait_s) or BUSY_S)
+            pause_s = math.ceil(wait_s) or BUSY_S
+            text = f"too many wrong passwords; wait {pause_s} s"
+            raise busy(text, pause_s, status=429, code="too_many_logins")
         known = self._settings.users.get(name)
         line = unmatched_line() if known is None else known.password_line
         is_text = isinstance(password, str) and len(password) <= MAX_PASSWORD_BYTES
@@ -81,20 +199,19 @@ class Accounts:
         is_right = await self._checked(str(password) if is_text else "-", line)
         is_same = self._settings.users.get(name) == known  # else a reload has changed the user meanwhile
         if not is_right or not is_text or known is None or not is_same:
-            who = ("", "") if known is None else (name, known.client)
-            self._note("login", "wrong_login", *who, caller)
-            return LoginOutcome()
+            self._note("login", "wrong_login", known, caller)
+            raise WebError(401, "wrong_login", "the user or the password is wrong")
         self._limiter.succeeded(*tried)
-        secret, session = self._sessions.open(
-            known, is_idle_limited=self._access.may_start(known.client), now_s=self._clock.now_s()
+        opened = self._sessions.open(
+            known, is_idle_limited=self._may_start(known.client), now_s=self._clock.now_s()
         )
-        self._note("login", "ok", known.name, known.client, caller)
-        return LoginOutcome(session, secret)
+        self._note("login", "ok", known, caller)
+        return opened
 
     def log_out(self, session: WebSession, caller: Caller) -> None:
         """End a session."""
         self._sessions.end(session.key)
-        self._note("logout", "ok", session.user, session.client, caller)
+        self._note("logout", "ok", session.user, caller)
 
     def cookie(self, caller: Caller, secret: str) -> str:
         """Return the Set-Cookie header of a login, or of its end."""
@@ -106,13 +223,12 @@ class Accounts:
         if session is None:
             empty = dict.fromkeys(("user", "client", "csrf", "idle_s", "ends"))
             return {**empty, "logins": has_logins}
-        ends_s = self._clock.utc_s(session.ends_s()) if session.ends_s() else None
         return {
-            "user": session.user,
-            "client": session.client,
+            "user": session.user.name,
+            "client": session.user.client,
             "csrf": session.csrf,
             "idle_s": IDLE_S if session.is_idle_limited else None,
-            "ends": rfc3339(ends_s),
+            "ends": rfc3339(self._clock.utc_s(session.ends_s)),
             "logins": has_logins,
         }
 
@@ -124,5 +240,32 @@ class Accounts:
         finally:
             self._waiting -= 1
 
-    def _note(self, verb: str, code: str, user: str, client: str, caller: Caller) -> None:
-        self._access.note_login(verb, code, user=user, client=client, address=caller.address)
+    def _may_start(self, client: str) -> bool:
+        """Return whether an operator may start any motor."""
+        rights = rights_of(self._settings.config)
+        return any(
+            rights.is_allowed(client, verb=verb, starter=starter)
+            for starter in self._settings.starters
+            for verb in ("start", "jog")
+        )
+
+    def _note(self, verb: str, code: str, user: WebUser | None, caller: Caller) -> None:
+        """Record a login, a refused one, or a logout in the audit and the log."""
+        name, client = ("", "") if user is None else (user.name, user.client)
+        address = caller.address
+        log.info("web %s: user=%s client=%s address=%s %s", verb, name or "unknown", client, address, code)
+        self._records.put(
+            AuditRecord(
+                starter="",
+                client=client,
+                operator=name or None,
+                verb=verb,
+                args={"address": address},
+                decision="confirmed" if code == "ok" else "rejected",
+                code=code,
+                time_s=self._clock.utc_s(),
+                seq=self._records.sequence.take(),
+                boot=self._records.boot,
+                source=WEB,
+            )
+        )

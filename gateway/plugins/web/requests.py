@@ -2,9 +2,11 @@
 
 1. The name by which the page is called must be its own (DNS rebinding): an address of the connection,
    localhost, or a configured name.
-2. What changes something must come from the page itself: POST, JSON, `Origin` equal to the page, and no
-   browser that says otherwise (`Sec-Fetch-Site`).
-3. Headers of a proxy count only from a configured one.
+2. What changes something is a POST that comes from the page itself (`require_own_post`): with the page's own
+   `Origin`, from no browser that says otherwise (`Sec-Fetch-Site`), as JSON, and with the token of its
+   session, which no other page can read. A login alone has no session yet.
+3. The path is matched as the server has unquoted it, once; no path has an encoded slash.
+4. Headers of a proxy count only from a configured one.
 """
 
 from __future__ import annotations
@@ -12,11 +14,13 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import re
+import secrets
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
-from gateway.plugins.web.interface import WebSettings
+from gateway.contract import encoded
+from gateway.plugins.web.plugin import WebSettings
 
 Header = tuple[bytes, bytes]
 
@@ -28,6 +32,21 @@ MAX_HEADER_BYTES = 8192
 _WEIGHT = re.compile(r"[01](\.\d{0,3})?", re.ASCII)
 
 
+class WebError(Exception):
+    """An answer that says what is wrong."""
+
+    def __init__(self, status: int, code: str, text: str, headers: Mapping[str, str] | None = None) -> None:
+        super().__init__(text)
+        self.status = status
+        self.headers = headers or {}
+        self.body = encoded({"error": code, "text": text})
+
+
+def busy(text: str, retry_s: int, *, status: int = 503, code: str = "busy") -> WebError:
+    """Return the refusal of what may be tried again later."""
+    return WebError(status, code, text, {"Retry-After": str(retry_s)})
+
+
 @dataclass(frozen=True, slots=True)
 class Caller:
     """Who asks, and by which name and scheme the browser sees the page."""
@@ -35,11 +54,16 @@ class Caller:
     address: str  # of the browser, as far as a trusted proxy says so
     host: str  # as in the Host header, perhaps with a port
     scheme: str  # http or https
+    headers: Mapping[str, str] = field(default_factory=dict, compare=False)  # by lower-case name
 
     @property
     def is_tls(self) -> bool:
         """Return whether the browser speaks TLS, to the page or to its proxy."""
         return self.scheme == "https"
+
+    def header(self, name: str) -> str:
+        """Return a header; empty when it is not there."""
+        return self.headers.get(name, "")
 
 
 def headers_of(headers: Iterable[Header]) -> dict[str, str]:
@@ -55,13 +79,13 @@ def caller_of(settings: WebSettings, headers: Mapping[str, str], *, peer: str, s
     """Return who asks; what a proxy adds counts only when `peer` is a trusted one."""
     host = headers.get("host", "")
     if not is_trusted(settings.trusted_proxies, peer):
-        return Caller(peer, host, scheme)
+        return Caller(peer, host, scheme, headers)
     forwarded = [each.strip() for each in headers.get("x-forwarded-for", "").split(",") if each.strip()]
     strangers = [each for each in reversed(forwarded) if not is_trusted(settings.trusted_proxies, each)]
     address = strangers[0] if strangers and _is_address(strangers[0]) else peer
     proto = headers.get("x-forwarded-proto", scheme).strip().lower()
     scheme = proto if proto in ("http", "https") else scheme
-    return Caller(address, headers.get("x-forwarded-host", host).strip(), scheme)
+    return Caller(address, headers.get("x-forwarded-host", host).strip(), scheme, headers)
 
 
 def is_trusted(proxies: Sequence[str], peer: str) -> bool:
@@ -84,35 +108,65 @@ def is_own_host(settings: WebSettings, host: str, *, local: str) -> bool:
     return name in ("localhost", *names)
 
 
-def cross_site(headers: Mapping[str, str], caller: Caller) -> str:
-    """Return why a request that changes something does not come from the page itself; empty when it may."""
-    site = headers.get("sec-fetch-site", "same-origin").strip().lower()
+def require_whole_head(caller: Caller, *, size: int) -> None:
+    """Raise WebError for a head that is too long, or that a proxy may read in another way."""
+    if size > MAX_HEADER_BYTES:
+        raise WebError(431, "too_big", f"the head of the request has more than {MAX_HEADER_BYTES} bytes")
+    if caller.header("transfer-encoding") and caller.header("content-length"):
+        text = "Transfer-Encoding and Content-Length: a proxy may see another request in it"
+        raise WebError(400, "two_lengths", text, {"Connection": "close"})
+
+
+def path_in(settings: WebSettings, path: str, *, raw: bytes) -> str:
+    """Return the path below the base path; `path` is `raw` unquoted."""
+    if b"%2f" in raw.lower():
+        raise WebError(404, "not_found", "no path of this page has an encoded slash")
+    base = settings.base_path.rstrip("/")
+    if path == base and base:
+        raise WebError(308, "moved", f"the page is at {base}/", {"Location": f"{base}/"})
+    return path.removeprefix(base) if path.startswith(f"{base}/") else path
+
+
+def require_own_post(caller: Caller, csrf: str | None) -> None:
+    """Raise WebError for a POST that does not come from the page itself.
+
+    `csrf` is the token of the session that it carries; empty where it carries none, None for a login.
+    """
+    site = caller.headers.get("sec-fetch-site", "same-origin").strip().lower()
     if site != "same-origin":
-        return f"the browser says that it comes from {site[:20]}, not from this page"
-    if headers.get("origin", "").strip().lower() != f"{caller.scheme}://{caller.host}".lower():
-        return "its Origin is not this page; behind a proxy, name it in trusted_proxies and hand Host on"
-    return ""
+        text = f"the browser says that it comes from {site[:20]}, not from this page"
+        raise WebError(403, "cross_site", text)
+    if caller.header("origin").strip().lower() != f"{caller.scheme}://{caller.host}".lower():
+        text = "its Origin is not this page; behind a proxy, name it in trusted_proxies and hand Host on"
+        raise WebError(403, "cross_site", text)
+    # No form of another page can say that it is JSON.
+    if caller.header("content-type").split(";")[0].strip().lower() != "application/json":
+        raise WebError(415, "no_json", "send Content-Type: application/json")
+    if csrf is None:
+        return
+    if not csrf:
+        raise WebError(401, "login", "log in first")
+    if not secrets.compare_digest(csrf.encode(), caller.header("x-csrf-token").encode("latin-1", "replace")):
+        raise WebError(403, "csrf", "X-CSRF-Token is not this session's; load the page again")
 
 
-def scrape_refusal(headers: Mapping[str, str], caller: Caller, token: str | None) -> str:
-    """Return why a scrape is not answered; empty when it may be.
+def require_scrape(caller: Caller, token: str | None) -> None:
+    """Raise WebError for a scrape that is not answered.
 
     With a token that alone counts, wherever the scrape comes from. Without one it must come from this machine
     or by TLS: what the page shows then crosses no network unencrypted.
     """
     if token is not None:
-        scheme, _, given = headers.get("authorization", "").partition(" ")
+        scheme, _, given = caller.header("authorization").partition(" ")
         is_right = hmac.compare_digest(given.strip().encode("utf-8", "replace"), token.encode("utf-8"))
-        return "" if scheme.lower() == "bearer" and is_right else "send Authorization: Bearer TOKEN"
+        if scheme.lower() != "bearer" or not is_right:
+            raise WebError(401, "scrape", "send Authorization: Bearer TOKEN")
+        return
     is_address = _is_address(caller.address)
-    if caller.is_tls or (is_address and ipaddress.ip_address(_plain(caller.address)).is_loopback):
-        return ""
-    return "from other machines by TLS only, or with token_file in [metrics]"
-
-
-def is_json(headers: Mapping[str, str]) -> bool:
-    """Return whether a body calls itself JSON, which no form of another page can."""
-    return headers.get("content-type", "").split(";")[0].strip().lower() == "application/json"
+    is_local = is_address and ipaddress.ip_address(_plain(caller.address)).is_loopback
+    if not (caller.is_tls or is_local):
+        text = "from other machines by TLS only, or with token_file in [metrics]"
+        raise WebError(403, "scrape", text)
 
 
 def takes_gzip(accepted: str) -> bool:
@@ -125,11 +179,12 @@ def takes_gzip(accepted: str) -> bool:
     return weights.get("gzip", weights.get("x-gzip", weights.get("*", 0.0))) > 0.0
 
 
-def cookie(headers: Mapping[str, str], name: str) -> str:
-    """Return a cookie's value; empty when it is not there, or there twice."""
+def cookie(caller: Caller) -> str:
+    """Return the session cookie's value; empty when it is not there, or there twice."""
+    name = cookie_name(caller)
     values = [
         value.strip()
-        for each in headers.get("cookie", "").replace(",", ";").split(";")
+        for each in caller.header("cookie").replace(",", ";").split(";")
         for key, sign, value in [each.partition("=")]
         if sign and key.strip() == name
     ]
@@ -148,7 +203,7 @@ def set_cookie(caller: Caller, secret: str, *, base_path: str) -> str:
     return f"{cookie_name(caller)}={secret}; Path={path}; HttpOnly; SameSite=Strict{secure}{ended}"
 
 
-def security_headers(caller: Caller | None) -> list[Header]:
+def security_headers(caller: Caller) -> list[Header]:
     """Return what every answer says, whatever it is."""
     headers = [
         (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
@@ -159,7 +214,7 @@ def security_headers(caller: Caller | None) -> list[Header]:
         (b"cross-origin-resource-policy", b"same-origin"),
         (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
     ]
-    if caller is not None and caller.is_tls:
+    if caller.is_tls:
         headers.append((b"strict-transport-security", b"max-age=31536000"))
     return headers
 

@@ -1,4 +1,4 @@
-"""The page's answers, by path; `application` has judged the request before."""
+"""The page as an ASGI application: it judges each request by the rules of `requests`, then answers it."""
 
 from __future__ import annotations
 
@@ -6,275 +6,333 @@ import asyncio
 import csv
 import gzip
 import io
-import json
+import logging
 import re
-import secrets
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
-from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
-from starlette.routing import Route, Router
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.contract import MAX_PAYLOAD_BYTES, read_object, rfc3339
-from gateway.plugins.web.accounts import Accounts
-from gateway.plugins.web.interface import GatewayAccess, ToolBusyError, dumps
+from gateway.contract import (
+    MAX_PAYLOAD_BYTES,
+    Record,
+    StartRecord,
+    TripRecord,
+    encoded,
+    read_object,
+    rfc3339,
+)
+from gateway.errors import StoreError
+from gateway.plugins.interface import Gateway
+from gateway.plugins.web import diagnosis
+from gateway.plugins.web.accounts import Accounts, WebSession
+from gateway.plugins.web.control import Control
 from gateway.plugins.web.plots import HOUR_STEP_S, SPARK_SLOTS, SPARK_STEP_S, numbers, thinned
-from gateway.plugins.web.requests import Caller, scrape_refusal, takes_gzip
-from gateway.plugins.web.sessions import WebSession
+from gateway.plugins.web.requests import (
+    Caller,
+    WebError,
+    busy,
+    caller_of,
+    headers_of,
+    is_own_host,
+    path_in,
+    require_own_post,
+    require_scrape,
+    require_whole_head,
+    security_headers,
+    takes_gzip,
+)
 from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import INDEX, StaticFile
-from gateway.plugins.web.streams import EventStream, Stream, Streams, unhurried
-from gateway.system.clock import Clock
+from gateway.plugins.web.streams import Stream, Streams, topic_pair, unhurried
 
+log = logging.getLogger(__name__)
+
+API = "/api/v1"
+LOGIN = f"{API}/login"
+NAME = "([^/]+)"
 BUSY_RETRY_S = 5
 ANSWER_WITHIN_S = 10.0  # a command's request: then the phases so far
 METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
+MOST_STARTS = 50  # in an answer; of older ones those with samples
+MOST_TRIPS = 20
+_CURVES = ("curve", "baseline_curve")
 _VERB = re.compile(r"[a-z_]{1,32}", re.ASCII)
+_COLUMNS = ("severity", "code", "text", "client", "verb", "decision", "id")
+
+Answer = Callable[..., Awaitable[ASGIApp]]
+Answers = Mapping[str, Answer]  # by path, whose groups are arguments
 
 
-class WebError(HTTPException):
-    """An answer that says what is wrong."""
+class WebApp:
+    """What the page answers on which path; all state is in what it is given."""
 
-    def __init__(self, status: int, code: str, text: str, *, retry_s: int | None = None) -> None:
-        headers = None if retry_s is None else {"Retry-After": str(retry_s)}
-        super().__init__(status, json.dumps({"error": code, "text": text}), headers)
-
-
-@dataclass(eq=False)
-class Routes:
-    """What the page answers on which path; all state is what it is given."""
-
-    model: SiteModel
-    access: GatewayAccess
-    accounts: Accounts
-    streams: Streams
-    files: Mapping[str, StaticFile]
-    clock: Clock
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        gateway: Gateway,
+        model: SiteModel,
+        control: Control,
+        accounts: Accounts,
+        streams: Streams,
+        files: Mapping[str, StaticFile],
+    ) -> None:
+        self._gateway = gateway
+        self._model = model
+        self._control = control
+        self._accounts = accounts
+        self._streams = streams
+        self._files = files
+        self._tools = diagnosis.Tools()
         self._one_at_a_time = asyncio.Lock()  # what takes long for many starters
-        self.router = Router(self._routes(), redirect_slashes=False)
-
-    def _routes(self) -> list[Route]:
-        api = "/api/v1"
-        gets: dict[str, Callable[[Request], Awaitable[Response | EventStream]]] = {
+        self._gets: Answers = {
             "/": self._index,
-            "/static/{name:path}": self._static,
+            "/static/(.+)": self._file,
             "/health": self._health,
             "/metrics": self._metrics,
-            f"{api}/session": self._session,
-            f"{api}/state": self._state,
-            f"{api}/events": self._events,
-            f"{api}/starter/{{name}}": self._starter,
-            f"{api}/starter/{{name}}/history": self._history,
-            f"{api}/starter/{{name}}/parameters": self._parameters,
-            f"{api}/gateway": self._gateway,
-            f"{api}/sparks": self._sparks,
-            f"{api}/events.csv": self._csv,
-            f"{api}/diagnostics.json": self._diagnostics,
+            f"{API}/session": self._session,
+            f"{API}/state": self._state,
+            f"{API}/events": self._events,
+            f"{API}/starter/{NAME}": self._starter,
+            f"{API}/starter/{NAME}/history": self._history,
+            f"{API}/starter/{NAME}/parameters": self._parameters,
+            f"{API}/gateway": self._about,
+            f"{API}/sparks": self._sparks,
+            rf"{API}/events\.csv": self._csv,
+            rf"{API}/diagnostics\.json": self._diagnostics,
         }
-        posts: dict[str, Callable[[Request], Awaitable[Response]]] = {
-            f"{api}/login": self._login,
-            f"{api}/logout": self._logout,
-            f"{api}/command/{{starter}}/{{verb}}": self._command,
-            f"{api}/check": self._tool,
-            f"{api}/doctor": self._tool,
+        self._posts: Answers = {
+            LOGIN: self._login,
+            f"{API}/logout": self._logout,
+            f"{API}/command/{NAME}/{NAME}": self._command,
+            f"{API}/check": self._tool,
+            f"{API}/doctor": self._tool,
         }
-        routes = [Route(path, answer, methods=["GET"]) for path, answer in gets.items()]
-        return routes + [Route(path, answer, methods=["POST"]) for path, answer in posts.items()]
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request; whatever fails in it is logged and answered 500."""
+        peer = (scope.get("client") or ("", 0))[0]
+        headers = headers_of(scope["headers"])
+        caller = caller_of(self._model.settings, headers, peer=peer, scheme=scope["scheme"])
+        scope["caller"] = caller
+        is_begun = False
+
+        async def outgoing(message: Message) -> None:
+            nonlocal is_begun
+            if message["type"] == "http.response.start":
+                is_begun = True
+                message["headers"] = [*message.get("headers", ()), *security_headers(caller)]
+            await send(message)
+
+        try:
+            answer = await self._answer(Request(scope, receive), caller)
+            await answer(scope, receive, outgoing)
+        except WebError as refusal:
+            await _refused(refusal)(scope, receive, outgoing)
+        except ClientDisconnect:
+            return  # there is no client left to answer
+        except Exception:  # the guard at the request's top
+            log.exception("a request to the page failed by a bug")
+            if is_begun:
+                raise
+            failed = WebError(500, "internal", "an error inside the gateway; see its log")
+            await _refused(failed)(scope, receive, outgoing)
+
+    async def _answer(self, request: Request, caller: Caller) -> ASGIApp:
+        """Return the answer to a request; WebError for one that must not be answered."""
+        scope, settings = request.scope, self._model.settings
+        size = sum(len(name) + len(value) + 4 for name, value in scope["headers"])
+        require_whole_head(caller, size=size + len(scope["raw_path"]) + len(scope["query_string"]))
+        if not is_own_host(settings, caller.host, local=(scope.get("server") or ("", 0))[0]):
+            raise WebError(421, "host", "the page is not called by this name; add it to hosts in [web]")
+        path = path_in(settings, scope["path"], raw=scope["raw_path"])
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            raise WebError(405, "method", "GET, HEAD and POST are known")
+        if scope["method"] != "POST":
+            answer, names = _found(path, self._gets, self._posts)
+            return await answer(request, *names)
+        session = self._accounts.session(caller, is_use=False)  # a forged POST must not prolong it
+        csrf = session.csrf if session else ""
+        require_own_post(caller, None if path == LOGIN else csrf)
+        answer, names = _found(path, self._posts, self._gets)
+        return await answer(request, await _body(request), self._accounts.session(caller), *names)
 
     # What is seen
 
     async def _index(self, request: Request) -> Response:
-        return self._file(request, INDEX)
+        return await self._file(request, INDEX)
 
-    async def _static(self, request: Request) -> Response:
-        return self._file(request, request.path_params["name"])
-
-    def _file(self, request: Request, name: str) -> Response:
-        file = self.files.get(name)
+    async def _file(self, request: Request, name: str) -> Response:
+        file, caller = self._files.get(name), _caller(request)
         if file is None:
             raise WebError(404, "not_found", "there is no such file")
         headers = {"etag": file.etag, "cache-control": "no-cache", "vary": "Accept-Encoding"}
-        if file.etag in [each.strip() for each in _header(request, "if-none-match").split(",")]:
+        if file.etag in [each.strip() for each in caller.header("if-none-match").split(",")]:
             return Response(status_code=304, headers=headers)
         content = file.content
-        if file.compressed is not None and takes_gzip(_header(request, "accept-encoding")):
+        if file.compressed is not None and takes_gzip(caller.header("accept-encoding")):
             content = file.compressed
             headers["content-encoding"] = "gzip"
         return Response(content, media_type=file.media_type, headers=headers)
 
     async def _health(self, _: Request) -> Response:
-        status = self.model.payload("gateway/status") or {"state": "unknown"}
-        health = await self.access.health()
-        is_well = status["state"] in ("online", "degraded") and all(health["lines"].values())
-        return _json({"state": status["state"], **health}, status=200 if is_well else 503)
+        is_well, about = await diagnosis.health(self._gateway)
+        return _json(encoded(about), status=200 if is_well else 503)
 
     async def _metrics(self, request: Request) -> Response:
-        metrics = self.access.metrics()
+        metrics: Any = self._gateway.plugin("metrics")
         if metrics is None:
             raise WebError(404, "no_metrics", "there is no [metrics] in the configuration, or it has failed")
-        reason = scrape_refusal(_headers(request), _caller(request), metrics.token)
-        if reason:
-            raise WebError(403 if metrics.token is None else 401, "scrape", reason)
+        require_scrape(_caller(request), metrics.token)
         text, headers = await metrics.text(), {"cache-control": "no-store", "vary": "Accept-Encoding"}
-        if takes_gzip(_header(request, "accept-encoding")):
+        if takes_gzip(_caller(request).header("accept-encoding")):
             text = await asyncio.to_thread(gzip.compress, text, GZIP_LEVEL)
             headers["content-encoding"] = "gzip"
         return Response(text, media_type=METRICS_TYPE, headers=headers)
 
+    async def _session(self, request: Request) -> Response:
+        return _json(encoded(self._accounts.as_data(self._accounts.session(_caller(request)))))
+
     async def _state(self, request: Request) -> Response:
         stream = self._new_stream(request)
-        etag = f'"{self.model.gen}"'
-        if _header(request, "if-none-match") == etag:
+        etag = f'"{self._model.now.gen}"'
+        if _caller(request).header("if-none-match") == etag:
             return Response(status_code=304, headers={"etag": etag})
         content = bytearray()
         async with self._one_at_a_time:
-            async for piece in unhurried(self.streams.snapshot(stream)):
+            async for piece in unhurried(self._streams.snapshot(stream)):
                 content += piece
-        return _encoded(bytes(content), {"etag": etag})
+        return _json(bytes(content), {"etag": etag})
 
-    async def _events(self, request: Request) -> EventStream:
+    async def _events(self, request: Request) -> ASGIApp:
         stream = self._new_stream(request)
-        why_not = self.streams.join(stream, most_of_owner=request.app.settings.pages_per_address)
+        why_not = self._streams.join(stream, most_of_owner=self._model.settings.pages_per_address)
         if why_not:
-            raise WebError(503, "busy", why_not, retry_s=BUSY_RETRY_S)
-        return EventStream(self.streams, stream)
+            raise busy(why_not, BUSY_RETRY_S)
+        return lambda _, receive, send: self._streams.serve(stream, receive, send)
 
     def _new_stream(self, request: Request) -> Stream:
         starter = request.query_params.get("starter")
         if starter is not None:
             self._require_starter(starter)
-        session = self.accounts.session(_headers(request), _caller(request), is_use=False)
-        return Stream(
-            scope=starter,
-            owner=session.key if session else _caller(request).address,
-            session=dumps(self.accounts.as_data(session)),
-            session_key=session.key if session else "",
-            client=session.client if session else None,
-        )
+        session = self._accounts.session(_caller(request), is_use=False)
+        return Stream(starter, session.key if session else _caller(request).address, session)
 
-    async def _starter(self, request: Request) -> Response:
-        name = self._named(request)
-        session = self.accounts.session(_headers(request), _caller(request))
+    async def _starter(self, request: Request, name: str) -> Response:
+        self._require_starter(name)
+        session = self._accounts.session(_caller(request))
         about = {
             "name": name,
-            "facts": self.model.facts(name),
-            "actions": self.access.actions(name, session.client if session else None),
-            "commands": self.model.commands(name),
+            "facts": self._model.facts(name),
+            "actions": self._control.actions(name, session.user.client if session else None),
+            "commands": self._model.commands(name),
         }
-        topics = b",".join(
-            dumps(topic) + b":" + (payload or b"null")
-            for topic, payload in self.model.topics(name)
-            if topic.startswith(f"starter/{name}/")
-        )
-        content = dumps(about)[:-1] + b',"topics":{' + topics + b"}}"
-        return _encoded(content)
+        topics = self._model.topics(name)
+        return _json(_with_topics(about, [each for each in topics if each[0].startswith(f"starter/{name}/")]))
 
-    async def _history(self, request: Request) -> Response:
-        name = self._named(request)
-        stored = await self.access.records(name) or {}
-        lists = {
-            kind: [dumps(each) for each in stored[kind]] if kind in stored else self.model.records(name, one)
-            for kind, one in (("starts", "start"), ("trips", "trip"))
-        }
-        content = b'{"plots":' + dumps(self._plots(name))
-        for kind, items in lists.items():
-            content += b',"' + kind.encode("ascii") + b'":[' + b",".join(items) + b"]"
-        return _encoded(content + b"}")
+    async def _history(self, _: Request, name: str) -> Response:
+        self._require_starter(name)
+        starts, trips = await self._stored(name)
+        lists = b'"starts":[' + b",".join(starts) + b'],"trips":[' + b",".join(trips) + b"]"
+        return _json(b'{"plots":' + encoded(self._plots(name)) + b"," + lists + b"}")
+
+    async def _stored(self, name: str) -> tuple[list[bytes], list[bytes]]:
+        """Return a starter's starts, the last of them with their samples, and its trips, each as JSON.
+
+        Where the store cannot be read these are the latest of this run.
+        """
+        try:
+            rows = await self._gateway.stored(name, (*_CURVES, "start", "trip"))
+        except StoreError:
+            of_run = (self._model.records(name, kind) for kind in (StartRecord, TripRecord))
+            starts, trips = ([each.payload() for each in records] for records in of_run)
+            return starts, trips
+        curves = {row.id: {"samples": row.data} for row in rows if row.kind in _CURVES}
+        begun = [row for row in rows if row.kind == "start"]
+        shown = [row for row in begun[:-MOST_STARTS] if row.id in curves] + begun[-MOST_STARTS:]
+        starts = [encoded({**row.data, **curves.get(row.id, {})}) for row in shown]
+        return starts, [encoded(row.data) for row in rows if row.kind == "trip"][-MOST_TRIPS:]
 
     def _plots(self, name: str) -> dict[str, Any]:
-        plots, now_s = self.model.plots(name), self.clock.now_s()
-        point = self.model.voltage_point(name)
-        units = {
-            each: (self.model.payload(f"starter/{name}/value/{each}") or {}).get("unit", "")
-            for each in ("current", point)
-            if each
-        }
+        plots, now_s = self._model.plots(name), self._gateway.clock.now_s()
+        point = self._model.voltage_point(name)
         return {
-            "end": rfc3339(self.clock.utc_s()),
+            "end": rfc3339(self._gateway.clock.utc_s()),
             "step_s": HOUR_STEP_S,
             "current": numbers(plots.current.values(now_s)) if plots else [],
             "voltage": numbers(plots.voltage.values(now_s)) if plots else [],
-            "current_unit": units.get("current", ""),
-            "voltage_unit": units.get(point, ""),
+            "current_unit": self._model.unit(name, "current") or "",
+            "voltage_unit": (point and self._model.unit(name, point)) or "",
             "voltage_point": point,
         }
 
-    async def _parameters(self, request: Request) -> Response:
-        return _json({"rows": await self.access.parameters(self._named(request))})
+    async def _parameters(self, _: Request, name: str) -> Response:
+        self._require_starter(name)
+        return _json(encoded({"rows": await asyncio.to_thread(self._control.parameters, name)}))
 
-    async def _gateway(self, _: Request) -> Response:
-        return _json({**self.access.about(), "streams": len(self.streams)})
+    async def _about(self, _: Request) -> Response:
+        about = diagnosis.about(self._model.settings, self._gateway)
+        return _json(encoded({**about, "streams": len(self._streams)}))
 
     async def _sparks(self, request: Request) -> Response:
         asked = request.query_params.get("points", "60")
         points = int(asked) if asked.isascii() and asked.isdigit() and len(asked) < 4 else 60
         points = min(max(points, 1), SPARK_SLOTS)
-        now_s, sparks = self.clock.now_s(), {}
+        now_s, end, sparks = self._gateway.clock.now_s(), rfc3339(self._gateway.clock.utc_s()), {}
         async with self._one_at_a_time:
-            for name in tuple(self.model.site.starters):
-                plots = self.model.plots(name)
+            for name in self._model.settings.starters:
+                plots = self._model.plots(name)
                 if plots is not None:
                     sparks[name] = numbers(thinned(plots.spark.values(now_s), points))
                     await asyncio.sleep(0)
         step_s = SPARK_STEP_S * -(-SPARK_SLOTS // points)
-        return _json({"end": rfc3339(self.clock.utc_s()), "step_s": step_s, "starters": sparks})
+        return _json(encoded({"end": end, "step_s": step_s, "starters": sparks}))
 
     async def _csv(self, _: Request) -> Response:
         text = io.StringIO()
         writer = csv.writer(text)
-        writer.writerow(["time", "topic", "severity", "code", "text", "client", "verb", "decision", "id"])
-        for message in self.model.messages(None) or ():
-            fields = json.loads(message.payload)
-            columns = ("severity", "code", "text", "client", "verb", "decision", "id")
-            writer.writerow(
-                [_cell(each) for each in (fields.get("time"), message.place.name, *map(fields.get, columns))]
-            )
+        writer.writerow(["time", "topic", *_COLUMNS])
+        for record in self._model.messages(None) or ():
+            said = record.fields()
+            writer.writerow(map(_cell, (said.get("time"), record.topic, *map(said.get, _COLUMNS))))
         headers = {"content-disposition": 'attachment; filename="events.csv"', "cache-control": "no-store"}
         return Response(text.getvalue(), media_type="text/csv; charset=utf-8", headers=headers)
 
-    # Who is logged in
-
-    async def _session(self, request: Request) -> Response:
-        session = self.accounts.session(_headers(request), _caller(request))
-        return _json(self.accounts.as_data(session))
-
-    async def _login(self, request: Request) -> Response:
-        fields = _object(await self._body(request))
-        caller = _caller(request)
-        outcome = await self.accounts.log_in(fields.get("user"), fields.get("password"), caller)
-        if outcome.wait_s:
-            text = f"too many wrong passwords; wait {outcome.wait_s} s"
-            raise WebError(429, "too_many_logins", text, retry_s=outcome.wait_s)
-        if outcome.session is None:
-            raise WebError(401, "wrong_login", "the user or the password is wrong")
-        answer = _json(self.accounts.as_data(outcome.session))
-        answer.headers["set-cookie"] = self.accounts.cookie(caller, outcome.secret)
-        return answer
-
-    async def _logout(self, request: Request) -> Response:
-        session = self._own_session(request)
-        self.accounts.log_out(session, _caller(request))
-        self.streams.end(session.key)
-        answer = _json(self.accounts.as_data(None))
-        answer.headers["set-cookie"] = self.accounts.cookie(_caller(request), "")
-        return answer
+    async def _diagnostics(self, request: Request) -> Response:
+        if self._accounts.session(_caller(request)) is None:
+            raise WebError(401, "login", "log in first")
+        about = await asyncio.to_thread(diagnosis.diagnostics, self._model.settings, self._gateway)
+        headers = {"content-disposition": 'attachment; filename="diagnostics.json"'}
+        return _json(_with_topics(about, self._model.topics(None)), headers)
 
     # What is done
 
-    async def _command(self, request: Request) -> Response:
-        session = self._own_session(request)
-        starter, verb = request.path_params["starter"], request.path_params["verb"]
-        if not self.model.is_target(starter) or _VERB.fullmatch(verb) is None:
+    async def _login(self, request: Request, body: bytes, _: WebSession | None) -> Response:
+        try:
+            fields = read_object(body)
+        except ValueError as error:
+            raise WebError(400, "bad_json", f"the body is no JSON object: {error}") from error
+        caller = _caller(request)
+        secret, session = await self._accounts.log_in(fields.get("user"), fields.get("password"), caller)
+        headers = {"set-cookie": self._accounts.cookie(caller, secret)}
+        return _json(encoded(self._accounts.as_data(session)), headers)
+
+    async def _logout(self, request: Request, _: bytes, session: WebSession) -> Response:
+        caller = _caller(request)
+        self._accounts.log_out(session, caller)
+        self._streams.end(session)
+        headers = {"set-cookie": self._accounts.cookie(caller, "")}
+        return _json(encoded(self._accounts.as_data(None)), headers)
+
+    async def _command(
+        self, _: Request, body: bytes, session: WebSession, starter: str, verb: str
+    ) -> Response:
+        if not self._model.is_target(starter) or _VERB.fullmatch(verb) is None:
             raise WebError(404, "not_found", "there is no such starter or group, or no such verb")
-        body = await self._body(request)
-        results = self.access.submit(starter, verb, body, client=session.client, user=session.user)
+        results = self._control.submit(starter, verb, body, session)
         phases: list[bytes] = []
         is_final = False
         with suppress(TimeoutError):
@@ -282,84 +340,55 @@ class Routes:
                 async for result in results:
                     phases += [result.payload()]  # those so far, when the time is over
                 is_final = True
-        return _encoded(b'{"final":' + dumps(is_final) + b',"phases":[' + b",".join(phases) + b"]}")
+        return _json(b'{"final":' + encoded(is_final) + b',"phases":[' + b",".join(phases) + b"]}")
 
-    async def _tool(self, request: Request) -> Response:
-        self._own_session(request)
-        await self._body(request)
-        try:
-            return _json(await self.access.run_tool(request.url.path.rpartition("/")[2]))
-        except ToolBusyError:
-            raise WebError(503, "busy", "one runs already; wait for it", retry_s=BUSY_RETRY_S) from None
-
-    async def _diagnostics(self, request: Request) -> Response:
-        if self.accounts.session(_headers(request), _caller(request)) is None:
-            raise WebError(401, "login", "log in first")
-        gateway = await asyncio.to_thread(self.access.diagnostics)
-        topics = b",".join(
-            dumps(name) + b":" + (payload or b"null") for name, payload in self.model.topics(None)
-        )
-        content = dumps(gateway)[:-1] + b',"topics":{' + topics + b"}}"
-        return _encoded(content, {"content-disposition": 'attachment; filename="diagnostics.json"'})
-
-    def _own_session(self, request: Request) -> WebSession:
-        """Return the login of a request that does something; WebError without one, or from another page."""
-        session = self.accounts.session(_headers(request), _caller(request))
-        if session is None:
-            raise WebError(401, "login", "log in first")
-        if not secrets.compare_digest(
-            session.csrf.encode(), _header(request, "x-csrf-token").encode("latin-1", "replace")
-        ):
-            raise WebError(403, "csrf", "X-CSRF-Token is not this session's; load the page again")
-        return session
-
-    def _named(self, request: Request) -> str:
-        name = str(request.path_params["name"])
-        self._require_starter(name)
-        return name
+    async def _tool(self, request: Request, _: bytes, _session: WebSession) -> Response:
+        name = request.url.path.rpartition("/")[2]
+        return _json(encoded(await self._tools.run(name, self._model.settings.path)))
 
     def _require_starter(self, name: str) -> None:
-        if name not in self.model.site.starters:
+        if name not in self._model.settings.starters:
             raise WebError(404, "not_found", "there is no such starter")
 
-    async def _body(self, request: Request) -> bytes:
-        body = bytearray()
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MAX_PAYLOAD_BYTES:
-                raise WebError(413, "too_big", f"at most {MAX_PAYLOAD_BYTES} bytes")
-        return bytes(body)
+
+def _found(path: str, answers: Answers, others: Answers) -> tuple[Answer, tuple[str, ...]]:
+    """Return what answers on a path, with the names in it; WebError where nothing does, or to others only."""
+    for pattern, answer in answers.items():
+        found = re.fullmatch(pattern, path)
+        if found is not None:
+            return answer, found.groups()
+    if any(re.fullmatch(pattern, path) for pattern in others):
+        raise WebError(405, "method", "this path is not for this method")
+    raise WebError(404, "not_found", "there is nothing on this path")
 
 
-def _json(value: object, *, status: int = 200) -> Response:
-    return _encoded(dumps(value), status=status)
+async def _body(request: Request) -> bytes:
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_PAYLOAD_BYTES:
+            raise WebError(413, "too_big", f"at most {MAX_PAYLOAD_BYTES} bytes")
+    return bytes(body)
 
 
-def _encoded(content: bytes, headers: Mapping[str, str] | None = None, *, status: int = 200) -> Response:
-    """Return JSON as an answer that nothing between us and the browser stores."""
+def _json(content: bytes, headers: Mapping[str, str] | None = None, *, status: int = 200) -> Response:
+    """Return JSON as an answer that nothing between the gateway and the browser stores."""
     headers = {"cache-control": "no-store", **(headers or {})}
     return Response(content, status, media_type="application/json", headers=headers)
 
 
-def _object(body: bytes) -> dict[str, Any]:
-    try:
-        return read_object(body)
-    except ValueError as error:
-        raise WebError(400, "bad_json", f"the body is no JSON object: {error}") from error
+def _refused(refusal: WebError) -> Response:
+    return _json(refusal.body, refusal.headers, status=refusal.status)
+
+
+def _with_topics(about: Mapping[str, Any], topics: Iterable[tuple[str, Record | None]]) -> bytes:
+    pairs = b",".join(topic_pair(*each) for each in topics)
+    return encoded(about)[:-1] + b',"topics":{' + pairs + b"}}"
 
 
 def _caller(request: Request) -> Caller:
     caller: Caller = request.scope["caller"]
     return caller
-
-
-def _headers(request: Request) -> Mapping[str, str]:
-    headers: Mapping[str, str] = request.scope["known_headers"]
-    return headers
-
-
-def _header(request: Request, name: str) -> str:
-    return _headers(request).get(name, "")
 
 
 def _cell(value: object) -> str:

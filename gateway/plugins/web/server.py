@@ -19,7 +19,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from gateway.plugins.web.interface import WebSettings
+from gateway.plugins.web.plugin import WebSettings
 from gateway.plugins.web.requests import MAX_HEADER_BYTES
 from gateway.system.key_pair import load_key_pair
 

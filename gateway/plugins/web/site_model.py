@@ -1,22 +1,20 @@
-"""What the page shows: the newest payload of each topic, and what happened lately; pure.
+"""What the page shows: the newest records, which `Latest` holds, and what happened lately; pure.
 
-Each change has a generation; a client that has seen one is sent what is newer.
+A client that has seen both up to a number each (`Seen`) is sent what is newer.
 """
 
 from __future__ import annotations
 
-import json
-import sys
-from collections import OrderedDict, deque
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from gateway.contract import (
     AuditRecord,
-    ForgetRecord,
-    HistoryRecord,
+    EventRecord,
     InfoRecord,
+    Latest,
     Phase,
     Quality,
     Record,
@@ -27,280 +25,206 @@ from gateway.contract import (
     rfc3339,
 )
 from gateway.plugins.web.plots import NAN, StarterPlots
+from gateway.plugins.web.plugin import WebSettings
 
-MOST_MESSAGES = 200  # events and audit entries
+MOST_MESSAGES = 200  # events and audit entries; as many results
 MOST_COMMANDS = 20  # of a starter
-MOST_RECORDS = 20  # starts, and trips, of a starter
-MOST_RECORD_BYTES = 2_000_000  # of all starters together
+MOST_PHASES = 8  # of a command
+MOST_RECORDS = 64  # starts and trips of all starters, each some 20 KB
 
 _OVERVIEW = frozenset({"state", "availability", "alarm"})
 _OVERVIEW_VALUES = frozenset({"current", "current_pct"})
 _VOLTAGES = ("line_voltage", "output_voltage")
-_RECORDS = ("start", "trip")
 _FACTS = ("model", "firmware", "serial", "rated_current_a", "rating")  # of a starter's info
 
 
-class TopicPlace(NamedTuple):
-    """Where a topic belongs."""
+class Seen(NamedTuple):
+    """How far a client knows the site."""
 
-    name: str  # the topic below the base
-    starter: str  # empty for the gateway's and the lines'
-    is_overview: bool
+    latest: int  # the number of `Latest`
+    happened: int  # of the messages
 
-
-@dataclass(slots=True)
-class _Latest:
-    """The newest payload of a retained topic; there are thousands of these."""
-
-    gen: int
-    payload: bytes | None
-    starter: str
-    is_overview: bool
-
-    def is_for(self, scope: str | None) -> bool:
-        """Return whether a client is sent it: what an overview shows, or all of its starter."""
-        return self.is_overview or self.starter == scope
+    @property
+    def gen(self) -> int:
+        """Return one number that grows with every change."""
+        return self.latest + self.happened
 
 
 class SiteMessage(NamedTuple):
-    """Something that happened: its generation, topic and payload."""
+    """Something that happened."""
 
-    gen: int
-    place: TopicPlace
-    payload: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class ShownSite:
-    """What the configuration says of starters, lines and groups, by name."""
-
-    gateway: str
-    base: str
-    version: str
-    contract: int
-    starters: Mapping[str, Mapping[str, Any]]
-    lines: Mapping[str, Mapping[str, Any]]
-    groups: Mapping[str, tuple[str, ...]]
+    number: int
+    record: Record
 
 
 class SiteModel:
     """Takes records; on the application's loop."""
 
-    def __init__(self, site: ShownSite) -> None:
-        self.gen = 1
-        self.site = site
-        self._facts: dict[str, dict[str, Any]] = {}  # by starter: what it has said of itself
-        self._facts_gen: dict[str, int] = {}
-        self._latest: dict[str, _Latest] = {}  # by topic, the latest changed last
-        self._messages: deque[SiteMessage] = deque(maxlen=MOST_MESSAGES)
+    def __init__(self, settings: WebSettings, latest: Latest) -> None:
+        self.settings = settings
+        self.latest = latest
+        self._happened = 1
+        self._events: deque[SiteMessage] = deque(maxlen=MOST_MESSAGES)  # and audit entries
         self._results: deque[SiteMessage] = deque(maxlen=MOST_MESSAGES)
-        self._records: deque[SiteMessage] = deque()  # starts and trips
-        self._record_bytes = 0
+        self._records: deque[SiteMessage] = deque(maxlen=MOST_RECORDS)  # starts and trips
         self._plots: dict[str, StarterPlots] = {}
-        self._commands: dict[str, OrderedDict[tuple[str, str, str], dict[str, Any]]] = {}  # as for JSON
+        self._commands: dict[str, deque[dict[str, Any]]] = {}  # as for JSON
 
-    def move(self, site: ShownSite) -> None:
+    @property
+    def now(self) -> Seen:
+        """Return up to where everything is known here."""
+        return Seen(self.latest.number, self._happened)
+
+    def reconfigure(self, settings: WebSettings) -> None:
         """Show another configuration; what it does not name is forgotten."""
-        self.site = site
-        self.gen += 1
-        for table in (self._facts, self._plots, self._commands):
-            for name in [name for name in table if name not in site.starters and name not in site.groups]:
+        self.settings = settings
+        self._happened += 1
+        tables: tuple[dict[str, Any], ...] = (self._plots, self._commands)
+        for table in tables:
+            for name in [name for name in table if not self.is_target(name)]:
                 del table[name]
 
     def put(self, record: Record, now_s: float) -> None:
-        """Take a record: what is retained replaces the one before of its topic, all else has happened."""
-        self.gen += 1
+        """Take a record; `Latest` has those that are retained."""
         match record:
-            case ForgetRecord():
-                self._forget(record)
-                return
-            case HistoryRecord():
-                return
             case ValueRecord():
                 self._plot(record, now_s)
             case ResultRecord():
+                self._note(record, self._results)
                 self._note_result(record)
-            case AuditRecord() if record.decision == "accepted" or (
-                record.decision == "rejected" and record.id
-            ):
-                command = self._command(record.starter, record.client, record.id, record.verb)
-                if command is not None:
-                    command |= {"args": record.args, "source": record.source or "mqtt"}
-            case InfoRecord():
-                self._note_info(record)
-            case _:
-                pass
-        if record.RETAIN:
-            self._retain(record)
-        else:
-            self._note(record)
-
-    def _note(self, record: Record) -> None:
-        message = SiteMessage(self.gen, self._placed(record.topic), record.payload())
-        match record:
+            case AuditRecord():
+                self._note(record, self._events)
+                self._note_decision(record)
+            case EventRecord():
+                self._note(record, self._events)
             case StartRecord() | TripRecord():
-                self._store_record(message)
-            case ResultRecord():
-                self._results.append(message)
-            case _:
-                self._messages.append(message)
+                self._note(record, self._records)
 
-    def topics(self, scope: str | None, since: int = 0) -> Iterator[tuple[str, bytes | None]]:
-        """Yield what a client of this scope has not seen since a generation, the newest first.
+    def topics(self, scope: str | None, since: int = 0) -> list[tuple[str, Record | None]]:
+        """Return the topics of a client of this scope that have changed since a number, the oldest first.
 
-        What no longer exists is None; from the beginning (0) it is left out.
+        What no longer exists has no record; from the beginning (0) it is left out.
         """
-        for topic, latest in reversed(self._latest.items()):
-            if latest.gen <= since:
-                return
-            if (latest.payload is not None or since) and latest.is_for(scope):
-                yield topic, latest.payload
+        of_scope = f"starter/{scope}/"
+        changed = [
+            (topic, record)
+            for topic, record in self.latest.newer_than(since)
+            if (since or record is not None) and (_is_overview(topic) or topic.startswith(of_scope))
+        ]
+        changed.reverse()
+        return changed
 
-    def later(self, scope: str | None) -> Iterator[tuple[str, bytes | None]]:
-        """Yield all that a client of this scope is sent, the oldest first, each as it is when it is taken.
-
-        Which topics there are is settled by the first step.
-        """
-        for topic in [topic for topic, each in self._latest.items() if each.payload and each.is_for(scope)]:
-            yield topic, self._latest[topic].payload
-
-    def messages(self, scope: str | None, since: int = 0) -> list[SiteMessage] | None:
-        """Return what happened since a generation, oldest first; None when that is no longer known."""
-        for ring in (self._messages, self._results):
-            if since and len(ring) == MOST_MESSAGES and ring[0].gen > since + 1:
-                return None
-        found = [message for message in self._messages if message.gen > since]
+    def messages(self, scope: str | None, since: int = 0) -> list[Record] | None:
+        """Return what happened since a number, oldest first; None when that is no longer known."""
+        rings = self._events, self._results, self._records
+        if since and any(len(ring) == ring.maxlen and ring[0].number > since + 1 for ring in rings):
+            return None
+        found = [each for each in self._events if each.number > since]
         if since:
-            found += [message for message in self._results if message.gen > since]
-            found += [each for each in self._records if each.gen > since and each.place.starter == scope]
+            found += [each for each in self._results if each.number > since]
+            found += [each for each in self._records if each.number > since and _is_of(each.record, scope)]
         elif scope is not None:
-            prefix = f"result/{scope}/"
-            found += [each for each in self._results if each.place.name.startswith(prefix)][-MOST_COMMANDS:]
-        return sorted(found, key=lambda message: message.gen)
+            found += [each for each in self._results if _is_of(each.record, scope)][-MOST_COMMANDS:]
+        return [each.record for each in sorted(found, key=lambda each: each.number)]
 
     def facts(self, starter: str) -> dict[str, Any]:
-        """Return what is known of a starter besides its readings."""
-        groups = [name for name, members in self.site.groups.items() if starter in members]
-        return {**self.site.starters[starter], "groups": groups, **self._facts.get(starter, {})}
+        """Return what is known of a starter besides its readings; a reload may just have removed it."""
+        groups = [name for name, members in self.settings.groups.items() if starter in members]
+        info = self.latest.find(InfoRecord.topic_of(starter=starter))
+        said = {name: getattr(info, name, None) for name in _FACTS}
+        known = {name: value for name, value in said.items() if value is not None}
+        return {**self.settings.starters.get(starter, {}), "groups": groups, **known}
 
     def facts_since(self, since: int) -> dict[str, dict[str, Any]]:
-        """Return the facts of starters that have changed since a generation."""
+        """Return the facts of starters that have changed since a number."""
+        changed = (record for _, record in self.latest.newer_than(since) if isinstance(record, InfoRecord))
         return {
-            name: self.facts(name)
-            for name, gen in self._facts_gen.items()
-            if gen > since and name in self.site.starters
+            record.starter: self.facts(record.starter)
+            for record in changed
+            if record.starter in self.settings.starters
         }
-
-    def raw(self, name: str) -> bytes | None:
-        """Return the newest payload of a topic below the base as it is; None when there is none."""
-        latest = self._latest.get(name)
-        return None if latest is None else latest.payload
-
-    def payload(self, name: str) -> dict[str, Any] | None:
-        """Return the newest payload of a topic below the base; None when there is none."""
-        payload = self.raw(name)
-        return None if payload is None else dict(json.loads(payload))
 
     def plots(self, starter: str) -> StarterPlots | None:
         """Return a starter's plots; None while none of its quantities was read."""
         return self._plots.get(starter)
 
+    def unit(self, starter: str, point: str) -> str | None:
+        """Return the unit of a point; None while the starter has not given it."""
+        record = self.latest.find(ValueRecord.topic_of(starter=starter, point=point))
+        return record.unit if isinstance(record, ValueRecord) else None
+
     def voltage_point(self, starter: str) -> str:
         """Return which voltage is plotted; empty when it has none."""
-        names = (f"starter/{starter}/value/{point}" for point in _VOLTAGES)
-        return next((name.rpartition("/")[2] for name in names if name in self._latest), "")
+        return next((point for point in _VOLTAGES if self.unit(starter, point) is not None), "")
 
     def is_target(self, name: str) -> bool:
         """Return whether a command may name it: a starter, or a group."""
-        return name in self.site.starters or name in self.site.groups
+        return name in self.settings.starters or name in self.settings.groups
 
-    def commands(self, starter: str) -> list[dict[str, Any]]:
+    def commands(self, starter: str) -> list[Mapping[str, Any]]:
         """Return a starter's last commands, oldest first."""
-        return [dict(command) for command in self._commands.get(starter, {}).values()]
+        return list(self._commands.get(starter, ()))
 
-    def records(self, starter: str, kind: str) -> list[bytes]:
-        """Return the payloads of a starter's last starts or trips, oldest first."""
-        name = f"starter/{starter}/{kind}"
-        return [each.payload for each in self._records if each.place.name == name]
+    def records(self, starter: str, kind: type[Record]) -> list[Record]:
+        """Return a starter's last starts or trips, oldest first."""
+        records = (each.record for each in self._records)
+        return [each for each in records if isinstance(each, kind) and _is_of(each, starter)]
 
-    def _retain(self, record: Record) -> None:
-        topic = record.topic
-        latest = self._latest.pop(topic, None)
-        if latest is None:
-            place = self._placed(topic)
-            latest = _Latest(self.gen, b"", place.starter, place.is_overview)
-        latest.gen, latest.payload = self.gen, record.payload()
-        self._latest[topic] = latest
-
-    def _forget(self, record: ForgetRecord) -> None:
-        for topic in [topic for topic in self._latest if record.has(topic)]:
-            latest = self._latest[topic] = self._latest.pop(topic)
-            latest.gen, latest.payload = self.gen, None
-
-    def _placed(self, name: str) -> TopicPlace:
-        levels = name.split("/")
-        if levels[0] != "starter" or len(levels) < 2:
-            return TopicPlace(name, "", is_overview=True)
-        kind = levels[2] if len(levels) > 2 else ""
-        is_overview = kind in _OVERVIEW or (kind == "value" and levels[3] in _OVERVIEW_VALUES)
-        return TopicPlace(name, sys.intern(levels[1]), is_overview)
-
-    def _store_record(self, message: SiteMessage) -> None:
-        same = [each for each in self._records if each.place == message.place]
-        if len(same) >= MOST_RECORDS:
-            self._forget_record(same[0])
-        self._records.append(message)
-        self._record_bytes += len(message.payload)
-        while self._record_bytes > MOST_RECORD_BYTES:
-            self._forget_record(self._records[0])
-
-    def _forget_record(self, message: SiteMessage) -> None:
-        self._records.remove(message)
-        self._record_bytes -= len(message.payload)
+    def _note(self, record: Record, ring: deque[SiteMessage]) -> None:
+        self._happened += 1
+        ring.append(SiteMessage(self._happened, record))
 
     def _plot(self, record: ValueRecord, now_s: float) -> None:
-        if record.point != "current" and record.point not in _VOLTAGES:
+        is_current = record.point == "current"
+        if not is_current and (
+            record.point not in _VOLTAGES or record.point != self.voltage_point(record.starter)
+        ):
             return
-        plots = self._plots.get(record.starter)
-        if plots is None:
-            plots = self._plots[record.starter] = StarterPlots()
+        plots = self._plots.setdefault(record.starter, StarterPlots())
         is_known = record.quality is Quality.GOOD and isinstance(record.value, (int, float))
         value = float(record.value or 0.0) if is_known else NAN
-        if record.point == "current":
+        if is_current:
             plots.put_current(value, now_s)
-        elif record.point == self.voltage_point(record.starter) or record.point == _VOLTAGES[0]:
+        else:
             plots.voltage.put(value, now_s)
 
-    def _note_info(self, record: InfoRecord) -> None:
-        said = {name: getattr(record, name) for name in _FACTS}
-        self._facts[record.starter] = {name: value for name, value in said.items() if value is not None}
-        self._facts_gen[record.starter] = self.gen
+    def _note_decision(self, record: AuditRecord) -> None:
+        """Add to a command what its results do not say; a rejected one without id is no command shown."""
+        is_shown = record.decision == "accepted" or (record.decision == "rejected" and bool(record.id))
+        if is_shown and self.is_target(record.starter):
+            self._command(record).update(args=record.args, source=record.source or "mqtt")
 
     def _note_result(self, record: ResultRecord) -> None:
-        command = self._command(record.starter, record.client, record.id, record.verb)
-        if command is not None:
-            phase = {
-                "phase": str(record.phase),
-                "code": record.code,
-                "text": record.text,
-                "time": rfc3339(record.time_s),
-            }
-            command["phases"] = [*command["phases"][-7:], phase]
+        if not self.is_target(record.starter):
+            return
+        command = self._command(record)
+        phase = {"phase": record.phase, "code": record.code, "text": record.text}
+        command["phases"] = [*command["phases"], {**phase, "time": rfc3339(record.time_s)}][-MOST_PHASES:]
 
-    def _command(self, starter: str, client: str, id_: str | None, verb: str) -> dict[str, Any] | None:
-        """Return the record of a command to a starter or group that there is; one without id by its verb."""
-        if not self.is_target(starter):
-            return None
-        commands = self._commands.setdefault(starter, OrderedDict())
-        key = client, id_ or "", verb
-        command = commands.get(key)
-        phases = command["phases"] if command is not None else []
-        if not id_ and phases and Phase(phases[-1]["phase"]).is_final:
-            commands[client, f"ended {self.gen}", verb] = commands.pop(key)  # one without id is over
-            command = None
-        if command is None:
-            command = {"id": id_, "client": client, "verb": verb, "args": {}, "source": "mqtt", "phases": []}
-            commands[key] = command
-            while len(commands) > MOST_COMMANDS:
-                commands.popitem(last=False)
+    def _command(self, record: AuditRecord | ResultRecord) -> dict[str, Any]:
+        """Return the command that a record is about; without id the last one of its verb that is not over."""
+        commands = self._commands.setdefault(record.starter, deque(maxlen=MOST_COMMANDS))
+        named = {"id": record.id, "client": record.client, "verb": record.verb}
+        command = next((each for each in reversed(commands) if named.items() <= each.items()), None)
+        if command is None or (not record.id and _is_over(command)):
+            command = {**named, "args": {}, "source": "mqtt", "phases": []}
+            commands.append(command)
         return command
+
+
+def _is_over(command: Mapping[str, Any]) -> bool:
+    phases = command["phases"]
+    return bool(phases) and Phase(phases[-1]["phase"]).is_final
+
+
+def _is_of(record: Record, starter: str | None) -> bool:
+    return getattr(record, "starter", None) == starter
+
+
+@cache  # as many as there are points; a snapshot looks at each
+def _is_overview(topic: str) -> bool:
+    """Return whether every client is sent a topic: what an overview shows."""
+    branch, _, *rest = topic.split("/")
+    if branch != "starter":
+        return True
+    return rest[0] in _OVERVIEW or (rest[0] == "value" and rest[1] in _OVERVIEW_VALUES)

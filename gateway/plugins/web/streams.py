@@ -1,20 +1,23 @@
 """The page's streams: server-sent events, the newest state for each client at its own pace.
 
-A client has no queue: it has the generation that it was sent last, and gets what is newer, at most every
-250 ms. One that reads slowly skips what lies between; one that has missed messages gets the whole again.
+A client has no queue: it is known how far it has been sent everything, and it gets what is newer, at most
+every 250 ms. One that reads slowly skips what lies between; one that has missed messages gets the whole
+again. JSON is made when it is sent.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from starlette.types import Receive, Scope, Send
+from starlette.types import Receive, Send
 
-from gateway.contract import rfc3339
-from gateway.plugins.web.interface import GatewayAccess, dumps
-from gateway.plugins.web.site_model import SiteModel
+from gateway import __version__
+from gateway.contract import CONTRACT_VERSION, Record, encoded, rfc3339
+from gateway.plugins.web.accounts import Accounts, WebSession
+from gateway.plugins.web.control import Control
+from gateway.plugins.web.site_model import Seen, SiteModel
 from gateway.system.clock import Clock
 from gateway.system.supervised import until_first
 
@@ -34,10 +37,8 @@ class Stream:
 
     scope: str | None  # a starter, of which it gets everything
     owner: str  # session, or address without one
-    session: bytes  # JSON
-    session_key: str = ""
-    client: str | None = None  # the operator
-    gen: int = 0  # sent so far; 0: a snapshot is due
+    session: WebSession | None = None
+    seen: Seen | None = None  # sent so far; None: a snapshot is due
     actions: bytes = b""  # as sent last
     actions_now: bytes = b""  # as looked at last
     actions_due_s: float = 0.0
@@ -49,22 +50,15 @@ class Stream:
 class Streams:
     """All streams that are open; on the application's loop."""
 
-    def __init__(
-        self,
-        model: SiteModel,
-        access: GatewayAccess,
-        clock: Clock,
-        *,
-        is_logged_in: Callable[[str], bool],
-    ) -> None:
-        self.model = model
-        self._access = access
+    def __init__(self, model: SiteModel, control: Control, accounts: Accounts, clock: Clock) -> None:
+        self._model = model
+        self._control = control
+        self._accounts = accounts
         self._clock = clock
-        self._is_logged_in = is_logged_in
         self._streams: set[Stream] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._ticked_s = 0.0
-        self._cached: tuple[tuple[str | None, int, int], bytes] | None = None
+        self._cached: tuple[tuple[str | None, Seen, Seen], bytes] | None = None
 
     def __len__(self) -> int:
         return len(self._streams)
@@ -80,9 +74,12 @@ class Streams:
         self._streams.add(stream)
         return ""
 
-    def leave(self, stream: Stream) -> None:
-        """Remove a stream."""
-        self._streams.discard(stream)
+    async def serve(self, stream: Stream, receive: Receive, send: Send) -> None:
+        """Send events until the client has gone, the login ends or the page does."""
+        try:
+            await until_first(_until_gone(receive), self._send_all(stream, send))
+        finally:
+            self._streams.discard(stream)
 
     def note_change(self) -> None:
         """Send what is new soon; called after every change of the model."""
@@ -94,26 +91,49 @@ class Streams:
     def restart(self) -> None:
         """Send the whole to every client: the configuration has changed."""
         for stream in self._streams:
-            stream.gen = 0
+            stream.seen = None
             stream.wake.set()
 
-    def end(self, session_key: str | None = None) -> None:
+    def end(self, session: WebSession | None = None) -> None:
         """End the streams of a session, or all."""
         for stream in self._streams:
-            if session_key is None or stream.session_key == session_key:
+            if session is None or stream.session is session:
                 stream.is_over = True
                 stream.wake.set()
 
-    def pieces(self, stream: Stream) -> Iterator[bytes]:
+    def snapshot(self, stream: Stream) -> Iterator[bytes]:
+        """Yield the whole as one JSON object."""
+        model, settings, scope = self._model, self._model.settings, stream.scope
+        stream.seen = model.now
+        stream.actions = self._actions(stream)
+        about = {
+            "version": __version__,
+            "contract": CONTRACT_VERSION,
+            "gateway": settings.config.gateway.name,
+            "base": settings.config.base,
+            "scope": scope,
+            "session": self._accounts.as_data(stream.session),
+            "lines": settings.lines,
+            "groups": settings.groups,
+        }
+        yield b"{" + self._head(stream.seen) + b"," + encoded(about)[1:-1] + b',"starters":{'
+        yield from _joined(_pair(name, encoded(model.facts(name))) for name in settings.starters)
+        yield b'},"topics":{'
+        yield from _joined(topic_pair(*each) for each in model.topics(scope))
+        yield b'},"messages":['
+        yield from _joined(_message(each) for each in model.messages(scope) or ())
+        yield b'],"actions":' + (stream.actions or b"null") + b"}"
+
+    def _pieces(self, stream: Stream) -> Iterator[bytes]:
         """Yield what the client is to be sent now: a snapshot, a change or a beat."""
-        if stream.gen == 0:
-            yield from self._snapshot(stream)
-            return
-        since, stream.gen = stream.gen, self.model.gen
-        changed = self._changed(stream.scope, since)
+        changed = None if stream.seen is None else self._changed(stream.scope, stream.seen)
         if changed is None:
-            yield from self._snapshot(stream)
+            stream.sent_s = self._clock.now_s()  # so that the next beat is due later
+            yield b"event: snapshot\ndata: "
+            yield from self.snapshot(stream)
+            yield b"\n\n"
             return
+        stream.seen = self._model.now
         actions = self._actions(stream)
         is_new = actions != stream.actions
         stream.actions = actions
@@ -121,80 +141,37 @@ class Streams:
         if is_beat and now_s - stream.sent_s < BEAT_S - ACTIONS_S / 2:
             return
         stream.sent_s = now_s
+        head = self._head(stream.seen)
         if is_beat:
-            yield b"event: beat\ndata: {" + self._head() + b"}\n\n"
+            yield b"event: beat\ndata: {" + head + b"}\n\n"
             return
         more = b',"actions":' + actions if is_new else b""
         content = changed or b'"topics":{},"messages":[]'
-        yield b"event: change\ndata: {" + self._head() + b"," + content + more + b"}\n\n"
+        yield b"event: change\ndata: {" + head + b"," + content + more + b"}\n\n"
 
-    def is_due(self, stream: Stream) -> bool:
-        """Return whether something has changed for a client, apart from the time."""
-        if stream.gen != self.model.gen or stream.is_over:
-            return True
-        return self._actions(stream) != stream.actions
+    def _head(self, seen: Seen) -> bytes:
+        time = rfc3339(self._clock.utc_s())
+        return encoded({"gen": seen.gen, "time": time, "token": self._control.token()})[1:-1]
 
-    def is_ended(self, stream: Stream) -> bool:
-        """Return whether a stream must end: its login has, or the page does."""
-        return stream.is_over or self.is_logged_out(stream)
-
-    def is_logged_out(self, stream: Stream) -> bool:
-        """Return whether the login that a stream was opened with has ended."""
-        return bool(stream.session_key) and not self._is_logged_in(stream.session_key)
-
-    def snapshot(self, stream: Stream) -> Iterator[bytes]:
-        """Yield the whole as one JSON object."""
-        model, site, scope = self.model, self.model.site, stream.scope
-        stream.gen = model.gen
-        stream.actions = self._actions(stream)
-        about = {
-            "version": site.version,
-            "contract": site.contract,
-            "gateway": site.gateway,
-            "base": site.base,
-            "scope": scope,
-        }
-        yield b"{" + self._head() + b"," + dumps(about)[1:-1] + b',"session":' + stream.session
-        yield b',"lines":' + dumps(site.lines) + b',"groups":' + dumps(site.groups)
-        yield b',"starters":{'
-        yield from _joined(_pair(name, dumps(model.facts(name))) for name in tuple(site.starters))
-        yield b'},"topics":{'
-        yield from _joined(_pair(name, payload or b"null") for name, payload in model.later(scope))
-        yield b'},"messages":['
-        yield from _joined(_message(m.place.name, m.payload) for m in model.messages(scope) or ())
-        yield b'],"actions":' + (stream.actions or b"null") + b"}"
-
-    def _snapshot(self, stream: Stream) -> Iterator[bytes]:
-        stream.sent_s = self._clock.now_s()  # so that the next beat is due later
-        yield b"event: snapshot\ndata: "
-        yield from self.snapshot(stream)
-        yield b"\n\n"
-
-    def _head(self) -> bytes:
-        head = {"gen": self.model.gen, "time": rfc3339(self._clock.utc_s()), "token": self._access.token()}
-        return dumps(head)[1:-1]
-
-    def _changed(self, scope: str | None, since: int) -> bytes | None:
-        """Return what has changed since a generation; empty for nothing, None when messages are lost.
+    def _changed(self, scope: str | None, since: Seen) -> bytes | None:
+        """Return what has changed for a client; empty for nothing, None when messages are lost.
 
         Made once for all clients that have seen the same.
         """
-        key = scope, since, self.model.gen
+        model = self._model
+        key = scope, since, model.now
         if self._cached is not None and self._cached[0] == key:
             return self._cached[1]
-        messages = self.model.messages(scope, since)
+        messages = model.messages(scope, since.happened)
         if messages is None:
             return None
-        topics = [
-            _pair(name, b"null" if payload is None else payload)
-            for name, payload in self.model.topics(scope, since)
-        ]
-        facts = self.model.facts_since(since)
+        topics = model.topics(scope, since.latest)
+        facts = model.facts_since(since.latest)
         content = b""
         if topics or messages or facts:
-            happened = b",".join(_message(each.place.name, each.payload) for each in messages)
-            content = b'"topics":{' + b",".join(reversed(topics)) + b'},"messages":[' + happened + b"]"
-            content += b',"starters":' + dumps(facts) if facts else b""
+            content = b'"topics":{' + b",".join(topic_pair(*each) for each in topics)
+            content += b'},"messages":[' + b",".join(map(_message, messages)) + b"]"
+            content += b',"starters":' + encoded(facts) if facts else b""
         self._cached = key, content
         return content
 
@@ -203,7 +180,8 @@ class Streams:
         now_s = self._clock.now_s()
         if stream.scope is not None and (now_s >= stream.actions_due_s or not stream.actions_now):
             stream.actions_due_s = now_s + ACTIONS_S
-            stream.actions_now = dumps(self._access.actions(stream.scope, stream.client))
+            client = stream.session.user.client if stream.session else None
+            stream.actions_now = encoded(self._control.actions(stream.scope, client))
         return stream.actions_now
 
     def _tick(self) -> None:
@@ -212,22 +190,7 @@ class Streams:
         for stream in self._streams:
             stream.wake.set()
 
-
-class EventStream:
-    """One answer that goes on until the client leaves; an ASGI application."""
-
-    def __init__(self, streams: Streams, stream: Stream) -> None:
-        self._streams = streams
-        self._stream = stream
-
-    async def __call__(self, _scope: Scope, receive: Receive, send: Send) -> None:
-        """Send events until the client has gone, the login ends or the page does."""
-        try:
-            await until_first(_until_gone(receive), self._send_all(send))
-        finally:
-            self._streams.leave(self._stream)
-
-    async def _send_all(self, send: Send) -> None:
+    async def _send_all(self, stream: Stream, send: Send) -> None:
         headers = [
             (b"content-type", b"text/event-stream; charset=utf-8"),
             (b"cache-control", b"no-store"),
@@ -235,27 +198,31 @@ class EventStream:
         ]
         await send({"type": "http.response.start", "status": 200, "headers": headers})
         await _send_pieces(send, [b"retry: %d\n\n" % RETRY_MS])
-        stream = self._stream
-        while not self._streams.is_ended(stream):
-            await _send_pieces(send, self._streams.pieces(stream))
-            await self._wait()
-        if self._streams.is_logged_out(stream):
+        while not stream.is_over and not self._is_logged_out(stream):
+            await _send_pieces(send, self._pieces(stream))
+            await self._wait(stream)
+        if self._is_logged_out(stream):
             await _send_pieces(send, [b'event: session\ndata: {"user":null}\n\n'])
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 
-    async def _wait(self) -> None:
-        stream, streams = self._stream, self._streams
+    async def _wait(self, stream: Stream) -> None:
+        """Wait until the stream is woken, or something has changed for it; for a beat at most."""
         waits_s = BEAT_S if stream.scope is None else ACTIONS_S
         for _ in range(round(BEAT_S / waits_s)):
             try:
                 async with asyncio.timeout(waits_s):
                     await stream.wake.wait()
             except TimeoutError:
-                if streams.is_due(stream) or streams.is_ended(stream):
+                is_changed = stream.seen != self._model.now or self._actions(stream) != stream.actions
+                if is_changed or self._is_logged_out(stream):
                     return
             else:
                 stream.wake.clear()
                 return
+
+    def _is_logged_out(self, stream: Stream) -> bool:
+        """Return whether the login that a stream was opened with has ended."""
+        return stream.session is not None and not self._accounts.is_logged_in(stream.session)
 
 
 async def unhurried(pieces: Iterable[bytes]) -> AsyncIterator[bytes]:
@@ -285,12 +252,17 @@ async def _until_gone(receive: Receive) -> None:
         pass
 
 
+def topic_pair(topic: str, record: Record | None) -> bytes:
+    """Return a topic with its payload, as in a JSON object; null for one that is gone."""
+    return _pair(topic, b"null" if record is None else record.payload())
+
+
 def _pair(name: str, payload: bytes) -> bytes:
-    return dumps(name) + b":" + payload
+    return encoded(name) + b":" + payload
 
 
-def _message(topic: str, payload: bytes) -> bytes:
-    return b'{"topic":' + dumps(topic) + b',"payload":' + payload + b"}"
+def _message(record: Record) -> bytes:
+    return b'{"topic":' + encoded(record.topic) + b',"payload":' + record.payload() + b"}"
 
 
 def _joined(items: Iterator[bytes]) -> Iterator[bytes]:

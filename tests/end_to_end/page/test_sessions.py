@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 import pytest
 from playwright.async_api import Page, expect
 
-from gateway.plugins.web.interface import WebSettings
+from gateway.contract import StatusRecord
+from gateway.plugins.web.accounts import IDLE_S
 from gateway.plugins.web.server import Server
-from gateway.plugins.web.sessions import IDLE_S
 from gateway.plugins.web.static_files import read_files
 from tests.end_to_end.page.support import browser, need_chromium
-from tests.web.support import SETTINGS, PageRig
+from tests.web.support import PageRig, web_settings
 
 pytestmark = [pytest.mark.long]
 
@@ -31,11 +31,11 @@ def chromium() -> None:
 async def paged() -> AsyncIterator[tuple[PageRig, str]]:
     """Serve the shipped page with two starters, and values that go on."""
     rig = PageRig(files=read_files())
-    rig.access.offers = [START, STOP]
-    rig.model.publish("starters/mcc1/gateway/status", b'{"state":"online"}', is_retained=True)
+    rig.control.offers = [START, STOP]
+    rig.publish(StatusRecord(state="online", time_s=1.0, boot="b", since_s=1.0, reason=None, run="r"))
     for starter in ("pump-1", "pump-2"):
         rig.state(starter, "ready")
-    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users))
+    server = Server(rig.page, web_settings(port=0))
     task = asyncio.create_task(server.run())
     await server.is_open.wait()
     assert server.address is not None
@@ -84,7 +84,22 @@ async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_sil
             "not carried out: log in first"
         )
         await expect(page.locator(".toast", has_text="anna was logged out")).to_be_visible()
-        assert rig.access.commands == []
+        assert rig.control.commands == []
+
+
+async def test_a_logout_in_another_tab_is_shown_here_and_ones_own_is_not() -> None:
+    async with paged() as (_, url), browser() as chromium:
+        here = await chromium.open(url)
+        await logged_in(here)
+        there = await here.context.new_page()
+        await there.goto(url)
+        await expect(there.locator("#account")).to_have_text("anna: log out")
+
+        await there.click("#account")
+
+        await expect(here.locator(".toast", has_text="anna was logged out")).to_be_visible()
+        await expect(there.locator("#account")).to_have_text("Log in")
+        await expect(there.locator(".toast")).to_have_count(0)
 
 
 async def test_back_and_forward_go_through_the_views_and_each_is_live() -> None:

@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 from gateway.plugins.web import server as web_server
-from gateway.plugins.web.interface import WebSettings
 from gateway.plugins.web.server import MOST_CONNECTIONS, Server
-from tests.end_to_end.web.raw_client import WebClient, exchange, request, until
+from gateway.plugins.web.streams import MOST_STREAMS
+from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
 from tests.mosquitto import Certificate
-from tests.web.support import SETTINGS, PageRig, shown_site
+from tests.web.support import PageRig, web_settings
 
 QUICK_S = 0.6
 
@@ -31,7 +31,7 @@ async def served(
     """Serve a page on a free port of loopback."""
     rig = rig or PageRig()
     files = {"cert_file": str(certificate.cert), "key_file": str(certificate.key)} if certificate else {}
-    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users, **files))
+    server = Server(rig.page, web_settings(port=0, **files))
     task = asyncio.create_task(server.run())
     await server.is_open.wait()
     assert server.address is not None
@@ -104,8 +104,8 @@ async def test_ten_thousand_malformed_requests_change_nothing_and_log_nothing(
             await asyncio.gather(*(hit(port, malformed(chance)) for _ in range(20)))
 
         assert await is_well(port)
-        assert rig.access.commands == []
-        assert {login[1] for login in rig.access.logins} <= {"wrong_login"}
+        assert rig.control.commands == []
+        assert set(rig.gateway.logins) <= {"wrong_login"}
         assert len(server._connections) < MOST_CONNECTIONS
     assert errors == []
     assert len(caplog.records) <= 5, [record.getMessage() for record in caplog.records[:9]]
@@ -140,7 +140,7 @@ async def test_a_client_that_never_sends_its_body_or_nothing_at_all_is_cut_off()
 
 @pytest.mark.usefixtures("quick")
 async def test_a_client_that_takes_nothing_of_its_stream_is_cut_off() -> None:
-    rig = PageRig(site=shown_site(*(f"pump-{n}" for n in range(2000))))
+    rig = PageRig(web_settings(*(f"pump-{n}" for n in range(2000))))
     async with served(rig) as (_, server, port):
         sock = socket.socket()
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
@@ -182,6 +182,36 @@ async def test_more_connections_than_there_may_be_are_refused_and_idle_ones_make
             writer.close()
 
 
+async def test_of_a_hundred_streams_at_once_some_are_open_and_the_others_learn_why_not() -> None:
+    async with served() as (rig, _, port):
+
+        async def asked(number: int) -> tuple[RawAnswer, asyncio.StreamWriter]:
+            own = f"127.0.1.{1 + number}", 0
+            reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=own)
+            writer.write(request("GET", "/api/v1/events", port=port))
+            async with asyncio.timeout(10.0):
+                return await read_answer(reader), writer
+
+        answers = [await asked(number) for number in range(100)]
+        statuses = [answer.status for answer, _ in answers]
+        last = answers[-1][0]
+
+        assert (statuses.count(200), statuses.count(503)) == (MOST_STREAMS, 100 - MOST_STREAMS)
+        assert len(rig.streams) == MOST_STREAMS
+        assert (last.json["error"], last.headers["retry-after"]) == ("busy", "5")
+        assert "too many pages are open" in last.json["text"]
+        assert await is_well(port)
+
+        answers[0][1].close()
+        await until(lambda: len(rig.streams) < MOST_STREAMS)
+        answers.append(await asked(100))
+        assert answers[-1][0].status == 200, "one that is closed makes room"
+        for _, writer in answers:
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+
+
 async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
     async with served() as (rig, _, port):
         inner = request("POST", "/api/v1/command/pump-1/stop", b"{}", port=port)
@@ -190,7 +220,28 @@ async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
         answer = await exchange(port, head.encode() + both + inner)
 
         assert answer.status in (0, 400)
-        assert rig.access.commands == []
+        assert rig.control.commands == []
+
+
+async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() -> None:
+    async with served() as (_, _, port):
+        upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Key": "x"}
+        plain = await exchange(port, request("GET", "/api/v1/session", port=port, headers=upgrade))
+        old = await exchange(port, b"GET /api/v1/state HTTP/1.0\r\n\r\n")
+
+        assert plain.status == 200, "an upgrade that is not offered is passed over [RFC 9110 7.8]"
+        assert old.status == 421
+
+
+async def test_several_requests_go_over_one_connection_in_order() -> None:
+    async with served() as (_, _, port):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        one = request("GET", "/api/v1/session", port=port)
+        writer.write(one + request("GET", "/nothing", port=port) + one)
+        answers: list[RawAnswer] = [await read_answer(reader) for _ in range(3)]
+        writer.close()
+
+        assert [each.status for each in answers] == [200, 404, 200]
 
 
 async def test_the_end_of_the_server_ends_open_streams_within_a_moment() -> None:

@@ -9,16 +9,18 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
-from gateway.plugins.web.interface import WebSettings, WebUser
-from gateway.plugins.web.service import WebService
+from gateway.plugins.web.page import Page
+from gateway.plugins.web.plugin import WebSettings, WebUser
+from gateway.plugins.web.server import Server
 from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
-from tests.end_to_end.web.raw_client import RawAnswer, read_answer, request, until
+from tests.end_to_end.web.raw_client import RawAnswer, exchange, read_answer, request, until
 from tests.mosquitto import Certificate
-from tests.web.support import FakeAccess, shown_site
+from tests.web.support import FakeGateway, web_settings
 
 PATIENCE_S = 10.0
 PASSWORD = "correct horse"
@@ -28,16 +30,16 @@ PASSWORD = "correct horse"
 class TlsPage:
     """A page with a certificate in a folder, and who is its client."""
 
-    service: WebService
+    page: Page
     settings: WebSettings
     folder: Path
-    troubles: list[str] = field(default_factory=list)
-    old: list[str] = field(default_factory=list)  # why a certificate goes on
+    gateway: FakeGateway
+    servers: list[Server] = field(default_factory=list)
 
     @property
     def port(self) -> int:
-        assert self.service.address is not None
-        return self.service.address[1]
+        assert self.servers[-1].address is not None
+        return self.servers[-1].address[1]
 
     async def connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         """Connect as a browser that trusts the certificate in the folder, and no other."""
@@ -55,7 +57,7 @@ class TlsPage:
 
     def reload(self) -> None:
         """Apply the configuration as it was: what its files hold may be new."""
-        self.service.move(self.settings, shown_site())
+        self.page.reconfigure(self.settings)
 
 
 async def asked(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, data: bytes) -> RawAnswer:
@@ -68,26 +70,24 @@ async def asked(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, data
 async def tls_page(folder: Path) -> AsyncIterator[TlsPage]:
     """Serve a page with a certificate of its own."""
     made = Certificate.make(folder)
-    settings = WebSettings(
+    settings = web_settings(
         port=0,
         cert_file=str(made.cert),
         key_file=str(made.key),
         users={"anna": WebUser("anna", "alice", password_line(PASSWORD))},
     )
-    troubles: list[str] = []
-    old: list[str] = []
-    service = WebService(
-        settings,
-        shown_site(),
-        FakeAccess(),
-        SystemClock(),
-        on_trouble=troubles.append,
-        on_old_certificate=old.append,
-    )
-    task = asyncio.create_task(service.run())
+    servers: list[Server] = []
+
+    def make(app: Any, settings: WebSettings) -> Server:
+        servers.append(Server(app, settings))
+        return servers[-1]
+
+    gateway = FakeGateway(SystemClock(), make_web_server=make)
+    page = Page(cast("Any", gateway), settings)
+    task = asyncio.create_task(page.run())
     try:
-        await until(lambda: service.address is not None or task.done())
-        yield TlsPage(service, settings, folder, troubles, old)
+        await until(lambda: bool(servers and servers[-1].address) or task.done())
+        yield TlsPage(page, settings, folder, gateway, servers)
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
@@ -114,7 +114,17 @@ async def test_with_tls_the_cookie_is_for_tls_alone_and_the_browser_is_to_rememb
         assert index.headers["strict-transport-security"] == "max-age=31536000"
         assert login.headers["set-cookie"].startswith("__Host-sid=")
         assert login.headers["set-cookie"].endswith("Secure")
-        assert page.troubles == [""]
+        assert "web_away" not in page.gateway.events
+
+
+async def test_who_speaks_no_tls_or_does_not_trust_the_certificate_gets_nothing(tmp_path: Path) -> None:
+    async with tls_page(tmp_path) as page:
+        plain = await exchange(page.port, request("GET", "/", port=page.port))
+        with pytest.raises(ssl.SSLCertVerificationError):
+            await asyncio.open_connection("127.0.0.1", page.port, ssl=ssl.create_default_context())
+
+        assert plain.status == 0
+        assert (await page.ask(request("GET", "/", port=page.port))).status == 200
 
 
 async def test_a_renewed_certificate_of_the_same_name_is_shown_to_new_connections_and_ends_none(
@@ -134,7 +144,7 @@ async def test_a_renewed_certificate_of_the_same_name_is_shown_to_new_connection
                 await asyncio.sleep(0.02)
         assert before != shown(new) == on_disk(tmp_path)
         assert (await asked(reader, writer, request("GET", "/", port=page.port))).status == 200
-        assert page.old == []
+        assert "web_certificate" not in page.gateway.events
         writer.close()
         new.close()
 
@@ -147,11 +157,11 @@ async def test_a_certificate_that_cannot_be_used_is_reported_and_the_one_before_
         good = (tmp_path / broken).read_bytes()
         (tmp_path / broken).write_text("half a file")
         page.reload()
-        await until(lambda: bool(page.old))
+        await until(lambda: "web_certificate" in page.gateway.events)
         (tmp_path / broken).write_bytes(good)
 
         reader, writer = await page.connect()
         assert (await asked(reader, writer, request("GET", "/", port=page.port))).status == 200
         assert shown(writer) == on_disk(tmp_path)
-        assert page.troubles == [""]
+        assert "web_away" not in page.gateway.events
         writer.close()

@@ -1,0 +1,102 @@
+"""How the gateway is: clock and broker, health, what a bug report needs, and `check` and `doctor`."""
+
+from __future__ import annotations
+
+import asyncio
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from gateway import __version__
+from gateway.contract import StatusRecord, rfc3339
+from gateway.plugins.interface import Gateway
+from gateway.plugins.web.plugin import WebSettings
+from gateway.plugins.web.requests import busy
+
+MOVES_WITHIN_S = 3.0  # a line that has nothing to ask looks at its port once a second
+MOVE_LOOK_S = 0.05
+TOOL_WITHIN_S = 120.0
+TOOL_RETRY_S = 5
+MOST_OUTPUT = 200_000  # characters
+
+
+def about(settings: WebSettings, gateway: Gateway) -> dict[str, Any]:
+    """Return how clock and broker are."""
+    mqtt, is_connected = settings.config.mqtt, gateway.mqtt.is_connected()
+    return {
+        "clock": {"time": rfc3339(gateway.clock.utc_s()), "doubt": gateway.clock_doubt()},
+        "broker": {"host": mqtt.host, "port": mqtt.port, "tls": mqtt.is_tls, "connected": is_connected},
+        "version": __version__,
+        "python": platform.python_version(),
+    }
+
+
+async def health(gateway: Gateway) -> tuple[bool, dict[str, Any]]:
+    """Return whether all is well, and the state, each line, the broker; waits for lines that idle."""
+    status = gateway.latest.find(StatusRecord.TOPIC)
+    state = status.state if isinstance(status, StatusRecord) else "unknown"
+    before = gateway.progress()
+    lines = dict.fromkeys(before, False)
+    for _ in range(int(MOVES_WITHIN_S / MOVE_LOOK_S)):
+        await asyncio.sleep(MOVE_LOOK_S)
+        lines = {name: steps != before.get(name) for name, steps in gateway.progress().items()}
+        if all(lines.values()):
+            break
+    is_well = state in ("online", "degraded") and all(lines.values())
+    return is_well, {"state": state, "lines": lines, "broker": gateway.mqtt.is_connected()}
+
+
+def diagnostics(settings: WebSettings, gateway: Gateway) -> dict[str, Any]:
+    """Return what a bug report needs besides all topics, without secrets; takes long."""
+    config = settings.config.model_dump(mode="json", by_alias=True)
+    for user in (config.get("web") or {}).get("user", ()):
+        user["password"] = "(left out)"
+    more = {"system": platform.platform(), "config": config, "computed": dict(settings.computed)}
+    return {**about(settings, gateway), **more}
+
+
+class Tools:
+    """Runs one command at a time, in a process that yields to all others; on the application's loop."""
+
+    def __init__(self) -> None:
+        self._is_running = False
+
+    async def run(self, name: str, path: Path | None) -> dict[str, Any]:
+        """Return exit code and output of a command on this configuration; WebError while one runs."""
+        if self._is_running:
+            raise busy("one runs already; wait for it", TOOL_RETRY_S)
+        if path is None:
+            return {"code": 1, "output": "the configuration has no file here", "time": None, "took_s": 0.0}
+        self._is_running = True
+        try:
+            return await asyncio.to_thread(_run_tool, name, path)
+        finally:
+            self._is_running = False
+
+
+def _run_tool(name: str, path: Path) -> dict[str, Any]:
+    path = path.resolve()
+    nice = shutil.which("nice")
+    command = [*([nice, "-n", "19"] if nice else []), sys.executable, "-m", "gateway", name, str(path)]
+    began_s = time.monotonic()
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=TOOL_WITHIN_S,
+            check=False,
+            cwd=path.parent,
+        )
+        code, output = done.returncode, done.stdout.decode("utf-8", "replace")
+    except subprocess.TimeoutExpired:
+        code, output = 1, f"not done within {TOOL_WITHIN_S:g} s"
+    except OSError as error:
+        code, output = 1, f"cannot be run here: {error}"
+    took_s = round(time.monotonic() - began_s, 1)
+    return {"code": code, "output": output[-MOST_OUTPUT:], "time": rfc3339(time.time()), "took_s": took_s}

@@ -1,0 +1,169 @@
+"""What the page holds besides the newest records, and what a client that has seen a part of it is sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.contract import (
+    AuditRecord,
+    EventRecord,
+    ForgetRecord,
+    InfoRecord,
+    Latest,
+    Phase,
+    Quality,
+    Record,
+    ResultRecord,
+    Severity,
+    StartRecord,
+    ValueRecord,
+)
+from gateway.plugins.web.site_model import MOST_COMMANDS, MOST_MESSAGES, SiteModel
+from tests.web.support import web_settings
+
+
+class Shown(SiteModel):
+    """A model with its own `Latest`, fed as the gateway feeds both."""
+
+    def __init__(self) -> None:
+        super().__init__(web_settings(), Latest())
+
+    def take(self, *records: Record) -> None:
+        for record in records:
+            self.latest.put(record)
+            self.put(record, 0.0)
+
+
+def value(point: str, number: float = 1.0, starter: str = "pump-1") -> ValueRecord:
+    return ValueRecord(
+        starter=starter, point=point, value=number, unit="A", quality=Quality.GOOD, time_s=1.0, seq=1
+    )
+
+
+def event(code: str = "lag", starter: str = "") -> EventRecord:
+    return EventRecord(starter=starter, seq=1, time_s=1.0, code=code, severity=Severity.INFO, text="")
+
+
+def result(phase: Phase, id_: str | None = "a", starter: str = "pump-1", verb: str = "stop") -> ResultRecord:
+    named: Any = {"starter": starter, "client": "alice", "id": id_, "verb": verb}
+    return ResultRecord(**named, phase=phase, code="ok", text="", time_s=1.0)
+
+
+def decided(decision: str, id_: str | None = "a") -> AuditRecord:
+    named: Any = {"starter": "pump-1", "client": "alice", "id": id_, "verb": "stop", "args": {"n": 1}}
+    return AuditRecord(**named, seq=1, time_s=1.0, decision=decision, code="", operator=None, source="web")
+
+
+@pytest.mark.parametrize(
+    ("scope", "topics"),
+    [
+        (None, {"starter/pump-1/value/current", "starter/pump-2/value/current"}),
+        (
+            "pump-1",
+            {"starter/pump-1/value/current", "starter/pump-1/value/p003", "starter/pump-2/value/current"},
+        ),
+    ],
+)
+def test_an_overview_has_the_current_of_each_starter_and_a_starters_page_all_of_it(
+    scope: str | None, topics: set[str]
+) -> None:
+    model = Shown()
+    model.take(value("current"), value("p003"), value("current", starter="pump-2"))
+
+    assert {topic for topic, _ in model.topics(scope)} == topics
+
+
+def test_a_client_is_sent_what_is_newer_than_it_has_seen_and_what_is_gone() -> None:
+    model = Shown()
+    model.take(value("current"), value("current_pct"))
+    seen = model.now
+    newest = value("current", 2.0)
+    model.take(newest, event(), ForgetRecord(starters=("pump-2",)))
+
+    assert model.topics(None, seen.latest) == [("starter/pump-1/value/current", newest)]
+    assert model.messages(None, seen.happened) == [event()]
+    assert model.now.gen == seen.gen + 2
+
+    seen = model.now
+    model.take(ForgetRecord(starters=("pump-1",)))
+
+    assert dict(model.topics(None, seen.latest)) == {
+        "starter/pump-1/value/current": None,
+        "starter/pump-1/value/current_pct": None,
+    }
+    assert model.topics(None) == []
+
+
+def test_a_client_that_has_missed_messages_gets_none_and_is_sent_the_whole_again() -> None:
+    model = Shown()
+    model.take(event())
+    seen = model.now.happened
+    model.take(*[event()] * MOST_MESSAGES)
+
+    assert len(model.messages(None, seen) or ()) == MOST_MESSAGES
+    model.take(event())
+    assert model.messages(None, seen) is None
+    assert model.messages(None, model.now.happened) == []
+    assert len(model.messages(None) or ()) == MOST_MESSAGES
+
+
+def test_results_and_starts_are_sent_as_they_come_and_results_in_a_starters_snapshot() -> None:
+    model = Shown()
+    seen = model.now.happened
+    start = StartRecord(starter="pump-1", id="s", data={})
+    model.take(result(Phase.ACCEPTED), result(Phase.ACCEPTED, starter="pump-2"), start)
+
+    assert model.messages("pump-1", seen) == [
+        result(Phase.ACCEPTED),
+        result(Phase.ACCEPTED, starter="pump-2"),
+        start,
+    ]
+    assert start not in (model.messages("pump-2", seen) or ())
+    assert model.messages("pump-1") == [result(Phase.ACCEPTED)]
+    assert model.messages(None) == []
+    assert model.records("pump-1", StartRecord) == [start]
+
+
+def test_the_phases_of_a_command_stand_together_with_what_was_asked() -> None:
+    model = Shown()
+    model.take(result(Phase.ACCEPTED), decided("accepted"), result(Phase.WRITTEN), result(Phase.CONFIRMED))
+    model.take(result(Phase.ACCEPTED, "b"), result(Phase.ACCEPTED, starter="absent"))
+
+    first, second = model.commands("pump-1")
+    assert [each["phase"] for each in first["phases"]] == ["accepted", "written", "confirmed"]
+    assert (first["args"], first["source"]) == ({"n": 1}, "web")
+    assert (second["id"], second["source"]) == ("b", "mqtt")
+    assert model.commands("absent") == []
+
+
+def test_a_stop_without_id_is_another_one_once_the_last_is_over() -> None:
+    model = Shown()
+    model.take(decided("accepted", None), result(Phase.ACCEPTED, None), result(Phase.CONFIRMED, None))
+    model.take(decided("rejected", None), result(Phase.ACCEPTED, None))
+
+    assert [len(each["phases"]) for each in model.commands("pump-1")] == [2, 1]
+
+
+def test_the_latest_commands_are_shown_until_a_reload_takes_their_starter_away() -> None:
+    model = Shown()
+    model.take(*(result(Phase.ACCEPTED, str(n)) for n in range(MOST_COMMANDS + 3)), value("current"))
+
+    assert model.commands("pump-1")[0]["id"] == "3"
+    model.reconfigure(web_settings("pump-2"))
+    assert model.commands("pump-1") == []
+    assert model.plots("pump-1") is None
+
+
+def test_facts_are_those_of_the_configuration_with_what_the_starter_says_of_itself() -> None:
+    model = Shown()
+    seen = model.now.latest
+    named: Any = {"starter": "pump-1", "family": "ssw07", "line": "pumps", "address": 1}
+    model.take(InfoRecord(**named, model="SSW-07 85.0A", firmware=None, serial=None, points={}, commands=()))
+
+    assert model.facts("pump-1")["model"] == "SSW-07 85.0A"
+    assert "firmware" not in model.facts("pump-1")
+    assert model.facts_since(seen) == {"pump-1": model.facts("pump-1")}
+    assert model.facts_since(model.now.latest) == {}
+    assert model.facts("gone") == {"groups": []}
