@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError, ResultCode
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.procedure import REFUSALS, Preparation, Procedure
+from gateway.families.profile.procedure import Preparation, Procedure
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 
@@ -104,7 +104,7 @@ def refusal(family: str, verb: str, args: Mapping[str, Any], known: str = "") ->
     """Return why a command is refused before anything is read."""
     with pytest.raises(CommandError) as caught:
         prepare(load_profile(family), rows(known)[0], verb, args)
-    assert caught.value.code in REFUSALS
+    assert caught.value.code in set(ResultCode)
     return caught.value
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.devices import device_of
 from gateway.families.profile.load import read_profile
 from gateway.families.profile.schema import Variant

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import factory_settings, to_words
 from gateway.families.profile.rows import Access, Confidence, Table

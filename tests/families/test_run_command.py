@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import check
 from gateway.families.command.run_command import CLEARED

@@ -41,8 +41,8 @@ def test_the_wheel_holds_the_documentation_the_page_and_the_deploy_kit_and_no_le
 
     for wanted in (
         "gateway/docs_site/index.html",
-        "gateway/web/static/index.html",
-        "gateway/web/static/vendor/uPlot.iife.min.js",
+        "gateway/plugins/web/static/index.html",
+        "gateway/plugins/web/static/vendor/uPlot.iife.min.js",
         "gateway/deploy_kit/INSTALL.md",
         "gateway/deploy_kit/starter-gateway.service",
         "gateway/deploy_kit/starter-gateway-bridge.service",
@@ -67,7 +67,7 @@ def test_what_pip_builds_from_a_checkout_has_plots_and_documentation(tmp_path: P
 
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    vendor = "gateway/web/static/vendor"
+    vendor = "gateway/plugins/web/static/vendor"
     for wanted in (f"{vendor}/uPlot.iife.min.js", f"{vendor}/uPlot.min.css", "gateway/docs_site/index.html"):
         assert wanted in names
         assert not (tree / wanted).exists()  # the checkout stays as it was

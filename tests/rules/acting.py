@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError, ResultCode
 from gateway.families.command.build import build, prepare
 from gateway.families.command.interlock import check
 from gateway.families.profile.decode import decode_points

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.errors import CommandError, PortLostError
+from gateway.contract import CommandError
+from gateway.errors import PortLostError
 from gateway.families.profile.load import load_profile
 from gateway.families.reading import bulk_reads
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.policy.preconditions import Expectation
 

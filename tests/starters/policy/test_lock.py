@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.contract import LockRecord
-from gateway.errors import CommandError
+from gateway.contract import CommandError, LockRecord
 from gateway.starters.policy.preconditions import is_forbidden, reason_in, refusal
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import CommandError
+from gateway.contract import CommandError
 from gateway.starters.policy.selection import Selection, Selections
 
 
