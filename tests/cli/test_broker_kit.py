@@ -182,7 +182,7 @@ def test_a_bridge_whose_commands_this_clock_refuses_says_so(
     bridged = capsys.readouterr().out
 
     assert "need issued_at" not in without
-    assert "warning: operator alice: commands need issued_at, but the configuration does not" in bridged
+    assert "warning: operator alice: the commands of this operator need issued_at" in bridged
 
 
 @needs_openssl

@@ -59,7 +59,7 @@ def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
     for expected in ("E05 Motor overload", "SSW-07 200A", "2026-10", "starts left this hour", "5 h"):
         assert expected in text
     assert re.search(r"P314 timeout for message recept… +10 s +5 s +maintenance", text)
-    assert "look at the cable after" in text
+    assert "check the cable after" in text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -113,3 +113,8 @@ def _value(word: str) -> Any:
         return ast.literal_eval(word)
     except (SyntaxError, ValueError):
         return word
+
+
+def said(procedure: Procedure) -> str:
+    """Return what the operator must know with the result."""
+    return "; ".join(note.text for note in procedure.notes)

@@ -12,7 +12,7 @@ from gateway.families.profile.arguments import MOST
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation
 from gateway.modbus.writes import MaskWriteRegister
-from tests.families.notation import built, command, prepared, reads, refusal, rows, shown, writes
+from tests.families.notation import built, command, prepared, reads, refusal, rows, said, shown, writes
 
 WEG = ("ssw06", "ssw07", "ssw900")
 REST, FAULT = "VB01=0x4102 VB03=0", "VB01=0x8000 VB03=0"  # enabled, remote, supplied; at rest
@@ -299,7 +299,7 @@ REFUSED = [  # before anything is read
     ("ssw06", "local_remote", {"value": "up"}, "bad_arguments", "remote, local"),
     ("ssw07", "read", {}, "bad_arguments", "parameter is missing"),
     ("ssw07", "read", {"parameter": 3}, "bad_arguments", "parameter must be a text"),
-    ("ssw07", "set", {"parameter": "P314", "of": 1}, "bad_arguments", "value is missing, of is unknown"),
+    ("ssw07", "set", {"parameter": "P314", "of": 1}, "bad_arguments", "value is missing; of is unknown"),
     ("ssw07", "read", {"parameters": []}, "bad_arguments", ""),
     ("ssw07", "read", {"parameters": 3}, "bad_arguments", ""),
     ("ssw07", "read", {"parameters": ["P002", 3]}, "bad_arguments", ""),
@@ -337,8 +337,8 @@ REFUSED = [  # before anything is read
         ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action on all parameters")
         for code in ("C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1")
     ],
-    ("ssw06", *command("set P000=1"), "not_writable", "no password is needed"),
-    ("ssw07", *command("set P000=1"), "not_writable", "no password is needed"),
+    ("ssw06", *command("set P000=1"), "not_writable", "needs no password"),
+    ("ssw07", *command("set P000=1"), "not_writable", "needs no password"),
     ("ssw06", *command("set P200=1"), "not_writable", "not accessible through serial"),
     ("ssw07", *command("set P215=1"), "not_writable", "not accessible through serial"),
     ("ssw07", *command("set P314=soon"), "bad_value", ""),
@@ -356,10 +356,10 @@ REFUSED = [  # before anything is read
     ("sst", "configure", {"R41": "soon"}, "bad_value", ""),
     ("ssw06", *command("output RL9=True"), "bad_arguments", "RL1, RL2, RL3, AO1, AO2"),
     ("ssw06", *command("output RL1=50"), "bad_value", "true or false"),
-    ("ssw06", *command("output AO1=True"), "bad_value", "0..100 %"),
-    ("ssw06", *command("output AO1=half"), "bad_value", "0..100 %"),
-    ("ssw06", *command("output AO1=100.1"), "out_of_range", "0..100 %"),
-    ("ssw06", *command("output AO1=-1"), "out_of_range", "0..100 %"),
+    ("ssw06", *command("output AO1=True"), "bad_value", "0 to 100 %"),
+    ("ssw06", *command("output AO1=half"), "bad_value", "0 to 100 %"),
+    ("ssw06", *command("output AO1=100.1"), "out_of_range", "0 to 100 %"),
+    ("ssw06", *command("output AO1=-1"), "out_of_range", "0 to 100 %"),
     ("ssw06", "output", {"output": "RL1"}, "bad_arguments", "value is missing"),
 ]
 
@@ -429,7 +429,10 @@ def test_a_command_is_refused_for_what_was_read(family: str, text: str, known: s
 def test_an_ssw07_before_v1_40_neither_jogs_nor_turns_the_other_way(text: str) -> None:
     error = refusal("ssw07", *command(text), known="firmware=V1.32")
 
-    assert (error.code, "from 1.40, this is V1.32" in error.text) == ("not_in_firmware", True)
+    assert (error.code, "from firmware 1.40; this starter has V1.32" in error.text) == (
+        "not_in_firmware",
+        True,
+    )
     assert prepared("ssw07", text, "firmware=V1.4x").reads
     assert prepared("ssw07", text).reads
 
@@ -461,7 +464,7 @@ def test_a_device_that_restarts_is_given_time_and_may_be_silent() -> None:
         assert not any(step.is_silence_expected for step in procedure.steps[:-1])
         assert procedure.verify is not None
         assert procedure.verify.within_s > load_profile(family).timing.restart_s
-    assert "configure" in built("sst", "reset whole", REST_SST).note
+    assert "configure" in said(built("sst", "reset whole", REST_SST))
 
 
 def test_each_step_of_the_sst_is_seen_before_the_next_and_the_mode_is_left_when_one_failed() -> None:
@@ -518,15 +521,15 @@ def test_a_result_names_its_rows_and_what_wears() -> None:
 def test_a_command_that_gives_the_control_away_says_so(family: str) -> None:
     known = REST_900 if family == "ssw900" else REST
 
-    assert "not even a stop" in built(family, "local_remote local", known).note
-    assert "not even a stop" not in built(family, "local_remote remote", known).note
+    assert "not even a stop" in said(built(family, "local_remote local", known))
+    assert "not even a stop" not in said(built(family, "local_remote remote", known))
 
 
 def test_where_the_number_of_the_option_is_not_printed_the_result_says_what_it_does_not_prove() -> None:
-    note = built("ssw07", "output RL1=True", "VB08=0 P277=3").note
+    note = said(built("ssw07", "output RL1=True", "VB08=0 P277=3"))
 
-    assert "RL1 follows VB08 only if P277 (relay RL1 function) is set to Serial, which reads 3" in note
-    assert "reads" not in built("ssw06", "output AO1=5").note
-    assert built("ssw900", "output DO1=True").note == ""
+    assert "RL1 follows VB08 only if P277 (relay RL1 function) is set to Serial, and P277 reads 3" in note
+    assert "reads" not in said(built("ssw06", "output AO1=5"))
+    assert said(built("ssw900", "output DO1=True")) == ""
     with pytest.raises(CommandError, match=r"C4\.2\.1 is 1 \(.+\), not 12 \("):
         built("ssw900", "output DO1=True", "C4.2.1=1")

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from gateway.contract import CommandError
+from gateway.contract import CommandError, Note
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import check
-from gateway.families.command.run_command import CLEARED
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Procedure, WriteStep
 from gateway.families.profile.rows import Parameter
@@ -131,7 +130,7 @@ def test_no_procedure_of_any_verb_and_any_row_wakes_a_run_command_before_run_is_
         count += 1
         first = procedure.steps[: waking[0]]
         assert any(is_run_off(profile, step) and step.is_run_off for step in first), (verb, args)
-        assert CLEARED in procedure.note, (verb, args)
+        assert Note("run_cleared") in procedure.notes, (verb, args)
         assert procedure.verify is not None, (verb, args)
         assert not procedure.verify.is_met(
             {procedure.verify.name: procedure.verify.is_one_of[0], "running": True}

@@ -97,7 +97,7 @@ def broken_after(count: int, seed: int, chance: random.Random) -> tuple[CableLin
     last = chance.randrange(1, count - 1)
     line = CableLine(count, seed, corrupted=shares(chance, range(last + 1, count + 1)))
     line.lost = shares(chance, range(last + 1, count + 1), 0.01)
-    return line, f"from pump-{last + 1} (address {last + 1}) on: look at the cable after pump-{last} "
+    return line, f"from pump-{last + 1} (address {last + 1}) on: check the cable after pump-{last} "
 
 
 def noise(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
@@ -106,7 +106,9 @@ def noise(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]
 
 def one_bad(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
     bad = chance.randint(1, count)
-    return CableLine(count, seed, corrupted={bad: 0.06}, lost={bad: 0.02}), f"errors only of pump-{bad} "
+    return CableLine(
+        count, seed, corrupted={bad: 0.06}, lost={bad: 0.02}
+    ), f"errors of pump-{bad} (address {bad}) only"
 
 
 def one_slow(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
@@ -147,7 +149,7 @@ def test_of_many_lines_with_a_fault_of_a_kind_each_is_named_as_what_it_is(kind: 
 def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
     line = CableLine(8, seed=3, corrupted=dict.fromkeys((6, 7, 8), 0.1))
     line.run(2)
-    assert [text[:42] for text in line.appeared] == ["errors only from pump-6 (address 6) on: lo"]
+    assert [text[:42] for text in line.appeared] == ["errors from pump-6 (address 6) on: check t"]
     line.corrupted = {}
 
     assert line.run(0.3) == []

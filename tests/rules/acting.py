@@ -74,9 +74,13 @@ class Actor:
             if step.then is not None and not self._see(step.then):
                 return self._abandoned(procedure.abandon, Done("unconfirmed", written=written))
         if not procedure.steps:
-            return Done("unchanged" if procedure.is_unchanged else "confirmed", procedure.note)
+            return Done(
+                "unchanged" if procedure.is_unchanged else "confirmed",
+                "; ".join(note.text for note in procedure.notes),
+            )
         is_seen = procedure.verify is not None and self._see(procedure.verify)
-        end = Done("confirmed" if is_seen else "unconfirmed", procedure.note, written)
+        said = "; ".join(note.text for note in procedure.notes)
+        end = Done("confirmed" if is_seen else "unconfirmed", said, written)
         return end if is_seen else self._abandoned(procedure.abandon, end)
 
     def read(self, reads: Sequence[Read]) -> Rows:
@@ -85,7 +89,7 @@ class Actor:
         for read in reads:
             pdu = self.talk.pdu(read.request)
             if pdu is None or exception_code(read.request, pdu) is not None:
-                raise CommandError("no_answer", str(read.codes))
+                raise CommandError(ResultCode.NO_ANSWER, "identity")
             rows |= rows_in(self.profile, read, read.request.decode_reply(pdu))
         self.rows |= rows
         return rows

@@ -30,6 +30,7 @@ from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
@@ -193,17 +194,23 @@ class GatewayWorld:
             router.add(telemetry)
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
-        self.reception = IncomingCommands(
-            Topics("t"),
+        self._commands = Commands(
+            self.dispatcher,
             self._tokens,
-            dispatcher=self.dispatcher,
             clock=self.clock,
             clock_watch=clock_watch,
-            restate=lambda: None,
-            publish_event=lambda *event: None,
             suspend_watch=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
+            restate=lambda: None,
+            publish_event=lambda *event, **fields: None,
         )
-        self._looking = asyncio.create_task(self.reception.run())
+        self.reception = IncomingCommands(
+            Topics("t"),
+            self._commands,
+            dispatcher=self.dispatcher,
+            clock=self.clock,
+            publish_event=lambda *event, **fields: None,
+        )
+        self._looking = asyncio.create_task(self._commands.run())
 
     @property
     def is_clock_right(self) -> bool:
@@ -281,7 +288,7 @@ class GatewayWorld:
         """Let what takes commands stand still for so long; what comes next has waited in the socket."""
         self._looking.cancel()
         await asyncio.sleep(seconds)
-        self._looking = asyncio.create_task(self.reception.run())
+        self._looking = asyncio.create_task(self._commands.run())
 
     def plug(self, *, is_plugged: bool) -> None:
         self.disturbances_s.append(self.clock.now_s())

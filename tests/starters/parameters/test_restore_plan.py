@@ -52,9 +52,9 @@ def test_readings_commands_and_unknown_codes_are_passed_over() -> None:
     [
         ("ssw07", "P308", ParameterEntry(raw=(9,)), "cut the connection"),
         ("ssw07", "P277", ParameterEntry(raw=(9,)), "cannot be set"),
-        ("ssw07", "P313", ParameterEntry(raw=(9,)), "outside the range"),
+        ("ssw07", "P313", ParameterEntry(raw=(9,)), "takes one of 0 (No action)"),
         ("ssw07", "P313", ParameterEntry(raw=(1, 1)), "1 words, the file gives 2"),
-        ("ssw07", "P313", ParameterEntry(value="Coffee"), "parameter's kind"),
+        ("ssw07", "P313", ParameterEntry(value="Coffee"), "takes one of 0 (No action)"),
         ("ssw07", "P314", ParameterEntry(value=20, raw=(30,)), "disagree"),
         ("ssw900", "C1.4", ParameterEntry(raw=(1,)), "not legible"),
     ],

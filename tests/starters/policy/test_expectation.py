@@ -36,12 +36,12 @@ def refusal(wanted: dict[str, Any], points: dict[str, Any]) -> str:
 @pytest.mark.parametrize(
     ("wanted", "points", "text"),
     [
-        ({"state": "running"}, READY, "state: expected running, but it is ready"),
-        ({"running": True}, READY, "running: expected true, but it is false"),
-        ({"running": True}, {}, "running: expected true, but it is unknown"),
-        ({"running": 0}, READY, "running: expected 0, but it is false"),
-        ({"fault_code": False}, READY, "fault_code: expected false, but it is 0"),
-        ({"state": "ready"}, {}, "state: expected ready, but it is unknown"),
+        ({"state": "running"}, READY, "state is ready, but the command expects running"),
+        ({"running": True}, READY, "running is false, but the command expects true"),
+        ({"running": True}, {}, "running is unknown, but the command expects true"),
+        ({"running": 0}, READY, "running is false, but the command expects 0"),
+        ({"fault_code": False}, READY, "fault_code is 0, but the command expects false"),
+        ({"state": "ready"}, {}, "state is unknown, but the command expects ready"),
     ],
 )
 def test_what_is_no_longer_so_is_reported_with_its_reading(

@@ -48,7 +48,7 @@ def test_so_many_starts_an_hour_and_then_one_for_each_that_is_an_hour_old() -> N
 
     assert violation is not None
     assert violation.code == "too_many_starts"
-    assert "(2 in the last hour, of 2)" in violation.text
+    assert "2 times in the last hour, 2 are allowed" in violation.text
     assert violation.text.endswith("wait 3400 s")
     assert rulebook.check_start("a", now_s=100.0 + HOUR_S) is None
 
@@ -74,7 +74,7 @@ def test_a_motor_must_have_stood_still_for_its_pause() -> None:
 
     assert violation is not None
     assert violation.code == "pause_too_short"
-    assert "(30 s of 60 s)" in violation.text
+    assert "30 s of 60 s" in violation.text
     assert rulebook.check_start("a", now_s=80.0) is None
 
 
@@ -84,7 +84,7 @@ def test_the_pause_of_a_motor_that_was_never_seen_to_stand_has_not_begun() -> No
     violation = rulebook.check_start("a", now_s=1e6)
 
     assert violation is not None
-    assert "(it has not been seen to stand still)" in violation.text
+    assert "not been seen at standstill" in violation.text
 
 
 def test_starters_of_a_feeder_start_one_after_the_other() -> None:
@@ -96,7 +96,7 @@ def test_starters_of_a_feeder_start_one_after_the_other() -> None:
 
     assert violation is not None
     assert violation.code == "feeder_busy"
-    assert "(p1 started 2.0 s ago on feeder a)" in violation.text
+    assert "p1 started 2.0 s ago on feeder a" in violation.text
     assert rulebook.check_start("p3", now_s=12.0) is None
     assert rulebook.check_start("p1", now_s=12.0) is None  # its own start is the other rules' business
     assert rulebook.check_start("p2", now_s=15.0) is None
