@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
-from gateway.contract import CommandRequest, Topics
-from gateway.mqtt.commands import Incoming
-from gateway.starters.policy.freshness import Moment
-from tests.mqtt.commands import NOW, NOW_S, TOKEN, intake
+from gateway.contract import STOP, CommandRequest, Topics
+from gateway.mqtt.commands import Incoming, command_in
+from gateway.starters.policy.freshness import Moment, RunToken, Tokens, decision_of
 
+NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
+TOKEN = "token-1"  # made when everything arrives
 TOP = Path(__file__).parents[1]
 PAGE = (TOP / "docs" / "recipes.md").read_text("utf-8")
 BASE = "starters/mcc1"
@@ -27,11 +28,15 @@ def examples(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
-def request(topic: str, payload: str, *, freshness: str = "token") -> CommandRequest:
-    judged = intake(Topics(BASE), freshness=freshness).judge(
-        Incoming(topic, payload.encode()), Moment(7.0, NOW_S)
-    )
+def request(topic: str, payload: str) -> CommandRequest:
+    """Return the command that a message is; it is fresh, or needs not be."""
+    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens.issue(7.0)
+    judged = command_in(Topics(BASE), Incoming(topic, payload.encode()), 7.0)
     assert isinstance(judged, CommandRequest), judged
+    if judged.verb != STOP:
+        moment = Moment(7.0, NOW_S)
+        decision_of(judged.proof, verb=judged.verb, freshness=("token",), tokens=tokens, moment=moment)
     return judged
 
 

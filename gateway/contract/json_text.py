@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic_core import PydanticSerializationError, to_json
 
-_WHOLE_MANTISSA = re.compile(rb"(?<=[:,\[])(-?\d)e(?=[-+]?\d)")  # 1e+16: some clients take it for an integer
+_WHOLE_MANTISSA = re.compile(rb"(^|[:,\[])(-?\d)e(?=[-+]?\d)")  # 1e+16: some clients take it for an integer
 _STRINGS = re.compile(rb'("(?:[^"\\]|\\.)*")')
 
 
@@ -29,7 +29,7 @@ def with_decimals(payload: bytes) -> bytes:
     if b"e+" not in payload and b"e-" not in payload:
         return payload
     pieces = _STRINGS.split(payload)
-    return b"".join(each if each[:1] == b'"' else _WHOLE_MANTISSA.sub(rb"\1.0e", each) for each in pieces)
+    return b"".join(each if each[:1] == b'"' else _WHOLE_MANTISSA.sub(rb"\1\2.0e", each) for each in pieces)
 
 
 def _fallback(value: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.health import Health
-from gateway.contract import LineRecord, Severity
+from gateway.contract import Event, LineRecord, Severity, event_of
 from gateway.line.cable import WiredStarter
 from gateway.line.client import LineClient
 from gateway.system.stalls import HangWatch, LagMeter
@@ -74,8 +74,9 @@ class World:
     def arm(self, after_s: float, *, file: Any) -> None:
         self.armed_s.append(after_s)
 
-    def publish_event(self, code: str, severity: Severity, text: str) -> None:
-        self.reported.append((code, severity))
+    def publish_event(self, *event: Any, **fields: Any) -> None:
+        said = event[0] if isinstance(event[0], Event) else event_of(*event, **fields)
+        self.reported.append((said.code, said.severity))
 
     def health(self) -> Health:
         line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
@@ -127,8 +128,8 @@ def test_a_late_loop_warns_once_and_stands_in_the_statistics(caplog: pytest.LogC
 
     assert caplog.text.count("was 0.060 s late") == 1
     assert world.reported == []
-    assert world.records[-1].statistics["polls"] == 7
-    assert world.records[-1].statistics["lag_s"] == {"line": 0.06, "gateway": 0.0}
+    assert world.records[-1].data["polls"] == 7
+    assert world.records[-1].data["lag_s"] == {"line": 0.06, "gateway": 0.0}
 
 
 def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
@@ -155,7 +156,7 @@ def test_a_line_without_time_to_spare_is_reported_after_a_minute_and_when_it_is_
     run_virtually(watched(world, (5.0, fill(world, 0.99)), (70.0, fill(world, 0.4)), (70.0, None)))
 
     assert world.reported == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
-    assert world.records[-1].statistics["computed"] == {"is_paced": True, "sweep_s": 1.0}
+    assert world.records[-1].data["computed"] == {"is_paced": True, "sweep_s": 1.0}
 
 
 def test_a_line_that_is_to_be_full_is_not_reported() -> None:
@@ -188,8 +189,8 @@ def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_an
         await asyncio.wait([running])
 
     run_virtually(scenario())
-    texts = [record.statistics["cable"]["texts"] for record in world.records]
+    texts = [record.data["cable"]["texts"] for record in world.records]
     assert world.reported == [("cable", Severity.WARNING), ("cable", Severity.INFO)]
     assert texts[0] == texts[-1] == []
     assert ["errors of pump" in text for found in texts for text in found].count(True) > 15
-    assert world.records[15].statistics["cable"]["starters"]["pump"]["error_rate"] == 0.2
+    assert world.records[15].data["cable"]["starters"]["pump"]["error_rate"] == 0.2

@@ -14,7 +14,7 @@ import pytest
 
 from gateway.app.reload import MOST_REMAINS, Reload
 from gateway.app.site import Site
-from gateway.contract import Severity
+from gateway.contract import Event, Severity, event_of
 from gateway.errors import ConfigError, Problem
 from tests.config.sites import site
 
@@ -56,8 +56,9 @@ class World:
         self.changed.append(site)
         return self.replaced
 
-    def publish_event(self, code: str, severity: Severity, text: str, data: dict[str, list[str]]) -> None:
-        self.reported.append((code, severity, text, data))
+    def publish_event(self, *event: Any, **fields: Any) -> None:
+        said = event[0] if isinstance(event[0], Event) else event_of(*event, **fields)
+        self.reported.append((said.code, said.severity, said.text, said.data))
 
     # Notifier
     def reloading(self) -> None:

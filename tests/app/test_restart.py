@@ -20,14 +20,14 @@ def test_a_watchdog_must_be_half_as_long_again_as_the_gap(limit_s: float | None,
 
 
 def test_the_announcement_names_the_longest_gap_and_the_watchdogs_that_may_act() -> None:
-    text, data = announcement("ended by SIGTERM", PROSPECTS, limit_of=LIMITS.get)
-    calm, quiet = announcement("x", PROSPECTS, limit_of=lambda _: None)
+    loud = announcement("ended by SIGTERM", PROSPECTS, limit_of=LIMITS.get)
+    calm = announcement("x", PROSPECTS, limit_of=lambda _: None)
 
-    assert text.startswith(
+    assert loud.text.startswith(
         "the gateway ends: ended by SIGTERM; if it is started again at once, nothing is polled"
     )
-    assert text.endswith("longer than the watchdog of pump-1 allows")
-    assert data["too_short"] == ["pump-1"]
-    assert data["starter"] in LIMITS
-    assert "watchdog" not in calm
-    assert quiet["too_short"] == []
+    assert loud.text.endswith("longer than the watchdog of pump-1 permits")
+    assert loud.data["too_short"] == ["pump-1"]
+    assert loud.data["starter"] in LIMITS
+    assert "watchdog" not in calm.text
+    assert calm.data["too_short"] == []

@@ -12,7 +12,18 @@ from typing import Any
 import pytest
 
 from gateway.cli.broker_kit.logins import KitSettings, access_list, logins_of
-from gateway.contract import Topics
+from gateway.contract import (
+    AlarmRecord,
+    AuditRecord,
+    EventRecord,
+    HistoryRecord,
+    ResultRecord,
+    StartRecord,
+    StateRecord,
+    Topics,
+    TripRecord,
+    ValueRecord,
+)
 from tests.config.sites import site
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -21,16 +32,16 @@ TELEGRAF = tomllib.loads((CONTRIB / "telegraf" / "telegraf.conf").read_text("utf
 INPUTS = TELEGRAF["inputs"]["mqtt_consumer"]
 TOPICS = Topics("starters/mcc1")
 PUBLISHED = [
-    TOPICS.value("pump-1", "current"),
-    TOPICS.state("pump-1"),
-    TOPICS.alarm("pump-1", "f072"),
-    TOPICS.event("pump-1"),
-    TOPICS.start("pump-1"),
-    TOPICS.trip("pump-1"),
-    TOPICS.history("pump-1"),
-    TOPICS.gateway_event,
-    TOPICS.audit,
-    TOPICS.result("pump-1", "alice"),
+    TOPICS.of(ValueRecord, starter="pump-1", point="current"),
+    TOPICS.of(StateRecord, starter="pump-1"),
+    TOPICS.of(AlarmRecord, starter="pump-1", code="f072"),
+    TOPICS.of(EventRecord, starter="pump-1"),
+    TOPICS.of(StartRecord, starter="pump-1"),
+    TOPICS.of(TripRecord, starter="pump-1"),
+    TOPICS.of(HistoryRecord, starter="pump-1"),
+    "starters/mcc1/gateway/event",
+    TOPICS.of(AuditRecord),
+    TOPICS.of(ResultRecord, starter="pump-1", client="alice"),
 ]
 
 

@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.mqtt.contract.payloads import Payloads
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
-from gateway.contract import Topics
+from gateway.contract import InfoRecord
 from gateway.families.devices.device import Identity
-from gateway.mqtt.message import Message
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.plugin import facts_of
 from gateway.plugins.homeassistant.site_facts import SiteFacts
@@ -45,18 +43,17 @@ def facts(*arguments: str, **options: Any) -> SiteFacts:
     return found
 
 
-def info_messages(site: Config) -> dict[str, Message]:
-    """Return the retained `info` of each starter, as it is before the starter has answered."""
-    payloads = Payloads(Topics(site.base), "run-1")
+def infos_of(site: Config) -> dict[str, InfoRecord]:
+    """Return the `info` of each starter, as it is before the starter has answered."""
     setups = [setup for line in site.lines for setup in setups_of(line)]
-    return {setup.name: payloads.message(info_of(setup, setup.variant, Identity())) for setup in setups}
+    return {setup.name: info_of(setup, setup.variant, Identity()) for setup in setups}
 
 
 def announced(*arguments: str, **options: Any) -> dict[str, dict[str, Any]]:
     """Return the discovery of each starter, and of the gateway under an empty name."""
     site = facts(*arguments, **options)
-    infos = info_messages(config(*arguments, **options))
-    found = {name: starter_message(site, name, json.loads(each.payload)) for name, each in infos.items()}
+    infos = infos_of(config(*arguments, **options))
+    found = {name: starter_message(site, name, each.fields()) for name, each in infos.items()}
     return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(site)}.items()}
 
 

@@ -16,7 +16,7 @@ from tests.scenarios.plugins.doors import samples
 BROKEN = (
     "gateway.plugins.metrics.counts.RecordCounts.put",
     "gateway.plugins.metrics.collector.ScrapeCollector.collect",
-    "gateway.plugins.metrics.service.MetricsService.move",
+    "gateway.plugins.metrics.service.MetricsService.reconfigure",
 )
 
 

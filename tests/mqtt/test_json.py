@@ -4,6 +4,7 @@ import enum
 import json
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -54,7 +55,7 @@ class Number(enum.IntEnum):
         (12.0, "12.0"),
         (-0.5, "-0.5"),
         (1e16, "1.0e+16"),
-        (1e-05, "1.0e-05"),
+        (1e-07, "1.0e-7"),
         (1.5e300, "1.5e+300"),
         (math.nan, "null"),
         (math.inf, "null"),
@@ -63,11 +64,11 @@ class Number(enum.IntEnum):
         (Quality.GOOD, '"good"'),
         ((1, 2.0), "[1,2.0]"),
         ({"a": [1], 2: None}, '{"a":[1],"2":null}'),
-        (b"x", "\"b'x'\""),
+        (Path("/x"), '"/x"'),
     ],
 )
 def test_a_value_is_written_as_the_contract_wants_it(value: object, text: str) -> None:
-    assert encoded(value) == text
+    assert encoded(value).decode() == text
 
 
 def test_a_lone_surrogate_does_not_break_the_payload() -> None:

@@ -4,37 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gateway.mqtt.contract.payloads import LateValue
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.message import Message
+from gateway.contract import Quality, ValueRecord
+from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 
 WIDE = 1000  # a window that never fills
 
 
-def pack(topic: str, items: Sequence[str], boot: str) -> Message:
-    assert boot == "run"
-    return Message(topic, ",".join(items).encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
-
-
 def outbox(**limits: int) -> Outbox:
-    box = Outbox(last_topic="b/gateway/status", pack=pack, late=late, boot="run", **limits)
+    box = Outbox(last_topic="b/gateway/status", boot="run", **limits)
     box.grant_history(10**6)
     return box
 
 
-def late(message: Message) -> LateValue:
-    return LateValue(message.topic.replace("v/", "h/"), message.payload)
+def latest(topic: str, text: str) -> Message:
+    return Message(topic, text.encode(), qos=1, retain=True)
 
 
-def latest(topic: str, text: str = "", *, qos: int = 1, is_value: bool = False) -> Message:
-    return Message(topic, text.encode(), qos=qos, retain=True, is_value=is_value)
-
-
-def value(number: int, *, starter: str = "p") -> Message:
-    return latest(f"v/{starter}", str(number), is_value=True)
+def value(number: int) -> Message:
+    record = ValueRecord(
+        starter="p", point="current", value=number, unit="A", quality=Quality.GOOD, time_s=0.0, seq=number
+    )
+    return message_of(record, "b")._replace(payload=str(number).encode())
 
 
 def event(text: str) -> Message:
@@ -163,7 +157,7 @@ def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> Non
 
     assert dropped[-6:] == [1, 2, 2, 3, 4, 5]  # the newest value will be reported live
     box.connected(WIDE)
-    assert texts(take_all(box)) == ["v/p=2", "r=2", "r=3", "r=4", "r=5"]
+    assert texts(take_all(box)) == ["b/starter/p/value/current=2", "r=2", "r=3", "r=4", "r=5"]
 
 
 def test_events_of_an_outage_give_way_to_every_second_live_value() -> None:

@@ -11,12 +11,6 @@ def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
         Topics(base)
 
 
-@pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
-def test_a_name_that_is_no_level_makes_no_topic(name: str) -> None:
-    with pytest.raises(ValueError, match="is no topic level"):
-        Topics("b").state(name)
-
-
 @pytest.mark.parametrize(
     "topic", ["", "other/command/pump-1/alice/start", "b/result/pump-1/alice/start", "b/commands"]
 )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
 
-from gateway.contract import Topics
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.contract import CommandRequest
+from gateway.mqtt.commands import Rejection
 from gateway.plugins.sparkplug.commands import MOST_WRITES, CommandMapper, DeviceCommand
 from gateway.plugins.sparkplug.payload import decoded_command
 from tests.sparkplug.support import EPOCH_S, dcmd, write
@@ -22,33 +21,33 @@ def judged(
     is_retained: bool = False,
     born_s: float | None = EPOCH_S,
     starter: str = "pump",
-) -> list[Incoming | Rejection]:
-    mapper = CommandMapper(Topics("starters/mcc1"), "scada", ttl_s=5.0)
+) -> list[CommandRequest | Rejection]:
+    mapper = CommandMapper("scada", ttl_s=5.0)
     command = decoded_command(dcmd(*writes, time_s=time_s))
-    return list(mapper.judge(DeviceCommand(starter, command, is_retained, NOW_S, born_s)))
+    return list(mapper.judge(DeviceCommand(starter, command, is_retained, 7.0, NOW_S, born_s)))
 
 
-def code(judgement: Incoming | Rejection) -> str:
+def code(judgement: CommandRequest | Rejection) -> str:
     assert isinstance(judgement, Rejection)
-    return judgement.code
+    return judgement.error.code
 
 
 def test_a_start_becomes_a_command_of_the_operator_dated_by_the_payload() -> None:
-    (incoming,) = judged(write("Command/Start"))
+    (request,) = judged(write("Command/Start"))
 
-    assert isinstance(incoming, Incoming)
-    assert incoming.topic == "starters/mcc1/command/pump/scada/start"
-    assert incoming.source == "sparkplug"
-    body = json.loads(incoming.payload)
-    assert body.pop("id").startswith("spb-1760000100000-")
-    assert body == {"issued_at": "2025-10-09T08:55:00.000Z", "ttl_s": 5.0}
+    assert isinstance(request, CommandRequest)
+    assert (request.starter, request.client, request.verb) == ("pump", "scada", "start")
+    assert (request.source, request.received_s) == ("sparkplug", 7.0)
+    assert request.id is not None
+    assert request.id.startswith("spb-1760000100000-")
+    assert (request.proof.issued_s, request.proof.ttl_s) == (NOW_S, 5.0)
 
 
 def test_the_same_write_has_the_same_id_and_any_other_has_another() -> None:
     def id_of(*args: Any, **options: Any) -> str:
-        (incoming,) = judged(*args, **options)
-        assert isinstance(incoming, Incoming)
-        return str(json.loads(incoming.payload)["id"])
+        (request,) = judged(*args, **options)
+        assert isinstance(request, CommandRequest)
+        return str(request.id)
 
     first = id_of(write("Command/Start"))
 
@@ -59,11 +58,10 @@ def test_the_same_write_has_the_same_id_and_any_other_has_another() -> None:
 
 
 def test_a_stop_needs_neither_time_nor_birth() -> None:
-    (incoming,) = judged(write("Command/Stop"), time_s=None, born_s=None)
+    (request,) = judged(write("Command/Stop"), time_s=None, born_s=None)
 
-    assert isinstance(incoming, Incoming)
-    assert incoming.topic.endswith("/pump/scada/stop")
-    assert list(json.loads(incoming.payload)) == ["id"]
+    assert isinstance(request, CommandRequest)
+    assert (request.starter, request.client, request.verb) == ("pump", "scada", "stop")
 
 
 @pytest.mark.parametrize(
@@ -108,18 +106,21 @@ def test_a_stop_in_a_message_goes_first_and_a_flood_in_one_message_is_cut() -> N
     found = judged(*[write("Command/Start")] * 100, write("Command/Stop"))
 
     assert len(found) == MOST_WRITES + 1
-    assert isinstance(found[0], Incoming)
-    assert found[0].topic.endswith("/stop")
+    assert isinstance(found[0], CommandRequest)
+    assert found[0].verb == "stop"
     assert {code(each) for each in found[1:-1]} == {"bad_payload"}
     assert isinstance(found[-1], Rejection)
-    assert (found[-1].code, found[-1].text) == ("too_many", "81 more metrics in the same DCMD: at most 20")
+    assert (found[-1].error.code, found[-1].error.text) == (
+        "too_many",
+        "81 more metrics are in the same DCMD: at most 20 are taken",
+    )
 
 
 def test_a_start_beside_a_stop_is_refused_in_whichever_order_they_come() -> None:
     for writes in ("Start", "Stop"), ("Stop", "Start"):
         stop, start = judged(*(write(f"Command/{each}") for each in writes))
-        assert isinstance(stop, Incoming)
-        assert stop.topic.endswith("/stop")
+        assert isinstance(stop, CommandRequest)
+        assert stop.verb == "stop"
         assert code(start) == "bad_payload"
 
 
@@ -145,6 +146,6 @@ def test_true_beside_another_type_or_value_stops_and_does_nothing_else(
     (judgement,) = judged(write(name, **odd))
 
     if name == "Command/Stop":
-        assert isinstance(judgement, Incoming)
+        assert isinstance(judgement, CommandRequest)
     else:
         assert code(judgement) == "bad_payload"

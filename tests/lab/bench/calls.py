@@ -21,8 +21,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from gateway.mqtt.contract.payloads import Payloads
-
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
 from gateway.config.convert import policy_of, rights_of, timing_of
@@ -197,9 +195,10 @@ async def _way() -> _Way:
     config = parse(SITE, "site.toml")
     loop = asyncio.get_running_loop()
     clock = VirtualClock(loop)
-    payloads = Payloads(Topics("starters/bench"), RunToken("0" * 16))
-    outbox = Outbox(last_topic="", pack=payloads.history, boot="boot")
-    publisher = Publisher(payloads, outbox, clock)
+    outbox = Outbox(last_topic="", boot="boot")
+    bus_of_records = RecordBus(log_failure)
+    topics = Topics("starters/bench")
+    publisher = Publisher(topics, RunToken("0" * 16), outbox, sink=bus_of_records, clock=clock)
     outbox.connected(1000)
 
     def send() -> None:
@@ -209,7 +208,6 @@ async def _way() -> _Way:
             outbox.acked(outgoing.ticket, 0)
 
     publisher.wake_with(lambda: loop.call_soon(send))
-    bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
     services = StarterServices(monitor_every_s=inf)

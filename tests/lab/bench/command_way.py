@@ -8,13 +8,14 @@ from __future__ import annotations
 import asyncio
 import json
 
-from gateway.mqtt.contract.payloads import Payloads
-
 from gateway.contract import CommandRequest, Record, Topics
-from gateway.mqtt.commands import CommandParser, Incoming
+from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.starters.policy.freshness import Moment, RunToken, Tokens
+from gateway.starters.commands.submit import Commands
+from gateway.starters.policy.freshness import RunToken, Tokens
+from gateway.system.clock import ClockWatch
+from gateway.system.stalls import SuspendWatch
 from tests.lab.bench.calls import Counts, counted
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import CommandRig
@@ -27,10 +28,18 @@ class PublishingRig(CommandRig):
         super().__init__()
         topics, self.boot = Topics("b"), RunToken("run")
         self.tokens = Tokens(self.boot)
-        payloads = Payloads(topics, self.boot)
-        outbox = Outbox(last_topic=topics.gateway_status, pack=payloads.history, boot=self.boot.run)
-        publisher = Publisher(payloads, outbox, self.clock)
-        self.parser = CommandParser(topics, self.tokens, freshness_of=lambda _: ("token",))
+        outbox = Outbox(last_topic=topics.gateway_status, boot=self.boot.run)
+        publisher = Publisher(topics, self.boot, outbox, sink=self.sink, clock=self.clock)
+        self.topics = topics
+        self.commands = Commands(
+            self.dispatcher,
+            self.tokens,
+            clock=self.clock,
+            clock_watch=ClockWatch("trusted"),
+            suspend_watch=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
+            restate=lambda: None,
+            publish_event=lambda *_, **__: None,
+        )
         keep = RecordingSink.put.__get__(self.sink)
 
         def put(record: Record) -> None:
@@ -46,11 +55,11 @@ async def start_command() -> Counts:
     await rig.online()
     token = rig.tokens.issue(rig.clock.now_s())
     payload = json.dumps({"id": "1", "token": token}).encode()
-    moment = Moment(rig.clock.now_s(), rig.clock.utc_s(), None)
     with counted() as way:
-        verdict = rig.parser.judge(Incoming("b/command/pump-1/alice/start", payload), moment)
-        assert isinstance(verdict, CommandRequest), verdict
-        rig.dispatcher.submit(verdict)
+        incoming = Incoming("b/command/pump-1/alice/start", payload)
+        request = command_in(rig.topics, incoming, rig.clock.now_s())
+        assert isinstance(request, CommandRequest), request
+        rig.commands.submit(request)
         await asyncio.sleep(5.0)
     assert rig.sink.final("1").code == "ok"
     return way
