@@ -12,7 +12,6 @@ from functools import partial
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
-from gateway.app.incoming import IncomingCommands
 from gateway.app.io import MACHINE, Io
 from gateway.app.plant import Plant
 from gateway.app.plugins import NAMES, PluginRunner
@@ -32,6 +31,7 @@ from gateway.contract import (
 )
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
+from gateway.mqtt.incoming import IncomingCommands
 from gateway.plugins.history.service import HistoryService
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters.commands.dispatcher import Dispatcher

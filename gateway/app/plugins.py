@@ -28,7 +28,7 @@ NAMES = ("web", "homeassistant", "metrics", "sparkplug")  # in which order they 
 POLLING_WITHIN_S = 10.0  # then it begins although a line does not move: it shows why
 LOOK_S = 0.1
 MOST = 5000  # records that wait for a plugin
-AT_ONCE = 200  # of them, until others have their turn on the loop
+AT_ONCE = 200  # of them, until the loop does something else
 
 
 class PluginModule(Protocol):

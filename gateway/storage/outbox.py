@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from gateway.storage.outbox_table import MOST_ROWS, OutboxTable
-from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled
+from gateway.storage.spool import Changes, Kind, Loss, Recalled, SpoolPage
 from gateway.storage.worker import MAX_BYTES, RETRY_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
@@ -59,7 +59,7 @@ class OutboxDisk:
         losses = (*self._table.take_made_room(), *dropped)
         return tuple(loss._replace(upto=loss.upto - self._base) for loss in losses)
 
-    async def page(self, kind: Kind, *, after: int, before: int, most: int) -> Page:
+    async def page(self, kind: Kind, *, after: int, before: int, most: int) -> SpoolPage:
         """Return the rows of a kind between two numbers, the oldest first."""
         after, before = after + self._base, before + self._base
         work = partial(self._table.page, kind=kind, after=after, before=before, most=most)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.errors import DamagedError
 from gateway.storage.database import Connection
-from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled, Refusal, Row, Share
+from gateway.storage.spool import Changes, Kind, Loss, Recalled, Refusal, Row, Share, SpoolPage
 
 MOST_ROWS = 400_000
 HIGHEST = 2**60  # no number is higher unless it is damaged
@@ -122,7 +122,7 @@ class OutboxTable:
         self._room -= len(changes.rows)
         return self._trim(connection) if self._room < 0 else ()
 
-    def page(self, connection: Connection, *, kind: Kind, after: int, before: int, most: int) -> Page:
+    def page(self, connection: Connection, *, kind: Kind, after: int, before: int, most: int) -> SpoolPage:
         """Return the rows of a kind between two numbers; those that are damaged are deleted and declared."""
         found = connection.execute(_PAGE, (kind, after, before, most + 1)).fetchall()
         is_last = len(found) <= most
@@ -134,7 +134,7 @@ class OutboxTable:
         connection.executemany(_FORGET, [(kind, number) for number in damaged])
         connection.executemany(_PUT_LOSS, [loss[:5] for loss in losses])
         good = tuple(row for row, is_good in zip(rows, is_whole, strict=True) if is_good)
-        return Page(good, is_last=is_last, losses=tuple(losses))
+        return SpoolPage(good, is_last=is_last, losses=tuple(losses))
 
     def refused(self, connection: Connection) -> list[Refusal]:
         """Return what the broker refused, the oldest first."""

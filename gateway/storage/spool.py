@@ -62,7 +62,7 @@ class Changes(NamedTuple):
     is_flushed: bool = True  # to the disk itself, not only into the kernel
 
 
-class Page(NamedTuple):
+class SpoolPage(NamedTuple):
     """A piece of what is on the disk."""
 
     rows: tuple[Row, ...]

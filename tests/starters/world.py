@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gateway.app.incoming import IncomingCommands
+from gateway.mqtt.incoming import IncomingCommands
 from gateway.app.record_log import log_failure
 from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError

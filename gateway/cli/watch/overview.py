@@ -44,7 +44,7 @@ class ShownValue:
 
 
 @dataclass(slots=True)
-class Gateway:
+class GatewayLine:
     """A gateway's status, its token, and the difference of its clock to ours."""
 
     state: str = "unknown"
@@ -114,7 +114,7 @@ class Overview:
     """
 
     def __init__(self, base: str) -> None:
-        self.gateways: dict[str, Gateway] = {}
+        self.gateways: dict[str, GatewayLine] = {}
         self._depth = base.count("/") + 1
         self._rows: dict[tuple[str, str], StarterRow] = {}
 
@@ -159,8 +159,8 @@ class Overview:
         """Return whether the gateway of a starter is live."""
         return self._gateway(row.gateway).is_live(now_s)
 
-    def _gateway(self, name: str) -> Gateway:
-        return self.gateways.setdefault(name, Gateway())
+    def _gateway(self, name: str) -> GatewayLine:
+        return self.gateways.setdefault(name, GatewayLine())
 
     def _row(self, gateway: str, name: str) -> StarterRow:
         return self._rows.setdefault((gateway, name), StarterRow(gateway, name))

@@ -21,7 +21,7 @@ from gateway.mqtt.outbox.segment import (
     in_order,
     row_of,
 )
-from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled, Refusal, merged
+from gateway.storage.spool import Changes, Kind, Loss, Recalled, Refusal, SpoolPage, merged
 
 HIGHEST = 2**62
 MOST_AT_ONCE = 500  # rows in one transaction
@@ -230,7 +230,7 @@ class Backlog:
             if (wanted := segment.wanted()) is not None:
                 yield segment, wanted
 
-    def page(self, segment: Segment, page: Page) -> None:
+    def page(self, segment: Segment, page: SpoolPage) -> None:
         """Take what was read; its times are the steady clock's."""
         known = {entry.number for entry in segment} | self._out.keys() | {number for _, number in self._gone}
         entries = [entry_of(row, segment) for row in page.rows if row.number not in known]

@@ -23,7 +23,7 @@ from gateway.contract import (
     TripRecord,
     ValueRecord,
 )
-from gateway.starters.telemetry.own_points import OWN_POINT_NAMES
+from gateway.starters.own_points import OWN_POINT_NAMES
 from gateway.system.stalls import DelayCounts, Delays
 
 COMMAND_BOUNDS_S = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)

@@ -10,9 +10,9 @@ from gateway.families.command.build import verbs
 from gateway.families.devices.device import Identity
 from gateway.families.profile.names import meaning_of, printed_name
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
+from gateway.starters.own_points import own_points
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
-from gateway.starters.telemetry.own_points import own_points
 
 
 def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRecord:

@@ -10,8 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
-from gateway.contract import rfc3339
-from gateway.starters.policy.freshness import DEFAULT_TTL_S
+from gateway.contract import DEFAULT_TTL_S, rfc3339
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.lab.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.lab.torture.recorder import BASE, is_final

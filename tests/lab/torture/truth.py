@@ -16,9 +16,9 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.sim.core.unit import SimulatedUnit
+from gateway.starters.own_points import own_points
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.telemetry.decoding import PointSources
-from gateway.starters.telemetry.own_points import own_points
 
 # What the gateway adds: no starter has these.
 OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}

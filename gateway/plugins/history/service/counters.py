@@ -18,9 +18,9 @@ from gateway.contract import (
 from gateway.plugins.history.counters import HOUR_S, STANDING, MotorCounters, Totals
 from gateway.plugins.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
 from gateway.plugins.history.service.part import HistoryPart, Surroundings
+from gateway.starters.own_points import PublicationPace, Value, own_points
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.own_points import PublicationPace, Value, own_points
 from gateway.starters.telemetry.readings import Readings
 from gateway.storage.history_table import HistoryRow
 

@@ -60,7 +60,7 @@ class IncomingCommands:
             self._commands.submit(said)
 
     def _note_malformed(self, incoming: Incoming, problem: str, error: CommandError) -> None:
-        """Tell of what came on a topic that names no command: mistyped, or with an unknown verb."""
+        """Report a message on a topic that names no command: mistyped, or with an unknown verb."""
         self._malformed.put(
             problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": error.text}
         )
