@@ -20,13 +20,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.contract import STOP, CommandRequest, Proof, rfc3339, shortened
-from gateway.mqtt.commands import Rejection
+from gateway.errors import CommandError
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import HostCommand, HostWrite
 from gateway.starters.policy.freshness import MAX_AHEAD_S
 
 MOST_WRITES = 20  # of one message
 SPARKPLUG = "sparkplug"  # the source of such commands, in the audit
+
+Judgement = tuple[CommandRequest, CommandError | None]  # a command, and why it is refused unread, if it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,87 +50,74 @@ class CommandMapper:
     operator: str
     ttl_s: float
 
-    def judge(self, asked: DeviceCommand) -> Iterator[CommandRequest | Rejection]:
+    def judge(self, asked: DeviceCommand) -> Iterator[Judgement]:
         """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
         writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
         has_stop = bool(writes) and _is_stop(writes[0])
         for write in writes:
-            yield self._judged(asked, write, has_stop=has_stop)
+            yield self._request(asked, write), _refusal(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
         if more:
             text = f"{more} more metrics in the same DCMD: at most {MOST_WRITES}"
-            yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), "too_many", text)
+            yield self.unread(asked.starter, _id_of(asked, asked.command.time_s, ""), "too_many", text)
 
-    def stop(self, asked: DeviceCommand) -> CommandRequest | Rejection | None:
+    def stop(self, asked: DeviceCommand) -> Judgement | None:
         """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
         for write in asked.command.writes(1, first=STOP_METRIC):
             if _is_stop(write):
-                return self._command(asked, write, STOP, _id_of(asked, _issued_s(asked, write), write.name))
+                return self._request(asked, write), _refusal(asked, write, has_stop=True)
         return None
 
-    def unread(self, starter: str, utc_s: float, code: str, text: str) -> Rejection:
-        """Return the refusal of DCMDs for a starter that were not looked into."""
-        id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{code}"
-        return self._refused(starter, "?", id_, code, text)
+    def unread(self, starter: str, id_: str, code: str, text: str) -> Judgement:
+        """Return the refusal of what was not looked into."""
+        request = CommandRequest(starter, self.operator, "?", id_, source=SPARKPLUG)
+        return request, CommandError(code, text)
 
-    def _judged(
-        self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool
-    ) -> CommandRequest | Rejection:
-        verb = COMMANDS.get(write.name)
-        issued_s = _issued_s(asked, write)
-        id_ = _id_of(asked, issued_s, write.name)
-        if verb is None:
-            name = shortened(write.name, 60) if write.name.isprintable() else "?"
-            text = f"{name!r} is not writable; there is {', '.join(COMMANDS)}"
-            return self._refused(asked.starter, name, id_, "unknown_verb", text)
-        if not write.is_true:
-            return self._refused(asked.starter, verb, id_, "bad_payload", "only the value true acts")
-        if verb == STOP:
-            return self._command(asked, write, verb, id_)
-        if not write.is_plain:
-            text = "only a Boolean acts, with the value true and no other"
-            return self._refused(asked.starter, verb, id_, "bad_payload", text)
-        refusal = _stale(asked, write, issued_s)
-        if refusal is not None:
-            return self._refused(asked.starter, verb, id_, *refusal)
-        if has_stop:
-            return self._refused(asked.starter, verb, id_, "bad_payload", "the same DCMD asks for a stop")
-        return self._command(asked, write, verb, id_)
-
-    def _command(
-        self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str
-    ) -> CommandRequest | Rejection:
-        if asked.is_retained:
-            return self._refused(asked.starter, verb, id_, "retained", "a retained command is never acted on")
+    def _request(self, asked: DeviceCommand, write: HostWrite) -> CommandRequest:
         issued_s = _issued_s(asked, write)
         return CommandRequest(
             starter=asked.starter,
             client=self.operator,
-            verb=verb,
-            id=id_,
+            verb=COMMANDS.get(write.name) or _shown(write.name),
+            id=_id_of(asked, issued_s, write.name),
             received_s=asked.now_s,
             proof=Proof(issued_s=None if issued_s is None else round(issued_s, 3), ttl_s=self.ttl_s),
             source=SPARKPLUG,
         )
 
-    def _refused(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
-        return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), code, text)
+
+def _refusal(asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> CommandError | None:
+    """Return why a write is no command, as far as the rules of all commands do not say it."""
+    verb, issued_s = COMMANDS.get(write.name), _issued_s(asked, write)
+    if verb is None:
+        text = f"{_shown(write.name)!r} is not writable; there is {', '.join(COMMANDS)}"
+        return CommandError("unknown_verb", text)
+    if not write.is_true:
+        return CommandError("bad_payload", "only the value true acts")
+    if verb != STOP:
+        if not write.is_plain:
+            return CommandError("bad_payload", "only a Boolean acts, with the value true and no other")
+        if write.is_historical:
+            return CommandError("expired", "a historical value is no command")
+        if issued_s is None or rfc3339(issued_s) is None:
+            text = "the payload has no timestamp; a start needs one [tck-id-topics-dcmd-timestamp]"
+            return CommandError("not_fresh", text)
+        if asked.born_utc_s is None or issued_s - MAX_AHEAD_S < asked.born_utc_s:
+            text = "perhaps written before this connection's birth; decide again, then write again"
+            return CommandError("before_connection", text)
+        if has_stop:
+            return CommandError("bad_payload", "the same DCMD asks for a stop")
+    if asked.is_retained:
+        return CommandError("retained", "a retained command is never acted on")
+    return None
 
 
 def _is_stop(write: HostWrite) -> bool:
     return write.name == STOP_METRIC and write.is_true
 
 
-def _stale(asked: DeviceCommand, write: HostWrite, issued_s: float | None) -> tuple[str, str] | None:
-    """Return why a write is not fresh, as far as the general rule does not say it."""
-    if write.is_historical:
-        return "expired", "a historical value is no command"
-    if issued_s is None or rfc3339(issued_s) is None:
-        return "not_fresh", "the payload has no timestamp; a start needs one [tck-id-topics-dcmd-timestamp]"
-    if asked.born_utc_s is None or issued_s - MAX_AHEAD_S < asked.born_utc_s:
-        text = "perhaps written before this connection's birth; decide again, then write again"
-        return "before_connection", text
-    return None
+def _shown(name: str) -> str:
+    return shortened(name, 60) if name.isprintable() else "?"
 
 
 def _issued_s(asked: DeviceCommand, write: HostWrite) -> float | None:

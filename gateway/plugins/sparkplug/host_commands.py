@@ -11,16 +11,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, PublishEvent, Severity, shortened
+from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, Severity, shortened
 from gateway.errors import CommandError
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.mqtt.commands import Incoming
+from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper, DeviceCommand
-from gateway.plugins.sparkplug.metrics import COMMANDS, STOP_METRIC
+from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import decoded_command
-from gateway.starters.commands.submit import Commands
-from gateway.system.clock import Clock
 from gateway.system.rate_limits import Bucket, Damped, Rate
 
 MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
@@ -33,8 +32,7 @@ _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
 
 
-@dataclass(frozen=True, slots=True)
-class _Unread:
+class _Unread(NamedTuple):
     """Why a DCMD for a starter was not looked into, or not to its end."""
 
     starter: str
@@ -49,21 +47,15 @@ class HostCommands:
     """
 
     def __init__(
-        self,
-        mapper: CommandMapper,
-        *,
-        clock: Clock,
-        commands: Commands,
-        publish_event: PublishEvent,
-        show_done: Callable[[str, Collection[str]], None],
+        self, mapper: CommandMapper, gateway: Gateway, show_done: Callable[[str, Collection[str]], None]
     ) -> None:
         self._mapper = mapper
-        self._clock = clock
-        self._commands = commands
-        self._publish_event = publish_event
+        self._clock = gateway.clock
+        self._commands = gateway.commands
+        self._publish_event = gateway.publish_event
         self._show_done = show_done
         self._decoded = Bucket(DECODED)
-        self._unread = Damped(self._refuse, clock=clock, every_s=REFUSED_EVERY_S)
+        self._unread = Damped(self._refuse, clock=self._clock, every_s=REFUSED_EVERY_S)
 
     def take(self, starter: str, incoming: Incoming, born_utc_s: float | None) -> None:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
@@ -82,7 +74,7 @@ class HostCommands:
         )
         if is_paid and not command.is_broken:
             for each in self._mapper.judge(asked):
-                self._pass_on(each)
+                self._pass_on(*each)
         else:
             self._take_stop(asked)
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
@@ -96,7 +88,7 @@ class HostCommands:
         """Take the stop of a DCMD of which nothing else may act."""
         stop = self._mapper.stop(asked)
         if stop is not None:
-            self._pass_on(stop)
+            self._pass_on(*stop)
         if asked.command.is_broken:
             done = "nothing of it acts" if stop is None else "its stop is taken, nothing else of it acts"
             self._put(asked.starter, "bad_payload", f"it cannot be read as a whole: {done}")
@@ -105,11 +97,11 @@ class HostCommands:
                 asked.starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken"
             )
 
-    def _pass_on(self, judgement: CommandRequest | Rejection) -> None:
-        if isinstance(judgement, Rejection):
-            self._commands.reject(judgement.request, CommandError(judgement.code, judgement.text))
+    def _pass_on(self, request: CommandRequest, refusal: CommandError | None) -> None:
+        if refusal is None:
+            self._commands.submit(request)
         else:
-            self._commands.submit(judgement)
+            self._commands.reject(request, refusal)
 
     def _put(self, starter: str, code: str, text: str) -> None:
         self._unread.put((starter, code), _Unread(starter, code, text))
@@ -120,5 +112,6 @@ class HostCommands:
         self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
         if unread.code == UNKNOWN:
             return  # no metric and no topic of such a starter could show a result
-        self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
+        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{unread.code}"
+        self._pass_on(*self._mapper.unread(unread.starter, id_, unread.code, text))
         self._show_done(unread.starter, COMMANDS)

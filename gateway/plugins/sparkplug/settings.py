@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from gateway.contract import Operator
 from gateway.mqtt.connection.settings import BrokerSettings
@@ -15,6 +16,9 @@ class SparkplugSettings:
     group: str
     node: str
     servers: tuple[BrokerSettings, ...]
+    numbers_file: Path  # of births, in state_dir
+    starters: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
     primary_host: str | None = None
     operator: str | None = None  # whose rights commands have; None: none are taken
     rights: tuple[Operator, ...] = ()  # of that operator
