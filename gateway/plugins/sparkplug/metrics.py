@@ -7,7 +7,7 @@ named is left out: no birth would have named it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -23,6 +23,7 @@ from gateway.contract import (
 )
 from gateway.families.profile.load import load_profile
 from gateway.plugins.sparkplug.payload import BAD, FALSE, STALE, DataType, Metric, Value
+from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.starters.policy.rights import Rights
 
 STOP_METRIC = "Command/Stop"
@@ -35,6 +36,12 @@ _TYPES = {
     "integer": DataType.INT64,
     "enum": DataType.INT64,
     "string": DataType.STRING,
+}
+_PYTHON: Mapping[DataType, Callable[[Any], Value]] = {
+    DataType.BOOLEAN: bool,
+    DataType.INT64: int,
+    DataType.DOUBLE: float,
+    DataType.STRING: str,
 }
 _QUALITY = {Quality.GOOD: None, Quality.STALE: STALE, Quality.BAD: BAD}
 _OWN: Mapping[str, Value] = {  # of every starter, with what they are before any record
@@ -68,7 +75,7 @@ def defined(facts: Mapping[str, Value], time_s: float = 0.0) -> dict[str, Metric
     return {name: Metric(name, _type_of(value), value, time_s) for name, value in facts.items()}
 
 
-def described(info: InfoRecord, *, since_s: float, operator: str | None, rights: Rights) -> dict[str, Metric]:
+def described(info: InfoRecord, settings: SparkplugSettings, *, since_s: float) -> dict[str, Metric]:
     """Return every metric of a starter, as it is before anything was read.
 
     It is dated `since_s`: hosts that order by time then prefer whatever is read later.
@@ -79,14 +86,13 @@ def described(info: InfoRecord, *, since_s: float, operator: str | None, rights:
         properties = tuple((key, str(text)) for key, text in texts if text)
         datatype = _TYPES.get(str(point.get("type")), DataType.STRING)
         found[name] = Metric(name, datatype, None, since_s, BAD, properties)
-    writable = {
-        name: FALSE
-        for name, verb in COMMANDS.items()
-        if operator is not None
-        and verb in info.commands
-        and rights.is_allowed(operator, verb=verb, starter=info.starter)
-    }
-    answers = {} if operator is None else {**writable, **_RESULT}
+    answers: dict[str, Value] = {}
+    if settings.operator is not None:
+        may = Rights(settings.rights).is_allowed
+        for name, verb in COMMANDS.items():
+            if verb in info.commands and may(settings.operator, verb=verb, starter=info.starter):
+                answers[name] = FALSE
+        answers |= _RESULT
     facts = {fact.name: fact.value for fact in facts_of(info)}
     return found | defined({**_OWN, **answers, **facts}, since_s)
 
@@ -150,26 +156,10 @@ def _fitting(datatype: DataType, value: Any) -> Value:
     if value is None:
         return None
     try:
-        match datatype:
-            case DataType.BOOLEAN:
-                return bool(value)
-            case DataType.DOUBLE:
-                return float(value)
-            case DataType.STRING:
-                return str(value)
-            case _:
-                return int(value)
+        return _PYTHON[datatype](value)
     except (ValueError, OverflowError):
         return None
 
 
 def _type_of(value: Value) -> DataType:
-    match value:
-        case bool():
-            return DataType.BOOLEAN
-        case int():
-            return DataType.INT64
-        case float():
-            return DataType.DOUBLE
-        case _:
-            return DataType.STRING
+    return next((each for each, kind in _PYTHON.items() if type(value) is kind), DataType.STRING)

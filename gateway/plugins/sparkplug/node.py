@@ -21,24 +21,14 @@ from gateway.contract import (
     Latest,
     LineRecord,
     Record,
-    ResultRecord,
     StateRecord,
     ValueRecord,
 )
 from gateway.mqtt.message import Message
-from gateway.plugins.sparkplug.metrics import (
-    ID_PREFIX,
-    Fact,
-    alarm_facts,
-    defined,
-    described,
-    facts_of,
-    filled,
-)
+from gateway.plugins.sparkplug.metrics import Fact, alarm_facts, defined, described, facts_of, filled
 from gateway.plugins.sparkplug.payload import BAD, FALSE, GOOD, DataType, Metric, Value, encoded
 from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.plugins.sparkplug.topics import BD_SEQ, REBIRTH, EdgeTopics
-from gateway.starters.policy.rights import Rights
+from gateway.plugins.sparkplug.topics import BD_SEQ, REBIRTH
 
 GATHER_S = 0.25
 REBIRTH_EVERY_S = 5.0
@@ -51,13 +41,15 @@ class _Told:
     """What hosts have been told of the node itself, or of a device, since its birth."""
 
     def __init__(self) -> None:
-        self._said: dict[str, tuple[Value, int | None]] = {}
+        self.said: dict[str, tuple[Value, int | None]] = {}
         self._named: dict[str, DataType] = {}
         self.is_born = False
         self.sent_s = -inf
 
-    def due_s(self, now_s: float) -> float:
-        return max(now_s, self.sent_s + GATHER_S)
+    @property
+    def is_urgent(self) -> bool:
+        """Return whether its birth or death is due."""
+        return False
 
     def has_named(self, metrics: Mapping[str, Metric]) -> bool:
         """Return whether the birth has named exactly these."""
@@ -66,27 +58,22 @@ class _Told:
     def born(self, metrics: Mapping[str, Metric], now_s: float) -> Collection[Metric]:
         self.is_born, self.sent_s = True, now_s
         self._named = {name: metric.datatype for name, metric in metrics.items()}
-        self._said = {name: (metric.value, metric.quality) for name, metric in metrics.items()}
+        self.said = {name: (metric.value, metric.quality) for name, metric in metrics.items()}
         return metrics.values()
 
     def news(self, metrics: Iterable[Metric], now_s: float) -> list[Metric]:
         """Return what hosts have not been told; a value that is good again says so, once."""
         found = []
         for metric in metrics:
-            before = self._said.get(metric.name)
+            before = self.said.get(metric.name)
             if before == (metric.value, metric.quality):
                 continue
-            self._said[metric.name] = metric.value, metric.quality
+            self.said[metric.name] = metric.value, metric.quality
             is_good_again = metric.quality is None and before is not None and before[1] is not None
             quality = GOOD if is_good_again else metric.quality
             found.append(replace(metric, quality=quality, properties=()))
         self.sent_s = now_s if found else self.sent_s
         return found
-
-    def repeat(self, names: Iterable[str]) -> None:
-        """Tell hosts these again, whether they have changed or not."""
-        for name in names:
-            self._said.pop(name, None)
 
 
 class _Device(_Told):
@@ -113,23 +100,28 @@ class _Device(_Told):
         return bool(self._metrics) and is_answering
 
     @property
+    def is_urgent(self) -> bool:
+        return self.is_to_be_born or self.is_born != self.is_alive
+
+    @property
     def is_to_be_born(self) -> bool:
         return self.is_alive and not (self.is_born and self.has_named(self._metrics))
 
-    def note(self, topic: str, record: Record | None, *, operator: str | None, rights: Rights) -> None:
+    def note(self, topic: str, record: Record | None, settings: SparkplugSettings) -> None:
         """Note that this is the newest record of a topic now."""
         self._changed[topic] = None
         if isinstance(record, AlarmRecord):
             self._alarms[topic] = None
         elif isinstance(record, InfoRecord):
             self._points = record.points
-            self._metrics = described(record, since_s=self._since_s, operator=operator, rights=rights)
+            self._metrics = described(record, settings, since_s=self._since_s)
 
     def answer(self, facts: Iterable[Fact]) -> None:
         """Show what became of a host's command, even if it is as before."""
         answers = {fact.name: fact for fact in facts}
         self._answers |= answers
-        self.repeat(answers)
+        for name in answers:
+            self.said.pop(name, None)
 
     def birth(self, now_s: float) -> Collection[Metric]:
         values = [ValueRecord.topic_of(starter=self._name, point=point) for point in self._points]
@@ -160,25 +152,20 @@ class EdgeNode:
     def __init__(
         self, settings: SparkplugSettings, latest: Latest, *, properties: Mapping[str, str], since_s: float
     ) -> None:
-        self.topics = EdgeTopics(settings.group, settings.node)
         self._settings = settings
-        self._rights = Rights(settings.rights)
         self._latest = latest
         self._seen = 0  # the number of the latest change that was looked at
         self._facts: dict[str, Value] = {**properties}
         self._since_s = since_s
-        self._devices: dict[str, _Device] = {}
-        self._gone: list[str] = []  # configured no more, death not yet published
-        self._lines: tuple[str, ...] = ()
         self._own = _Told()
-        self._dues: dict[str, float] = {}  # devices with something to say: when it goes out
-        self._own_due_s = inf
+        self._devices = {name: _Device(name, latest, since_s=since_s) for name in settings.starters}
+        self._gone: list[str] = []  # configured no more, death not yet published
+        self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
         self._bd_seq: int | None = None  # None: no connection
         self._seq = 0
         self._rebirth_s = inf  # when the next one is due
         self._last_rebirth_s = -inf
         self.born_utc_s: float | None = None  # the first birth of this connection; None: none was published
-        self.due_s = inf  # when `take` may have something; at most that late
 
     @property
     def is_born(self) -> bool:
@@ -190,22 +177,32 @@ class EdgeNode:
         """Return whether it may publish on the present connection."""
         return self._bd_seq is not None
 
+    @property
+    def due_s(self) -> float:
+        """Return when `take` may have something."""
+        if not self.is_begun:
+            return inf
+        if self._gone or not self.is_born:
+            return -inf
+        return min([self._rebirth_s, *self._dues.values()])
+
     def has(self, starter: str) -> bool:
         """Return whether a starter is one of the devices."""
         return starter in self._devices
 
-    def follow(self, starters: Collection[str], lines: tuple[str, ...]) -> None:
-        """Have these starters as devices: what is gone dies, what is new is born once it answers.
+    def follow(self, settings: SparkplugSettings) -> None:
+        """Have other starters as devices: what is gone dies, what is new is born once it answers.
 
         Another set of lines needs a birth of the node.
         """
-        for name in [name for name in self._devices if name not in starters]:
+        has_same_lines = settings.lines == self._settings.lines
+        self._settings = settings
+        for name in self._devices.keys() - set(settings.starters):
             self._remove(name)
-        for name in starters:
+        for name in settings.starters:
             if name not in self._devices:
                 self._add(name, self._since_s)
-        if lines != self._lines:
-            self._lines = lines
+        if not has_same_lines:
             self._begin_births()
 
     def forget(self, starters: Collection[str], utc_s: float) -> None:
@@ -227,105 +224,86 @@ class EdgeNode:
 
     def request_rebirth(self, now_s: float) -> None:
         """Honour a host's request, at once or as soon as the last one is `REBIRTH_EVERY_S` ago."""
-        due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
-        self._rebirth_s = min(self._rebirth_s, due_s)
-        self.due_s = min(self.due_s, due_s)
+        self._rebirth_s = min(self._rebirth_s, max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S))
 
     def look(self, now_s: float) -> None:
         """Note which records are newer than those of the last look."""
         news = reversed(list(self._latest.newer_than(self._seen)))
         self._seen = self._latest.number
         for topic, record in news:
-            if isinstance(record, LineRecord):
-                self._mark_own(now_s)
             branch, name = topic.split("/")[:2]
             device = self._devices.get(name) if branch == "starter" else None
-            if device is None:
-                continue
-            device.note(topic, record, operator=self._settings.operator, rights=self._rights)
-            self._mark(name, device, now_s)
+            if device is not None:
+                device.note(topic, record, self._settings)
+                self._mark(name, device, now_s)
+            elif isinstance(record, LineRecord):
+                self._mark("", self._own, now_s)
 
     def note(self, facts: Mapping[str, Value], now_s: float) -> None:
         """Take what the gateway says of itself."""
         self._facts |= facts
-        self._mark_own(now_s)
+        self._mark("", self._own, now_s)
 
-    def answer(self, result: ResultRecord, now_s: float) -> None:
-        """Show what became of a command, if it came this way."""
-        device = self._devices.get(result.starter)
-        is_ours = result.client == self._settings.operator and (result.id or "").startswith(ID_PREFIX)
-        if device is not None and is_ours:
-            device.answer(facts_of(result))
-            self._mark(result.starter, device, now_s)
-
-    def command_done(self, starter: str, names: Iterable[str], *, now_s: float, utc_s: float) -> None:
-        """Show commands' metrics as false again: what was written to them has been taken."""
+    def answer(self, starter: str, facts: Iterable[Fact], now_s: float) -> None:
+        """Show what became of a host's command, also where that is as before."""
         device = self._devices.get(starter)
         if device is not None:
-            device.answer(Fact(name, FALSE, utc_s) for name in names)
+            device.answer(facts)
             self._mark(starter, device, now_s)
 
     def take(self, *, now_s: float, utc_s: float) -> Message | None:
         """Return the next message, which must be written to the socket now; None when there is none yet."""
-        message = None if self._bd_seq is None else self._next(now_s, utc_s)
-        if message is not None:
-            self.due_s = -inf
-        else:
-            self.due_s = min(self._rebirth_s, self._own_due_s, *self._dues.values())
-        return message
+        if self._bd_seq is None:
+            return None
+        if now_s >= self._rebirth_s:
+            self._last_rebirth_s, self._rebirth_s = now_s, inf
+            self._begin_births()
+        if not self._own.is_born:
+            return self._node_birth(self._bd_seq, now_s, utc_s)
+        if self._gone:
+            return self._message("DDEATH", self._gone.pop(0), (), utc_s)
+        for name in [name for name, due_s in self._dues.items() if now_s >= due_s]:
+            del self._dues[name]
+            message = self._message_of(name, now_s, utc_s)
+            if message is not None:
+                return message
+        return None
 
     def death(self, bd_seq: int, utc_s: float) -> Message:
         """Return an NDEATH, the will of the connection with this number [tck-id-topics-ndeath-payload]."""
         metrics = [Metric(BD_SEQ, DataType.INT64, bd_seq, utc_s)]
         payload = encoded(metrics, time_s=utc_s, seq=None)
-        return Message(self.topics.of("NDEATH"), payload, qos=1, retain=False)
+        return Message(self._settings.topics.of("NDEATH"), payload, qos=1, retain=False)
 
-    def _next(self, now_s: float, utc_s: float) -> Message | None:
-        if now_s >= self._rebirth_s:
-            self._last_rebirth_s, self._rebirth_s = now_s, inf
-            self._begin_births()
-        if not self._own.is_born:
-            return self._node_birth(now_s, utc_s)
-        if self._gone:
-            return self._message("DDEATH", self._gone.pop(0), (), utc_s)
-        if now_s >= self._own_due_s:
-            self._own_due_s = inf
+    def _node_birth(self, bd_seq: int, now_s: float, utc_s: float) -> Message:
+        self._dues.pop("", None)
+        self.born_utc_s = self.born_utc_s or utc_s
+        self._seq = SEQ_NUMBERS - 1  # so that this one is 0
+        metrics = [
+            Metric(BD_SEQ, DataType.INT64, bd_seq, utc_s),
+            Metric(REBIRTH, DataType.BOOLEAN, FALSE, utc_s),
+            *self._own.born(self._metrics(), now_s),
+        ]
+        return self._message("NBIRTH", None, metrics, utc_s)
+
+    def _message_of(self, name: str, now_s: float, utc_s: float) -> Message | None:
+        """Return what is due of a device: its death, its birth, or what has changed; of the node that."""
+        if not name:
             news = self._own.news(self._metrics().values(), now_s)
-            if news:
-                return self._message("NDATA", None, news, utc_s)
-        for name in [name for name, due_s in self._dues.items() if now_s >= due_s]:
-            del self._dues[name]
-            message = self._message_of(name, self._devices[name], now_s, utc_s)
-            if message is not None:
-                return message
-        return None
-
-    def _message_of(self, name: str, device: _Device, now_s: float, utc_s: float) -> Message | None:
-        """Return what is due of a device: its death, its birth, or what has changed."""
+            return self._message("NDATA", None, news, utc_s) if news else None
+        device = self._devices[name]
         if device.is_to_be_born:
-            return self._message("DBIRTH", name, device.birth(now_s), utc_s, has_datatypes=True)
+            return self._message("DBIRTH", name, device.birth(now_s), utc_s)
         if device.is_born and not device.is_alive:
             device.is_born = False
             return self._message("DDEATH", name, (), utc_s)
         news = device.data(now_s) if device.is_born else []
         return self._message("DDATA", name, news, utc_s) if news else None
 
-    def _node_birth(self, now_s: float, utc_s: float) -> Message:
-        self._own_due_s = inf
-        if self.born_utc_s is None:
-            self.born_utc_s = utc_s
-        self._seq = SEQ_NUMBERS - 1  # so that this one is 0
-        metrics = [
-            Metric(BD_SEQ, DataType.INT64, self._bd_seq, utc_s),
-            Metric(REBIRTH, DataType.BOOLEAN, FALSE, utc_s),
-            *self._own.born(self._metrics(), now_s),
-        ]
-        return self._message("NBIRTH", None, metrics, utc_s, has_datatypes=True)
-
     def _metrics(self) -> dict[str, Metric]:
         """Return the metrics of the gateway itself: properties, its connection to the main broker, lines."""
         metrics = defined(self._facts)
-        for line in self._lines:
+        for line in self._settings.lines:
             record = self._latest.find(LineRecord.topic_of(line=line))
             data = record.data if isinstance(record, LineRecord) else {}
             for each in OF_LINES:
@@ -334,50 +312,29 @@ class EdgeNode:
                 metrics[name] = Metric(name, DataType.DOUBLE, value, quality=quality)
         return metrics
 
-    def _message(
-        self,
-        kind: str,
-        device: str | None,
-        metrics: Collection[Metric],
-        utc_s: float,
-        *,
-        has_datatypes: bool = False,
-    ) -> Message:
+    def _message(self, kind: str, device: str | None, metrics: Collection[Metric], utc_s: float) -> Message:
         self._seq = (self._seq + 1) % SEQ_NUMBERS
-        has_types = has_datatypes or self._settings.has_datatypes
+        has_types = kind.endswith("BIRTH") or self._settings.has_datatypes
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
-        return Message(self.topics.of(kind, device), payload, qos=0, retain=False)
+        return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
 
-    def _mark(self, name: str, device: _Device, now_s: float) -> None:
-        """Have what a device has to say go out: a birth or death at once, all else gathered."""
-        if not self._own.is_born:
-            return  # its birth will say everything
-        is_urgent = device.is_to_be_born or device.is_born != device.is_alive
-        due_s = -inf if is_urgent else device.due_s(now_s)
-        self._dues[name] = min(due_s, self._dues.get(name, inf))
-        self.due_s = min(self.due_s, due_s)
-
-    def _mark_own(self, now_s: float) -> None:
-        if self._own.is_born:
-            self._own_due_s = min(self._own_due_s, self._own.due_s(now_s))
-            self.due_s = min(self.due_s, self._own_due_s)
+    def _mark(self, name: str, told: _Told, now_s: float) -> None:
+        """Have what somebody has to say go out: a birth or death at once, all else gathered."""
+        if self.is_born:  # else the births will say everything
+            due_s = -inf if told.is_urgent else max(now_s, told.sent_s + GATHER_S)
+            self._dues[name] = min(due_s, self._dues.get(name, inf))
 
     def _add(self, name: str, since_s: float) -> None:
         self._devices[name] = _Device(name, self._latest, since_s=since_s)
         self._seen = 0  # it may be known already
-        if self._own.is_born:
-            self._dues[name] = self.due_s = -inf
 
     def _remove(self, name: str) -> None:
         self._dues.pop(name, None)
         if self._devices.pop(name).is_born:
             self._gone.append(name)
-            self.due_s = -inf
 
     def _begin_births(self) -> None:
         for each in (self._own, *self._devices.values()):
             each.is_born = False
         self._gone.clear()
-        self._own_due_s = inf
         self._dues = dict.fromkeys(self._devices, -inf)
-        self.due_s = -inf

@@ -24,8 +24,9 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper
 from gateway.plugins.sparkplug.host_commands import MOST_BYTES, HostCommands
+from gateway.plugins.sparkplug.metrics import ID_PREFIX, Fact, facts_of
 from gateway.plugins.sparkplug.node import SEQ_NUMBERS, EdgeNode
-from gateway.plugins.sparkplug.payload import decoded_command
+from gateway.plugins.sparkplug.payload import FALSE, decoded_command
 from gateway.plugins.sparkplug.primary_host import PrimaryHost
 from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.plugins.sparkplug.topics import REBIRTH
@@ -62,7 +63,6 @@ class SparkplugService:
         self._gateway = gateway
         self._clock = gateway.clock
         self._node = EdgeNode(settings, gateway.latest, properties=PROPERTIES, since_s=gateway.started_s)
-        self._node.follow(settings.starters, settings.lines)
         self._host_commands: HostCommands | None = None
         if settings.operator:
             mapper = CommandMapper(settings.operator, ttl_s=settings.ttl_s)
@@ -86,16 +86,19 @@ class SparkplugService:
         now_s = self._clock.now_s()
         if isinstance(record, ForgetRecord):
             self._node.forget(record.starters, self._clock.utc_s())
-        elif isinstance(record, ResultRecord):
-            self._node.answer(record, now_s)
+        elif isinstance(record, ResultRecord) and self._is_own(record):
+            self._node.answer(record.starter, facts_of(record), now_s)
         self._node.look(now_s)
         self._hurry()
 
+    def _is_own(self, result: ResultRecord) -> bool:
+        """Return whether a result is of a command that came this way."""
+        return result.client == self._settings.operator and (result.id or "").startswith(ID_PREFIX)
+
     def reconfigure(self, settings: SparkplugSettings) -> None:
         """Follow other starters and lines; by any other change this node ends, and its successor begins."""
-        starters, lines = settings.starters, settings.lines
-        if settings == replace(self._settings, starters=starters, lines=lines):
-            self._node.follow(starters, lines)
+        if settings == replace(self._settings, starters=settings.starters, lines=settings.lines):
+            self._node.follow(settings)
             self._node.look(self._clock.now_s())
             self._hurry()
         else:
@@ -139,8 +142,8 @@ class SparkplugService:
 
     async def _subscribe(self, link: Session, server: BrokerSettings) -> None:
         """Subscribe to everything before any birth [tck-id-message-flow-edge-node-ncmd-subscribe]."""
-        topics = [self._node.topics.node_command]
-        topics += [] if self._host_commands is None else [self._node.topics.device_commands]
+        topics = [self._settings.topics.node_command]
+        topics += [] if self._host_commands is None else [self._settings.topics.device_commands]
         refused = [topic for topic in topics if not await link.subscribe(topic)]
         state = self._host.topic
         if state is not None and not await link.subscribe(state, with_retained=True):
@@ -210,7 +213,7 @@ class SparkplugService:
 
     def _hurry(self) -> None:
         """Wake up if there is something to publish before what is waited for."""
-        if self._node.is_begun and self._node.due_s < self._sleeping_until_s:
+        if self._node.due_s < self._sleeping_until_s:
             self._wake.set()
 
     def _on_incoming(self, incoming: Incoming) -> None:
@@ -221,7 +224,7 @@ class SparkplugService:
         self._hurry()
 
     def _on_message(self, incoming: Incoming) -> None:
-        topics, payload = self._node.topics, incoming.payload
+        topics, payload = self._settings.topics, incoming.payload
         starter = topics.commanded_device(incoming.topic)
         if self._host_commands is not None and starter is not None:
             if self._node.has(starter):
@@ -242,7 +245,8 @@ class SparkplugService:
 
     def _show_done(self, starter: str, names: Collection[str]) -> None:
         """Show what was written as false again."""
-        self._node.command_done(starter, names, now_s=self._clock.now_s(), utc_s=self._clock.utc_s())
+        utc_s = self._clock.utc_s()
+        self._node.answer(starter, [Fact(name, FALSE, utc_s) for name in names], self._clock.now_s())
         self._hurry()
 
     def _report(self, trouble: str) -> None:

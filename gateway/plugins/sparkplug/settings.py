@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gateway.contract import Operator
 from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.plugins.sparkplug.topics import EdgeTopics
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,3 +25,8 @@ class SparkplugSettings:
     rights: tuple[Operator, ...] = ()  # of that operator
     ttl_s: float = 5.0  # how old a command may be
     has_datatypes: bool = False  # in data messages too
+
+    @property
+    def topics(self) -> EdgeTopics:
+        """Return the node's topics."""
+        return EdgeTopics(self.group, self.node)
