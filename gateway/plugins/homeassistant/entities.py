@@ -7,17 +7,18 @@ that do not change are published seldom, and the availability says at once when 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from gateway.contract import (
     AvailabilityRecord,
     EventRecord,
+    InfoRecord,
     LineRecord,
     Phase,
     ResultRecord,
     StateRecord,
     ValueRecord,
+    to_level,
 )
 from gateway.plugins.homeassistant.site_facts import RESET, START, STOP, SiteFacts
 
@@ -57,78 +58,60 @@ RESULT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A point that becomes a sensor; `units` are those that the device class permits, ours among them."""
-
-    point: str
-    name: str
-    device_class: str | None = None
-    units: tuple[str, ...] = ()  # with another one the sensor has no device class
-    precision: int | None = None
-    state_class: str | None = "measurement"
-    is_on: bool = False  # at first; anyone can switch it on in Home Assistant
-    is_diagnostic: bool = False
+_OFF = {"enabled_by_default": False}  # at first; anyone can switch it on in Home Assistant
+_DIAGNOSTIC = {"entity_category": "diagnostic"}
+_TOTAL = {"state_class": "total_increasing"}
 
 
-QUANTITIES = (
-    Quantity("current", "Current", "current", ("A",), 1, is_on=True),
-    Quantity("current_pct", "Current of rated", None, ("%",), 0),
-    Quantity("line_voltage", "Line voltage", "voltage", ("V",), 0),
-    Quantity("output_voltage", "Output voltage", "voltage", ("V",), 0),
-    Quantity("active_power", "Active power", "power", ("kW",), 1, is_on=True),
-    Quantity("power_factor", "Power factor", "power_factor", ("",), 2),
-    Quantity("line_frequency", "Frequency", "frequency", ("Hz",), 1),
-    Quantity("torque_pct", "Torque", None, ("%",), 0),
-    Quantity("heatsink_temperature", "Heatsink temperature", "temperature", ("°C",), 0, is_diagnostic=True),
-    Quantity("energy_kwh", "Energy", "energy", ("kWh",), 1, "total_increasing", is_on=True),
-    Quantity("hours_total", "Operating hours", "duration", ("h",), 1, "total_increasing"),
-    Quantity("starts_total", "Starts", None, ("",), 0, "total_increasing"),
-    Quantity(FAULT_CODE, "Fault code", None, ("",), None, None, is_on=True, is_diagnostic=True),
-)
-THERMAL = Quantity("", "Thermal load", None, ("%",), 0, is_diagnostic=True)  # its point is the family's
+def _row(
+    name: str, device_class: str = "", unit: str = "", precision: int | None = None, **more: Any
+) -> Component:
+    """Return what a point becomes where its unit is this one; with another it has no device class."""
+    return {
+        "name": name,
+        "unit_of_measurement": unit,
+        "device_class": device_class,
+        "state_class": "measurement",
+        "suggested_display_precision": precision,
+        **more,
+    }
 
 
-@dataclass(frozen=True, slots=True)
-class Flag:
-    """A boolean of the state topic that becomes a binary sensor."""
-
-    point: str
-    name: str
-    device_class: str | None
-    is_on: bool
-
-
-FLAGS = (
-    Flag("running", "Running", "running", is_on=True),
-    Flag("fault", "Fault", "problem", is_on=True),
-    Flag("alarm", "Alarm", "problem", is_on=False),
-    Flag("remote", "Remote", None, is_on=False),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Button:
-    """A verb that becomes a button. Home Assistant's `restart` class is none of them: it would mislead."""
-
-    verb: str
-    name: str
-    icon: str
-    qos: int  # 0: a start that Home Assistant cannot send now must not wait there
-    is_on: bool
-
-
-BUTTONS = (
-    Button(STOP, "Stop", "mdi:stop", 1, is_on=True),
-    Button(START, "Start", "mdi:play", 0, is_on=False),
-    Button(RESET, "Reset fault", "mdi:restore", 0, is_on=True),
-)
+QUANTITIES: Mapping[str, Component] = {  # points that become sensors
+    "current": _row("Current", "current", "A", 1),
+    "current_pct": _row("Current of rated", "", "%", 0, **_OFF),
+    "line_voltage": _row("Line voltage", "voltage", "V", 0, **_OFF),
+    "output_voltage": _row("Output voltage", "voltage", "V", 0, **_OFF),
+    "active_power": _row("Active power", "power", "kW", 1),
+    "power_factor": _row("Power factor", "power_factor", "", 2, **_OFF),
+    "line_frequency": _row("Frequency", "frequency", "Hz", 1, **_OFF),
+    "torque_pct": _row("Torque", "", "%", 0, **_OFF),
+    "heatsink_temperature": _row("Heatsink temperature", "temperature", "°C", 0, **_DIAGNOSTIC, **_OFF),
+    "energy_kwh": _row("Energy", "energy", "kWh", 1, **_TOTAL),
+    "hours_total": _row("Operating hours", "duration", "h", 1, **_TOTAL, **_OFF),
+    "starts_total": _row("Starts", "", "", 0, **_TOTAL, **_OFF),
+    FAULT_CODE: _row("Fault code", state_class=None, entity_category="diagnostic"),
+}
+THERMAL = _row("Thermal load", "", "%", 0, **_DIAGNOSTIC, **_OFF)  # its point is the family's
+FLAGS: Mapping[str, Component] = {  # booleans of the state topic
+    "running": {"name": "Running", "device_class": "running"},
+    "fault": {"name": "Fault", "device_class": "problem"},
+    "alarm": {"name": "Alarm", "device_class": "problem", **_OFF},
+    "remote": {"name": "Remote", **_OFF},
+}
+# Home Assistant's `restart` class is none of them: it would mislead. A start that cannot be sent now must not
+# wait in Home Assistant, so its quality of service is 0; nothing in a stop is computed, so nothing can fail.
+BUTTONS: Mapping[str, Component] = {
+    STOP: {"name": "Stop", "icon": "mdi:stop", "qos": 1, "payload_press": STOP_COMMAND},
+    START: {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
+    RESET: {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
+}
 
 
-def starter_entities(
-    facts: SiteFacts, starter: str, points: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Component]:
-    """Return a starter's components by key; `points` are those of its `info`."""
+def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]:
+    """Return a starter's components by key: those that its points can fill."""
+    starter = info.starter
+    points = {to_level(name): point for name, point in info.points.items()}
     topics = facts.topics
     state_topic = topics.of(StateRecord, starter=starter)
     found = {
@@ -140,20 +123,21 @@ def starter_entities(
         | {"entity_category": "diagnostic"}
         | available(facts),  # while the starter is not
     }
-    for flag in FLAGS:
-        if flag.point in points:
-            found[flag.point] = _flag(flag, state_topic)
-    thermal = facts.starters[starter].thermal_point
-    for key, point, quantity in (
-        *((each.point, each.point, each) for each in QUANTITIES),
-        ("thermal_load", thermal, THERMAL),
-    ):
-        if point in points:
-            found[key] = _quantity(
-                quantity,
-                topics.of(ValueRecord, starter=starter, point=point),
-                str(points[point].get("unit", "")),
+    for flag, row in FLAGS.items():
+        if flag in points:
+            rendered = {"payload_on": "True", "payload_off": "False"}  # as Home Assistant renders a boolean
+            found[flag] = (
+                _binary_sensor(row["name"], state_topic, GOOD_FLAG.format(name=flag)) | rendered | row
             )
+    thermal = facts.starters[starter].thermal_point
+    quantities = {
+        **{point: (point, row) for point, row in QUANTITIES.items()},
+        thermal: ("thermal_load", THERMAL),
+    }
+    for point, (key, row) in quantities.items():
+        if point in points:
+            topic = topics.of(ValueRecord, starter=starter, point=point)
+            found[key] = _quantity(row, topic, str(points[point].get("unit", "")))
     if FAULT_CODE in found:
         found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
     found["trouble"] = _event(
@@ -205,61 +189,28 @@ def _event(name: str, topic: str, template: str, types: Sequence[str]) -> Compon
     return {**_sensor(name, topic, template), "platform": "event", "event_types": list(types)}
 
 
-def _flag(flag: Flag, topic: str) -> Component:
-    component = _binary_sensor(flag.name, topic, GOOD_FLAG.format(name=flag.point))
-    component |= {"payload_on": "True", "payload_off": "False"}  # as Home Assistant renders a boolean
-    if flag.device_class is not None:
-        component["device_class"] = flag.device_class
-    return component | _switched(is_on=flag.is_on)
-
-
-def _quantity(quantity: Quantity, topic: str, unit: str) -> Component:
-    component = _sensor(quantity.name, topic, GOOD_VALUE)
-    if unit:
-        component["unit_of_measurement"] = unit
-    if quantity.device_class is not None and unit in quantity.units:
-        component["device_class"] = quantity.device_class
-    if quantity.state_class is not None:
-        component["state_class"] = quantity.state_class
-    if quantity.precision is not None:
-        component["suggested_display_precision"] = quantity.precision
-    if quantity.is_diagnostic:
-        component["entity_category"] = "diagnostic"
-    return component | _switched(is_on=quantity.is_on)
+def _quantity(row: Component, topic: str, unit: str) -> Component:
+    has_class = unit == row["unit_of_measurement"]
+    fields = row | {"unit_of_measurement": unit} | ({} if has_class else {"device_class": None})
+    said = {key: value for key, value in fields.items() if value not in (None, "")}
+    return _sensor(row["name"], topic, GOOD_VALUE) | said
 
 
 def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]:
     verbs = facts.verbs(starter)
     if facts.client is None or not verbs:
         return
-    for button in BUTTONS:
-        if button.verb in verbs:
-            component = _button(button, facts.topics.command(starter, facts.client, button.verb))
+    for verb, row in BUTTONS.items():
+        if verb in verbs:
+            topic = facts.topics.command(starter, facts.client, verb)
+            button = {"platform": "button", "command_topic": topic, "retain": False, **row}
             # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
-            yield button.verb, component | (available(facts) if button.verb == STOP else {})
+            yield verb, button | (available(facts) if verb == STOP else {})
     phases = [str(phase) for phase in Phase]
     result = _event(
         "Result", facts.topics.of(ResultRecord, starter=starter, client=facts.client), RESULT, phases
     )
     yield "result", result | {"icon": "mdi:clipboard-check-outline"} | available(facts)
-
-
-def _button(button: Button, topic: str) -> Component:
-    is_stop = button.verb == STOP
-    return {
-        "platform": "button",
-        "name": button.name,
-        "icon": button.icon,
-        "command_topic": topic,
-        **({"payload_press": STOP_COMMAND} if is_stop else {"command_template": COMMAND}),
-        "qos": button.qos,
-        "retain": False,
-        **_switched(is_on=button.is_on),
-    }
-
-
-def _switched(*, is_on: bool) -> Component:
-    return {} if is_on else {"enabled_by_default": False}
 
 
 def _named(facts: SiteFacts, starter: str, key: str, component: Component) -> Component:
