@@ -10,15 +10,13 @@ from typing import Any
 
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
-from gateway.app.integrations.home_assistant import facts_of
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
 from gateway.families.devices.device import Identity
-from gateway.home_assistant.discovery import gateway_message, starter_message
-from gateway.home_assistant.site_facts import SiteFacts
-from gateway.mqtt.contract.payloads import Message, Payloads
-from gateway.mqtt.contract.topics import Topics
+from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
+from gateway.plugins.homeassistant.plugin import facts_of
+from gateway.plugins.homeassistant.site_facts import SiteFacts
 from gateway.starters.telemetry.description import info_of
 
 STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
@@ -44,19 +42,13 @@ def facts(*arguments: str, **options: Any) -> SiteFacts:
     return found
 
 
-def info_messages(site: Config) -> dict[str, Message]:
-    """Return the retained `info` of each starter, as it is before the starter has answered."""
-    payloads = Payloads(Topics(site.base), "run-1")
-    setups = [setup for line in site.lines for setup in setups_of(line)]
-    return {setup.name: payloads.message(info_of(setup, setup.variant, Identity())) for setup in setups}
-
-
 def announced(*arguments: str, **options: Any) -> dict[str, dict[str, Any]]:
-    """Return the discovery of each starter, and of the gateway under an empty name."""
-    site = facts(*arguments, **options)
-    infos = info_messages(config(*arguments, **options))
-    found = {name: starter_message(site, name, json.loads(each.payload)) for name, each in infos.items()}
-    return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(site)}.items()}
+    """Return the discovery of each starter before it has answered, and of the gateway under an empty name."""
+    site, said = config(*arguments, **options), facts(*arguments, **options)
+    setups = [setup for line in site.lines for setup in setups_of(line)]
+    infos = {setup.name: info_of(setup, setup.variant, Identity()) for setup in setups}
+    found = {name: starter_message(said, info) for name, info in infos.items()}
+    return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(said)}.items()}
 
 
 class Rendering:

@@ -7,12 +7,9 @@ from typing import Any
 
 import pytest
 
-from tests.home_assistant.announced import STARTERS, announced, config, facts, info_messages
+from tests.home_assistant.announced import STARTERS, announced, facts
 
 ALL = announced()
-EVERYWHERE = {"state", "online", "running", "fault", "remote", "current", "hours_total", "starts_total"} | {
-    *("trouble", "stop", "start", "reset", "result"),
-}
 ROOT_KEYS = frozenset(  # others cost the whole device before Home Assistant 2026.11
     {
         *("device", "origin", "components", "availability", "availability_mode", "availability_topic"),
@@ -36,23 +33,6 @@ def test_the_root_has_no_key_that_costs_the_whole_device(name: str) -> None:
     assert all("qos" in each for each in ALL[name]["components"].values())  # not inherited from the root
 
 
-def test_a_starter_has_the_entities_that_its_family_can_fill() -> None:
-    assert set(ALL["belt"]["components"]) == EVERYWHERE | {"line_voltage", "heatsink_temperature"}
-    assert set(ALL["fan"]["components"]) == EVERYWHERE | {
-        "alarm",
-        "current_pct",
-        "active_power",
-        "energy_kwh",
-    }
-    assert set(ALL["pump-1"]["components"]) == EVERYWHERE | {
-        *("current_pct", "line_frequency", "heatsink_temperature", "fault_code", "thermal_load"),
-    }
-    assert set(ALL["mill"]["components"]) == EVERYWHERE | {
-        *("alarm", "current_pct", "line_voltage", "output_voltage", "active_power", "power_factor"),
-        *("line_frequency", "torque_pct", "heatsink_temperature", "energy_kwh", "fault_code", "thermal_load"),
-    }
-
-
 def test_of_many_entities_only_the_useful_ones_are_on_at_first() -> None:
     on = {
         name: {key for key, each in ALL[name]["components"].items() if each.get("enabled_by_default", True)}
@@ -66,24 +46,6 @@ def test_of_many_entities_only_the_useful_ones_are_on_at_first() -> None:
         "mill": usual | {"active_power", "energy_kwh", "fault_code"},
         "belt": usual,
     }
-
-
-def test_the_fault_code_is_that_of_the_state_since_the_point_keeps_the_last_one() -> None:
-    found = ALL["pump-1"]["components"]["fault_code"]
-
-    assert found["state_topic"] == "starters/mcc1/starter/pump-1/state"
-
-
-def test_a_stop_can_be_pressed_though_the_starter_is_silent_and_a_start_cannot() -> None:
-    found = ALL["fan"]["components"]
-
-    assert [each["topic"] for each in ALL["fan"]["availability"]] == [
-        "starters/mcc1/gateway/status",
-        "starters/mcc1/starter/fan/availability",
-    ]
-    for key in ("stop", "result", "online"):
-        assert [each["topic"] for each in found[key]["availability"]] == ["starters/mcc1/gateway/status"]
-    assert "availability" not in found["start"]
 
 
 def test_a_start_never_waits_in_home_assistant_and_a_stop_does() -> None:
@@ -128,25 +90,3 @@ def test_the_names_are_the_same_in_every_run() -> None:
     assert ALL["pump-1"]["components"]["current"]["unique_id"] == "sg_mcc1_pump-1_Ecurrent"
     assert ALL["pump-1"]["components"]["current"]["default_entity_id"] == "sensor.mcc1_pump_1_current"
     assert ALL["pump-1"]["components"]["current"]["object_id"] == "mcc1_pump_1_current"
-
-
-@pytest.mark.parametrize("base", ["x", "plant/area-1/line_2/cell/{gateway}"])
-def test_a_base_of_any_depth_is_announced(base: str) -> None:
-    found = announced(base=base)["fan"]["components"]
-
-    whole = base.replace("{gateway}", "mcc1")
-    assert found["state"]["state_topic"] == f"{whole}/starter/fan/state"
-    assert found["stop"]["command_topic"] == f"{whole}/command/fan/home-assistant/stop"
-
-
-def test_every_point_that_is_announced_is_one_that_the_starter_publishes() -> None:
-    site = config()
-    infos = info_messages(site)
-    for name in STARTERS:
-        topics = {
-            each["state_topic"]
-            for each in ALL[name]["components"].values()
-            if "/value/" in each.get("state_topic", "")
-        }
-        for topic in topics:
-            assert f'"{topic.rpartition("/")[2]}":' in infos[name].payload.decode()

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from gateway.home_assistant.entities import COMMAND, GOOD_FLAG, GOOD_STATE, GOOD_VALUE, RESULT, TROUBLE
+from gateway.plugins.homeassistant.entities import COMMAND, GOOD_FLAG, GOOD_STATE, GOOD_VALUE, RESULT, TROUBLE
 from tests.home_assistant.announced import announced
 
 JUDGE = Path(__file__).with_name("judge.py")

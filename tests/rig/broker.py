@@ -297,6 +297,7 @@ class PahoConnection(Connection):
     def __init__(self, broker: Broker, client: Any, keepalive_s: int, properties: Properties | None) -> None:
         super().__init__(broker, client._client_id.decode(), 5 if client._protocol == 5 else 4)
         self.client = client
+        self.is_clean = False  # begun without a session, and none stays after it
         self.wire = RigWire(broker.loop)
         self.wire.is_stalled = broker.is_stalled
         self.wire.on_close = self._closed
@@ -432,6 +433,7 @@ class _Paho:
         port: int = 1883,
         keepalive: int = 60,
         *_: Any,
+        clean_start: bool = False,
         properties: Any = None,
         **__: Any,
     ) -> MQTTErrorCode:
@@ -439,6 +441,8 @@ class _Paho:
         if not broker.is_up:
             raise ConnectionRefusedError(111, "Connection refused")
         connection = self._rig = PahoConnection(broker, self, keepalive, properties)
+        connection.is_clean = self._clean_session if connection.version == 4 else clean_start
+        connection.is_clean &= getattr(properties, "SessionExpiryInterval", 0) == 0
         if self.on_socket_open is not None:
             self.on_socket_open(self, None, connection.wire)
         connection.send(connection.connect)

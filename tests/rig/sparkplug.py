@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-INT32, DOUBLE, BOOLEAN, STRING = 3, 10, 11, 12  # data types [Sparkplug 3.0, 6.4.16]
+INT32, INT64, DOUBLE, BOOLEAN, STRING = 3, 4, 10, 11, 12  # data types [Sparkplug 3.0, 6.4.16]
 
 
 def decoded(payload: bytes) -> dict[str, Any]:
@@ -21,10 +22,60 @@ def decoded(payload: bytes) -> dict[str, Any]:
     return found
 
 
+@dataclass(frozen=True)
+class SaidMetric:
+    """A metric with all that a payload says of it; `kind` is its data type, None where none is given."""
+
+    name: str
+    value: Any
+    time_ms: int | None
+    kind: int | None
+    is_null: bool
+    has_alias: bool
+    properties: Mapping[str, Any]
+    property_types: Mapping[str, int]
+
+
+def metrics_of(payload: bytes) -> list[SaidMetric]:
+    """Return the metrics in their order."""
+    return [_said(block) for number, block in _fields(payload) if number == 2]
+
+
+def _said(block: bytes) -> SaidMetric:
+    fields = dict(_fields(block))
+    keys, values = [], []
+    for number, said in _fields(fields.get(9, b"")):
+        if number == 1:
+            keys.append(said.decode())
+        else:
+            values.append(dict(_fields(said)))
+    name, value = _metric(block)
+    return SaidMetric(
+        name,
+        value,
+        fields.get(3),
+        fields.get(4),
+        bool(fields.get(7)),
+        2 in fields,
+        {key: each[8].decode() if 8 in each else each[3] for key, each in zip(keys, values, strict=True)},
+        {key: each[1] for key, each in zip(keys, values, strict=True)},
+    )
+
+
 def encoded(metrics: Mapping[str, bool | float | str], *, time_s: float) -> bytes:
     """Return the payload of a command: `{"Command/Stop": True}`."""
     time = _number(1, round(time_s * 1000))
     return time + b"".join(_block(2, _written(name, value, time_s)) for name, value in metrics.items())
+
+
+def block_of(fields: Mapping[int, int | str | bytes]) -> bytes:
+    """Return the fields of a message: numbers, texts and blocks."""
+    return b"".join(
+        _number(number, int(said))
+        if isinstance(said, int)
+        else _block(number, said.encode() if isinstance(said, str) else said)
+        for number, said in fields.items()
+    )
 
 
 def _metric(block: bytes) -> tuple[str, Any]:

@@ -39,7 +39,11 @@ class WebAnswer:
     headers: dict[str, str] = field(default_factory=dict)
     body: bytes = b""
     is_over: bool = False
+    may_come: asyncio.Event = field(default_factory=asyncio.Event)  # clear it, and the browser reads no more
     _gone: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def __post_init__(self) -> None:
+        self.may_come.set()
 
     @property
     def json(self) -> Any:
@@ -134,6 +138,7 @@ class WebBrowser:
             return {"type": "http.disconnect"}
 
         async def send(message: Any) -> None:
+            await answer.may_come.wait()
             if message["type"] == "http.response.start":
                 answer.status = message["status"]
                 answer.headers = {name.decode(): value.decode() for name, value in message["headers"]}

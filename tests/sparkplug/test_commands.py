@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.commands import Incoming, Rejection
-from gateway.mqtt.contract.topics import Topics
-from gateway.sparkplug.commands import MOST_WRITES, CommandMapper, DeviceCommand
-from gateway.sparkplug.payload import decoded_command
+from gateway.contract import Proof
+from gateway.plugins.sparkplug.commands import MOST_WRITES, CommandMapper, DeviceCommand, Judgement
+from gateway.plugins.sparkplug.payload import decoded_command
 from tests.sparkplug.support import EPOCH_S, dcmd, write
 
 NOW_S = EPOCH_S + 100.0
@@ -22,37 +20,33 @@ def judged(
     is_retained: bool = False,
     born_s: float | None = EPOCH_S,
     starter: str = "pump",
-) -> list[Incoming | Rejection]:
-    mapper = CommandMapper(Topics("starters/mcc1"), "scada", ttl_s=5.0)
+) -> list[Judgement]:
+    mapper = CommandMapper("scada", ttl_s=5.0)
     command = decoded_command(dcmd(*writes, time_s=time_s))
-    return list(mapper.judge(DeviceCommand(starter, command, is_retained, NOW_S, born_s)))
+    return list(mapper.judge(DeviceCommand(starter, command, is_retained, 7.0, NOW_S, born_s)))
 
 
-def type_name(judgement: Incoming | Rejection) -> str:
-    return type(judgement).__name__
-
-
-def code(judgement: Incoming | Rejection) -> str:
-    assert isinstance(judgement, Rejection)
-    return judgement.code
+def code(judgement: Judgement) -> str:
+    """Return why a write is refused; empty where it is a command."""
+    refusal = judgement[1]
+    return "" if refusal is None else refusal.code
 
 
 def test_a_start_becomes_a_command_of_the_operator_dated_by_the_payload() -> None:
-    (incoming,) = judged(write("Command/Start"))
+    ((request, refusal),) = judged(write("Command/Start"))
 
-    assert isinstance(incoming, Incoming)
-    assert incoming.topic == "starters/mcc1/command/pump/scada/start"
-    assert incoming.source == "sparkplug"
-    body = json.loads(incoming.payload)
-    assert body.pop("id").startswith("spb-1760000100000-")
-    assert body == {"issued_at": "2025-10-09T08:55:00.000Z", "ttl_s": 5.0}
+    assert refusal is None
+    assert (request.starter, request.client, request.verb) == ("pump", "scada", "start")
+    assert request.source == "sparkplug"
+    assert (request.id or "").startswith("spb-1760000100000-")
+    assert (request.proof, request.received_s) == (Proof(issued_s=NOW_S, ttl_s=5.0), 7.0)
 
 
 def test_the_same_write_has_the_same_id_and_any_other_has_another() -> None:
-    def id_of(*args: Any, **options: Any) -> str:
-        (incoming,) = judged(*args, **options)
-        assert isinstance(incoming, Incoming)
-        return str(json.loads(incoming.payload)["id"])
+    def id_of(*args: Any, **options: Any) -> str | None:
+        ((request, refusal),) = judged(*args, **options)
+        assert refusal is None
+        return request.id
 
     first = id_of(write("Command/Start"))
 
@@ -62,39 +56,12 @@ def test_the_same_write_has_the_same_id_and_any_other_has_another() -> None:
     assert id_of(write("Command/Start"), time_s=NOW_S + 0.001) != first
 
 
-def test_a_start_without_a_time_is_refused() -> None:
-    assert code(*judged(write("Command/Start"), time_s=None)) == "not_fresh"
-
-
-def test_a_metrics_own_time_counts_when_it_is_older() -> None:
-    (incoming,) = judged(write("Command/Start", timestamp=round((NOW_S - 60) * 1000)))
-
-    assert isinstance(incoming, Incoming)
-    assert json.loads(incoming.payload)["issued_at"] == "2025-10-09T08:54:00.000Z"
-
-
-@pytest.mark.parametrize("born_s", [None, NOW_S + 0.001])
-def test_a_start_of_before_this_connections_birth_is_refused(born_s: float | None) -> None:
-    assert code(*judged(write("Command/Start"), born_s=born_s)) == "before_connection"
-
-
-def test_a_historical_value_is_no_command() -> None:
-    assert code(*judged(write("Command/Reset", is_historical=True))) == "expired"
-
-
-def test_the_retained_flag_goes_on_to_the_rule_of_all_commands() -> None:
-    for name in ("Command/Start", "Command/Stop"):
-        (incoming,) = judged(write(name), is_retained=True)
-        assert isinstance(incoming, Incoming)
-        assert incoming.is_retained
-
-
 def test_a_stop_needs_neither_time_nor_birth() -> None:
-    (incoming,) = judged(write("Command/Stop"), time_s=None, born_s=None)
+    ((request, refusal),) = judged(write("Command/Stop"), time_s=None, born_s=None)
 
-    assert isinstance(incoming, Incoming)
-    assert incoming.topic.endswith("/pump/scada/stop")
-    assert list(json.loads(incoming.payload)) == ["id"]
+    assert refusal is None
+    assert (request.starter, request.client, request.verb) == ("pump", "scada", "stop")
+    assert request.proof.issued_s is None
 
 
 @pytest.mark.parametrize(
@@ -113,6 +80,23 @@ def test_only_true_acts(name: str, wrong: dict[str, Any]) -> None:
     assert code(*judged({"name": name, **wrong})) == "bad_payload"
 
 
+@pytest.mark.parametrize(
+    ("more", "times", "refused"),
+    [
+        ({}, {"time_s": None}, "not_fresh"),
+        ({}, {"born_s": None}, "before_connection"),
+        ({}, {"born_s": NOW_S + 0.001}, "before_connection"),
+        ({"is_historical": True}, {}, "expired"),
+        ({"timestamp": round((NOW_S - 60) * 1000)}, {"born_s": NOW_S - 50}, "before_connection"),
+        ({"timestamp": round((NOW_S + 60) * 1000)}, {"born_s": NOW_S + 50}, "before_connection"),
+    ],
+)
+def test_a_start_that_is_not_fresh_is_refused(
+    more: dict[str, Any], times: dict[str, Any], refused: str
+) -> None:
+    assert code(*judged(write("Command/Start", **more), **times)) == refused
+
+
 @pytest.mark.parametrize("name", ["current", "command/start", "", "Command/Set", "Command/Last/Verb", "a\nb"])
 def test_no_other_metric_can_be_written(name: str) -> None:
     assert code(*judged(write(name))) == "unknown_verb"
@@ -122,25 +106,17 @@ def test_a_stop_in_a_message_goes_first_and_a_flood_in_one_message_is_cut() -> N
     found = judged(*[write("Command/Start")] * 100, write("Command/Stop"))
 
     assert len(found) == MOST_WRITES + 1
-    assert isinstance(found[0], Incoming)
-    assert found[0].topic.endswith("/stop")
+    assert (found[0][0].verb, code(found[0])) == ("stop", "")
     assert {code(each) for each in found[1:-1]} == {"bad_payload"}
-    assert isinstance(found[-1], Rejection)
-    assert (found[-1].code, found[-1].text) == ("too_many", "81 more metrics in the same DCMD: at most 20")
+    assert code(found[-1]) == "too_many"
+    assert str(found[-1][1]) == "too_many: 81 more metrics in the same DCMD: at most 20"
 
 
 def test_a_start_beside_a_stop_is_refused_in_whichever_order_they_come() -> None:
     for writes in ("Start", "Stop"), ("Stop", "Start"):
         stop, start = judged(*(write(f"Command/{each}") for each in writes))
-        assert isinstance(stop, Incoming)
-        assert stop.topic.endswith("/stop")
+        assert (stop[0].verb, code(stop)) == ("stop", "")
         assert code(start) == "bad_payload"
-
-
-def test_a_stop_that_is_not_true_refuses_nothing_else() -> None:
-    start, stop = sorted(judged(write("Command/Start"), write("Command/Stop", value=False)), key=type_name)
-    assert isinstance(start, Incoming)
-    assert code(stop) == "bad_payload"
 
 
 @pytest.mark.parametrize(
@@ -164,27 +140,4 @@ def test_true_beside_another_type_or_value_stops_and_does_nothing_else(
 ) -> None:
     (judgement,) = judged(write(name, **odd))
 
-    if name == "Command/Stop":
-        assert isinstance(judgement, Incoming)
-    else:
-        assert code(judgement) == "bad_payload"
-
-
-def test_true_of_the_type_boolean_acts_as_without_a_type() -> None:
-    (judgement,) = judged(write("Command/Start", datatype=11))
-
-    assert isinstance(judgement, Incoming)
-
-
-@pytest.mark.parametrize("is_first", [True, False])
-def test_a_name_that_is_no_utf_8_is_refused_and_hides_nothing_else(is_first: bool) -> None:
-    bad = b"\x12\x08" + b"\x0a\x04\xff\xfeab" + b"\x70\x01"
-    good = dcmd(write("Command/Start"), time_s=NOW_S)
-    command = decoded_command(bad + good if is_first else good + bad)
-
-    mapper = CommandMapper(Topics("starters/mcc1"), "scada", ttl_s=5.0)
-    found = list(mapper.judge(DeviceCommand("pump", command, False, NOW_S, EPOCH_S)))
-
-    assert sorted(map(type_name, found)) == ["Incoming", "Rejection"]
-    (rejection,) = [each for each in found if isinstance(each, Rejection)]
-    assert rejection.code == "unknown_verb"
+    assert code(judgement) == ("" if name == "Command/Stop" else "bad_payload")

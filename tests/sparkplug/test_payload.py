@@ -6,51 +6,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import Message
-from gateway.sparkplug.payload import DataType, Metric, decoded_command, encoded
-from tests.sparkplug.support import EPOCH_S, NodeRig, dcmd, read, write
-
-
-def one(metric: Metric) -> dict[str, object]:
-    payload = encoded([metric], time_s=EPOCH_S, seq=0)
-    return read(Message("spBv1.0/g/DDATA/n/d", payload, 0, retain=False)).metrics[0]
+from gateway.plugins.sparkplug.payload import DataType, Metric, decoded_command, encoded
+from tests.rig.sparkplug import metrics_of
+from tests.sparkplug.support import EPOCH_S, dcmd, write
 
 
 @pytest.mark.parametrize(
-    ("datatype", "value", "field", "written"),
+    ("datatype", "number", "value", "field"),
     [
-        (DataType.INT32, -7, "int_value", 2**32 - 7),
-        (DataType.INT64, -7, "long_value", 2**64 - 7),
-        (DataType.DOUBLE, 0.1, "double_value", 0.1),
-        (DataType.BOOLEAN, False, "boolean_value", False),
-        (DataType.STRING, "°C", "string_value", "°C"),
+        (DataType.INT32, 3, -7, "50 f9ffffff0f"),
+        (DataType.INT64, 4, -7, "58 f9ffffffffffffffff01"),
+        (DataType.DOUBLE, 10, 0.1, "69 9a9999999999b93f"),
+        (DataType.BOOLEAN, 11, False, "70 00"),
+        (DataType.STRING, 12, "°C", "7a 03 c2b043"),
+        (DataType.DOUBLE, 10, None, "38 01"),
     ],
 )
 def test_each_type_has_its_number_and_its_field(
-    datatype: DataType, value: bool | int | float | str, field: str, written: object
+    datatype: DataType, number: int, value: bool | int | float | str | None, field: str
 ) -> None:
-    metric = one(Metric("x", datatype, value))
+    payload = encoded([Metric("x", datatype, value)], time_s=EPOCH_S, seq=0)
 
-    assert (metric["field"], metric["value"], metric["null"]) == (field, written, False)
-    numbers = {each.name: each.value for each in DataType}  # [Sparkplug 3.0, 6.4.16]
-    assert numbers == {"INT32": 3, "INT64": 4, "DOUBLE": 10, "BOOLEAN": 11, "STRING": 12}
-
-
-def test_properties_have_as_many_keys_as_values_each_with_its_type() -> None:
-    rig = NodeRig()
-    rig.online()
-    rig.node.end()
-    rig.node.begin(1)
-
-    for birth in rig.say():
-        for metric in birth.metrics:
-            assert len(metric["keys"]) == len(metric["property_types"])
-            types = [3 if key == "Quality" else 12 for key in metric["keys"]]
-            assert metric["property_types"] == types
-
-
-def test_a_metric_without_a_time_has_that_of_its_payload() -> None:
-    assert one(Metric("x", DataType.DOUBLE, 1.0))["time_ms"] == EPOCH_S * 1000
+    (metric,) = metrics_of(payload)
+    assert (metric.kind, metric.is_null, metric.time_ms) == (number, value is None, EPOCH_S * 1000)
+    assert bytes.fromhex(field) in payload
 
 
 def test_the_bytes_are_those_of_the_field_numbers() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.sparkplug.primary_host import PrimaryHost, host_state
-from tests.sparkplug.support import NodeRig, host_says
+from gateway.plugins.sparkplug.primary_host import PrimaryHost, host_state
+from tests.sparkplug.support import host_says
 
 
 def host() -> PrimaryHost:
@@ -14,24 +14,8 @@ def host() -> PrimaryHost:
     return made
 
 
-def test_without_a_primary_host_nothing_is_waited_for() -> None:
-    assert PrimaryHost(None).is_online
-    assert PrimaryHost(None).topic is None
-
-
 def test_the_state_of_exactly_the_configured_host_is_asked_for() -> None:
     assert host().topic == "spBv1.0/STATE/scada"
-
-
-def test_nothing_is_published_until_the_host_is_online() -> None:
-    rig = NodeRig()
-    rig.online()
-    rig.node.permit(is_permitted=False)
-    assert rig.say(after_s=60.0) == []
-
-    rig.node.permit(is_permitted=True)
-
-    assert [each.kind for each in rig.say()] == ["NBIRTH", "DBIRTH", "DBIRTH"]
 
 
 def test_a_host_is_online_once_it_says_so_with_a_time_that_is_not_before_the_last() -> None:
@@ -54,17 +38,6 @@ def test_a_host_that_goes_ends_the_connection_unless_its_message_is_old() -> Non
     assert waits.is_online
     assert waits.take(host_says(False, 1000))
     assert not waits.is_online
-
-
-def test_each_server_is_asked_anew() -> None:
-    waits = host()
-    waits.take(host_says(True, 1000))
-
-    waits.begin()
-
-    assert not waits.is_online
-    waits.take(host_says(True, 5))
-    assert waits.is_online
 
 
 @pytest.mark.parametrize(
