@@ -6,7 +6,7 @@ that do not change are published seldom, and the availability says at once when 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gateway.contract import (
@@ -58,46 +58,56 @@ RESULT = (
 )
 
 
-_OFF = {"enabled_by_default": False}  # at first; anyone can switch it on in Home Assistant
-_DIAGNOSTIC = {"entity_category": "diagnostic"}
-_TOTAL = {"state_class": "total_increasing"}
+_OFF: Component = {"enabled_by_default": False}  # at first; anyone can switch it on in Home Assistant
+_DIAGNOSTIC: Component = {"entity_category": "diagnostic"}
+_TOTAL: Component = {"state_class": "total_increasing"}
 
 
-def _row(
-    name: str, device_class: str = "", unit: str = "", precision: int | None = None, **more: Any
-) -> Component:
-    """Return what a point becomes where its unit is this one; with another it has no device class."""
-    return {
-        "name": name,
-        "unit_of_measurement": unit,
-        "device_class": device_class,
-        "state_class": "measurement",
-        "suggested_display_precision": precision,
-        **more,
-    }
+def _row(name: str | None, template: str, platform: str = "sensor", **more: Any) -> Component:
+    """Return an entity by its name, how its value is found in a message, and what else it has."""
+    return {"platform": platform, "name": name, "value_template": template, **more}
 
 
+def _quantity(name: str, kind: str = "", unit: str = "", digits: int | None = None, **more: Any) -> Component:
+    """Return what a point becomes whose unit is this one."""
+    fields = {"unit_of_measurement": unit, "device_class": kind, "suggested_display_precision": digits}
+    return {**_row(name, GOOD_VALUE), **fields, "state_class": "measurement", **more}
+
+
+def _flag(name: str, kind: str = "", **more: Any) -> Component:
+    """Return what a boolean of the state topic becomes; Home Assistant renders it with a capital."""
+    return _row(name, "", "binary_sensor", device_class=kind, payload_on="True", payload_off="False", **more)
+
+
+STATE = _row(None, GOOD_STATE, device_class="enum", options=STATES, json_attributes_template=STATE_ATTRIBUTES)
+ONLINE = _row("Online", STARTER_IS_ON, "binary_sensor", payload_on="online", payload_off="offline")
+ONLINE |= {"device_class": "connectivity", **_DIAGNOSTIC}
+TROUBLES = _row("Faults and alarms", TROUBLE, "event", event_types=TROUBLE_CODES, icon="mdi:alert")
+RESULTS = _row("Result", RESULT, "event", event_types=[*Phase], icon="mdi:clipboard-check-outline")
+STATUS = _row(None, "{{ value_json.state }}", device_class="enum", options=GATEWAY_STATES, **_DIAGNOSTIC)
+BOOT = _row("Run", "{{ value_json.boot }}", **_DIAGNOSTIC, **_OFF)
+UTILISATION = _quantity("Line", "", "%", 0, value_template=BUSY, icon="mdi:serial-port", **_DIAGNOSTIC)
 QUANTITIES: Mapping[str, Component] = {  # points that become sensors
-    "current": _row("Current", "current", "A", 1),
-    "current_pct": _row("Current of rated", "", "%", 0, **_OFF),
-    "line_voltage": _row("Line voltage", "voltage", "V", 0, **_OFF),
-    "output_voltage": _row("Output voltage", "voltage", "V", 0, **_OFF),
-    "active_power": _row("Active power", "power", "kW", 1),
-    "power_factor": _row("Power factor", "power_factor", "", 2, **_OFF),
-    "line_frequency": _row("Frequency", "frequency", "Hz", 1, **_OFF),
-    "torque_pct": _row("Torque", "", "%", 0, **_OFF),
-    "heatsink_temperature": _row("Heatsink temperature", "temperature", "°C", 0, **_DIAGNOSTIC, **_OFF),
-    "energy_kwh": _row("Energy", "energy", "kWh", 1, **_TOTAL),
-    "hours_total": _row("Operating hours", "duration", "h", 1, **_TOTAL, **_OFF),
-    "starts_total": _row("Starts", "", "", 0, **_TOTAL, **_OFF),
-    FAULT_CODE: _row("Fault code", state_class=None, entity_category="diagnostic"),
+    "current": _quantity("Current", "current", "A", 1),
+    "current_pct": _quantity("Current of rated", "", "%", 0, **_OFF),
+    "line_voltage": _quantity("Line voltage", "voltage", "V", 0, **_OFF),
+    "output_voltage": _quantity("Output voltage", "voltage", "V", 0, **_OFF),
+    "active_power": _quantity("Active power", "power", "kW", 1),
+    "power_factor": _quantity("Power factor", "power_factor", "", 2, **_OFF),
+    "line_frequency": _quantity("Frequency", "frequency", "Hz", 1, **_OFF),
+    "torque_pct": _quantity("Torque", "", "%", 0, **_OFF),
+    "heatsink_temperature": _quantity("Heatsink temperature", "temperature", "°C", 0, **_DIAGNOSTIC, **_OFF),
+    "energy_kwh": _quantity("Energy", "energy", "kWh", 1, **_TOTAL),
+    "hours_total": _quantity("Operating hours", "duration", "h", 1, **_TOTAL, **_OFF),
+    "starts_total": _quantity("Starts", "", "", 0, **_TOTAL, **_OFF),
+    FAULT_CODE: _quantity("Fault code", state_class=None, entity_category="diagnostic"),
 }
-THERMAL = _row("Thermal load", "", "%", 0, **_DIAGNOSTIC, **_OFF)  # its point is the family's
+THERMAL = _quantity("Thermal load", "", "%", 0, **_DIAGNOSTIC, **_OFF)  # its point is the family's
 FLAGS: Mapping[str, Component] = {  # booleans of the state topic
-    "running": {"name": "Running", "device_class": "running"},
-    "fault": {"name": "Fault", "device_class": "problem"},
-    "alarm": {"name": "Alarm", "device_class": "problem", **_OFF},
-    "remote": {"name": "Remote", **_OFF},
+    "running": _flag("Running", "running"),
+    "fault": _flag("Fault", "problem"),
+    "alarm": _flag("Alarm", "problem", **_OFF),
+    "remote": _flag("Remote", **_OFF),
 }
 # Home Assistant's `restart` class is none of them: it would mislead. A start that cannot be sent now must not
 # wait in Home Assistant, so its quality of service is 0; nothing in a stop is computed, so nothing can fail.
@@ -114,35 +124,23 @@ def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]
     points = {to_level(name): point for name, point in info.points.items()}
     topics = facts.topics
     state_topic = topics.of(StateRecord, starter=starter)
+    availability_topic = topics.of(AvailabilityRecord, starter=starter)
     found = {
-        "state": _sensor(None, state_topic, GOOD_STATE)
-        | {"device_class": "enum", "options": list(STATES)}
-        | {"json_attributes_topic": state_topic, "json_attributes_template": STATE_ATTRIBUTES},
-        "online": _binary_sensor("Online", topics.of(AvailabilityRecord, starter=starter), STARTER_IS_ON)
-        | {"payload_on": "online", "payload_off": "offline", "device_class": "connectivity"}
-        | {"entity_category": "diagnostic"}
-        | available(facts),  # while the starter is not
+        "state": _entity(state_topic, STATE | {"json_attributes_topic": state_topic}),
+        "online": _entity(availability_topic, ONLINE | available(facts)),  # while the starter is not
     }
     for flag, row in FLAGS.items():
         if flag in points:
-            rendered = {"payload_on": "True", "payload_off": "False"}  # as Home Assistant renders a boolean
-            found[flag] = (
-                _binary_sensor(row["name"], state_topic, GOOD_FLAG.format(name=flag)) | rendered | row
-            )
+            found[flag] = _entity(state_topic, row | {"value_template": GOOD_FLAG.format(name=flag)})
     thermal = facts.starters[starter].thermal_point
-    quantities = {
-        **{point: (point, row) for point, row in QUANTITIES.items()},
-        thermal: ("thermal_load", THERMAL),
-    }
-    for point, (key, row) in quantities.items():
+    for point, row in {**QUANTITIES, thermal: THERMAL}.items():
         if point in points:
             topic = topics.of(ValueRecord, starter=starter, point=point)
-            found[key] = _quantity(row, topic, str(points[point].get("unit", "")))
+            key = "thermal_load" if row is THERMAL else point
+            found[key] = _entity(topic, _in_unit(row, str(points[point].get("unit", ""))))
     if FAULT_CODE in found:
         found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
-    found["trouble"] = _event(
-        "Faults and alarms", topics.of(EventRecord, starter=starter), TROUBLE, TROUBLE_CODES
-    ) | {"icon": "mdi:alert"}
+    found["trouble"] = _entity(topics.of(EventRecord, starter=starter), TROUBLES)
     found |= _commands(facts, starter)
     return {key: _named(facts, starter, key, component) for key, component in found.items()}
 
@@ -150,19 +148,10 @@ def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]
 def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
     """Return the gateway's own components by key."""
     status = facts.topics.gateway_status
-    found = {
-        "status": _sensor(None, status, "{{ value_json.state }}")
-        | {"device_class": "enum", "options": list(GATEWAY_STATES), "entity_category": "diagnostic"},
-        "boot": _sensor("Run", status, "{{ value_json.boot }}")
-        | {"entity_category": "diagnostic", "enabled_by_default": False},
-    }
+    found = {"status": _entity(status, STATUS), "boot": _entity(status, BOOT)}
     for line in facts.lines:
-        found[f"line_{line}"] = (
-            _sensor(f"Line {line}", facts.topics.of(LineRecord, line=line), BUSY)
-            | {"unit_of_measurement": "%", "state_class": "measurement", "suggested_display_precision": 0}
-            | {"entity_category": "diagnostic", "icon": "mdi:serial-port"}
-            | available(facts)
-        )
+        row = {**UTILISATION, "name": f"Line {line}", **available(facts)}
+        found[f"line_{line}"] = _entity(facts.topics.of(LineRecord, line=line), row)
     return {key: _named(facts, "", key, component) for key, component in found.items()}
 
 
@@ -176,24 +165,16 @@ def available(facts: SiteFacts, starter: str = "") -> Component:
     return {"availability": rules, "availability_mode": "all"}
 
 
-def _sensor(name: str | None, topic: str, template: str) -> Component:
-    """Return what all sensors have; without a name the entity has its device's."""
-    return {"platform": "sensor", "name": name, "state_topic": topic, "value_template": template, "qos": 1}
+def _entity(topic: str, row: Component) -> Component:
+    """Return a row of the tables as Home Assistant is told it; without a name it has its device's."""
+    said = {key: value for key, value in row.items() if value not in (None, "")}
+    return {"name": None, "state_topic": topic, "qos": 1, **said}
 
 
-def _binary_sensor(name: str, topic: str, template: str) -> Component:
-    return {**_sensor(name, topic, template), "platform": "binary_sensor"}
-
-
-def _event(name: str, topic: str, template: str, types: Sequence[str]) -> Component:
-    return {**_sensor(name, topic, template), "platform": "event", "event_types": list(types)}
-
-
-def _quantity(row: Component, topic: str, unit: str) -> Component:
-    has_class = unit == row["unit_of_measurement"]
-    fields = row | {"unit_of_measurement": unit} | ({} if has_class else {"device_class": None})
-    said = {key: value for key, value in fields.items() if value not in (None, "")}
-    return _sensor(row["name"], topic, GOOD_VALUE) | said
+def _in_unit(row: Component, unit: str) -> Component:
+    """Return what a point becomes: with another unit than the table's it has no device class."""
+    device_class = row["device_class"] if unit == row["unit_of_measurement"] else ""
+    return row | {"unit_of_measurement": unit, "device_class": device_class}
 
 
 def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]:
@@ -206,11 +187,8 @@ def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]
             button = {"platform": "button", "command_topic": topic, "retain": False, **row}
             # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
             yield verb, button | (available(facts) if verb == STOP else {})
-    phases = [str(phase) for phase in Phase]
-    result = _event(
-        "Result", facts.topics.of(ResultRecord, starter=starter, client=facts.client), RESULT, phases
-    )
-    yield "result", result | {"icon": "mdi:clipboard-check-outline"} | available(facts)
+    topic = facts.topics.of(ResultRecord, starter=starter, client=facts.client)
+    yield "result", _entity(topic, RESULTS | available(facts))
 
 
 def _named(facts: SiteFacts, starter: str, key: str, component: Component) -> Component:

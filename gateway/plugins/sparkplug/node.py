@@ -4,7 +4,7 @@
 2. It is made then, of the newest records: so neither a birth nor a change ever waits as bytes, and what waits
    is never more than the topics that have changed.
 3. Changes are gathered for at most `GATHER_S` a starter, and go out together in the order of their times.
-   What hosts have been told already is not sent again.
+   What hosts know already is not sent again.
 4. A rebirth is honoured at once when there was none for `REBIRTH_EVERY_S`, else as soon as that has passed.
 """
 
@@ -37,38 +37,27 @@ ANSWERING = frozenset({"online", "degraded"})
 OF_LINES = ("utilisation", "sweep_s")
 
 
-class _Told:
-    """What hosts have been told of the node itself, or of a device, since its birth."""
+class _Known:
+    """What hosts know of the node itself, or of a device, since its birth."""
 
     def __init__(self) -> None:
-        self.said: dict[str, tuple[Value, int | None]] = {}
-        self._named: dict[str, DataType] = {}
+        self.known: dict[str, tuple[Value, int | None]] = {}
         self.is_born = False
         self.sent_s = -inf
 
-    @property
-    def is_urgent(self) -> bool:
-        """Return whether its birth or death is due."""
-        return False
-
-    def has_named(self, metrics: Mapping[str, Metric]) -> bool:
-        """Return whether the birth has named exactly these."""
-        return self._named == {name: metric.datatype for name, metric in metrics.items()}
-
     def born(self, metrics: Mapping[str, Metric], now_s: float) -> Collection[Metric]:
         self.is_born, self.sent_s = True, now_s
-        self._named = {name: metric.datatype for name, metric in metrics.items()}
-        self.said = {name: (metric.value, metric.quality) for name, metric in metrics.items()}
+        self.known = {name: (metric.value, metric.quality) for name, metric in metrics.items()}
         return metrics.values()
 
     def news(self, metrics: Iterable[Metric], now_s: float) -> list[Metric]:
-        """Return what hosts have not been told; a value that is good again says so, once."""
+        """Return what hosts do not know yet; a value that is good again says so, once."""
         found = []
         for metric in metrics:
-            before = self.said.get(metric.name)
+            before = self.known.get(metric.name)
             if before == (metric.value, metric.quality):
                 continue
-            self.said[metric.name] = metric.value, metric.quality
+            self.known[metric.name] = metric.value, metric.quality
             is_good_again = metric.quality is None and before is not None and before[1] is not None
             quality = GOOD if is_good_again else metric.quality
             found.append(replace(metric, quality=quality, properties=()))
@@ -76,7 +65,7 @@ class _Told:
         return found
 
 
-class _Device(_Told):
+class _Device(_Known):
     """A starter; `since_s`: what is not known of it yet is dated so."""
 
     def __init__(self, name: str, latest: Latest, *, since_s: float) -> None:
@@ -88,8 +77,9 @@ class _Device(_Told):
         self._availability_topic = AvailabilityRecord.topic_of(starter=name)
         self._points: Collection[str] = ()
         self._metrics: dict[str, Metric] = {}  # as they are before anything was read
+        self._is_renamed = False  # since its birth
         self._alarms: dict[str, None] = {}  # topics
-        self._changed: dict[str, None] = {}  # topics whose news hosts have not been told
+        self._changed: dict[str, None] = {}  # topics whose news hosts do not know
         self._answers: dict[str, Fact] = {}  # `Command/*`
 
     @property
@@ -105,7 +95,7 @@ class _Device(_Told):
 
     @property
     def is_to_be_born(self) -> bool:
-        return self.is_alive and not (self.is_born and self.has_named(self._metrics))
+        return self.is_alive and (self._is_renamed or not self.is_born)
 
     def note(self, topic: str, record: Record | None, settings: SparkplugSettings) -> None:
         """Note that this is the newest record of a topic now."""
@@ -113,20 +103,22 @@ class _Device(_Told):
         if isinstance(record, AlarmRecord):
             self._alarms[topic] = None
         elif isinstance(record, InfoRecord):
-            self._points = record.points
+            before, self._points = self._metrics, record.points
             self._metrics = described(record, settings, since_s=self._since_s)
+            self._is_renamed |= _types(self._metrics) != _types(before)
 
     def answer(self, facts: Iterable[Fact]) -> None:
         """Show what became of a host's command, even if it is as before."""
         answers = {fact.name: fact for fact in facts}
         self._answers |= answers
         for name in answers:
-            self.said.pop(name, None)
+            self.known.pop(name, None)
 
     def birth(self, now_s: float) -> Collection[Metric]:
         values = [ValueRecord.topic_of(starter=self._name, point=point) for point in self._points]
         own = [self._info_topic, self._availability_topic, StateRecord.topic_of(starter=self._name)]
         self._changed.clear()
+        self._is_renamed = False
         known = filled(self._metrics, self._facts([*own, *values, *self._alarms]))
         return self.born(self._metrics | {metric.name: metric for metric in known}, now_s)
 
@@ -143,6 +135,10 @@ class _Device(_Told):
         yield from self._answers.values()
 
 
+def _types(metrics: Mapping[str, Metric]) -> dict[str, DataType]:
+    return {name: metric.datatype for name, metric in metrics.items()}
+
+
 class EdgeNode:
     """One edge node with its devices. `now_s` is the steady clock, `utc_s` the wall's.
 
@@ -157,7 +153,7 @@ class EdgeNode:
         self._seen = 0  # the number of the latest change that was looked at
         self._facts: dict[str, Value] = {**properties}
         self._since_s = since_s
-        self._own = _Told()
+        self._own = _Known()
         self._devices = {name: _Device(name, latest, since_s=since_s) for name in settings.starters}
         self._gone: list[str] = []  # configured no more, death not yet published
         self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
@@ -235,7 +231,7 @@ class EdgeNode:
             device = self._devices.get(name) if branch == "starter" else None
             if device is not None:
                 device.note(topic, record, self._settings)
-                self._mark(name, device, now_s)
+                self._mark(name, device, now_s, is_urgent=device.is_urgent)
             elif isinstance(record, LineRecord):
                 self._mark("", self._own, now_s)
 
@@ -318,10 +314,10 @@ class EdgeNode:
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
         return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
 
-    def _mark(self, name: str, told: _Told, now_s: float) -> None:
+    def _mark(self, name: str, known: _Known, now_s: float, *, is_urgent: bool = False) -> None:
         """Have what somebody has to say go out: a birth or death at once, all else gathered."""
         if self.is_born:  # else the births will say everything
-            due_s = -inf if told.is_urgent else max(now_s, told.sent_s + GATHER_S)
+            due_s = -inf if is_urgent else max(now_s, known.sent_s + GATHER_S)
             self._dues[name] = min(due_s, self._dues.get(name, inf))
 
     def _add(self, name: str, since_s: float) -> None:
