@@ -166,7 +166,7 @@ def available(facts: SiteFacts, starter: str = "") -> Component:
 
 
 def _entity(topic: str, row: Component) -> Component:
-    """Return a row of the tables as Home Assistant is told it; without a name it has its device's."""
+    """Return a row of the tables as it is announced; without a name it has its device's."""
     said = {key: value for key, value in row.items() if value not in (None, "")}
     return {"name": None, "state_topic": topic, "qos": 1, **said}
 

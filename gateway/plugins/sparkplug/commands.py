@@ -50,23 +50,19 @@ class CommandMapper:
     operator: str
     ttl_s: float
 
-    def judge(self, asked: DeviceCommand) -> Iterator[Judgement]:
-        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
-        writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
+    def judge(self, asked: DeviceCommand, *, is_whole: bool = True) -> Iterator[Judgement]:
+        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many.
+
+        Of one that is not wholly looked into there is only its stop, if it asks for one.
+        """
+        writes = asked.command.writes(MOST_WRITES if is_whole else 1, first=STOP_METRIC)
         has_stop = bool(writes) and _is_stop(writes[0])
-        for write in writes:
+        for write in writes if is_whole or has_stop else ():
             yield self._request(asked, write), _refusal(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
-        if more:
+        if more and is_whole:
             text = f"{more} more metrics in the same DCMD: at most {MOST_WRITES}"
             yield self.unread(asked.starter, _id_of(asked, asked.command.time_s, ""), "too_many", text)
-
-    def stop(self, asked: DeviceCommand) -> Judgement | None:
-        """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
-        for write in asked.command.writes(1, first=STOP_METRIC):
-            if _is_stop(write):
-                return self._request(asked, write), _refusal(asked, write, has_stop=True)
-        return None
 
     def unread(self, starter: str, id_: str, code: str, text: str) -> Judgement:
         """Return the refusal of what was not looked into."""

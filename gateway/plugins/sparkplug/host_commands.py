@@ -11,7 +11,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import NamedTuple
 
 from gateway.contract import MAX_PAYLOAD_BYTES, CommandRequest, Severity, shortened
 from gateway.errors import CommandError
@@ -32,12 +31,7 @@ _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
 
 
-class _Unread(NamedTuple):
-    """Why a DCMD for a starter was not looked into, or not to its end."""
-
-    starter: str
-    code: str
-    text: str
+_Unread = tuple[str, str, str]  # a starter, and the code and text of why its DCMD was not looked into
 
 
 class HostCommands:
@@ -55,7 +49,7 @@ class HostCommands:
         self._publish_event = gateway.publish_event
         self._show_done = show_done
         self._decoded = Bucket(DECODED)
-        self._unread = Damped(self._refuse, clock=self._clock, every_s=REFUSED_EVERY_S)
+        self._unread: Damped[_Unread] = Damped(self._refuse, clock=self._clock, every_s=REFUSED_EVERY_S)
 
     def take(self, starter: str, incoming: Incoming, born_utc_s: float | None) -> None:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
@@ -69,33 +63,23 @@ class HostCommands:
             self._put(starter, "too_many", text)
             return
         command = decoded_command(payload, salvaged=_STOP)
-        asked = DeviceCommand(
-            starter, command, incoming.is_retained, self._clock.now_s(), self._clock.utc_s(), born_utc_s
-        )
-        if is_paid and not command.is_broken:
-            for each in self._mapper.judge(asked):
-                self._pass_on(*each)
-        else:
-            self._take_stop(asked)
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        asked = DeviceCommand(starter, command, incoming.is_retained, now_s, utc_s, born_utc_s)
+        is_whole = is_paid and not command.is_broken
+        judged = list(self._mapper.judge(asked, is_whole=is_whole))
+        for each in judged:
+            self._pass_on(*each)
+        if command.is_broken:
+            done = "its stop is taken, nothing else of it acts" if judged else "nothing of it acts"
+            self._put(starter, "bad_payload", f"it cannot be read as a whole: {done}")
+        elif not is_paid and len(judged) < max(1, len(command.metrics)):
+            self._put(starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken")
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
         text = "this gateway has no such starter"
-        self._unread.put(UNKNOWN, _Unread(shortened(device), UNKNOWN, text))
-
-    def _take_stop(self, asked: DeviceCommand) -> None:
-        """Take the stop of a DCMD of which nothing else may act."""
-        stop = self._mapper.stop(asked)
-        if stop is not None:
-            self._pass_on(*stop)
-        if asked.command.is_broken:
-            done = "nothing of it acts" if stop is None else "its stop is taken, nothing else of it acts"
-            self._put(asked.starter, "bad_payload", f"it cannot be read as a whole: {done}")
-        elif stop is None or len(asked.command.metrics) > 1:
-            self._put(
-                asked.starter, "too_many", f"more than {DECODED.per_s:g} a second; only stops are taken"
-            )
+        self._unread.put(UNKNOWN, (shortened(device), UNKNOWN, text))
 
     def _pass_on(self, request: CommandRequest, refusal: CommandError | None) -> None:
         if refusal is None:
@@ -104,14 +88,15 @@ class HostCommands:
             self._commands.reject(request, refusal)
 
     def _put(self, starter: str, code: str, text: str) -> None:
-        self._unread.put((starter, code), _Unread(starter, code, text))
+        self._unread.put((starter, code), (starter, code, text))
 
     def _refuse(self, unread: _Unread, count: int) -> None:
-        text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
-        data = {"starter": unread.starter, "code": unread.code, "count": max(count, 1)}
-        self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
-        if unread.code == UNKNOWN:
+        starter, code, why = unread
+        text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {why}"
+        data = {"starter": starter, "code": code, "count": max(count, 1)}
+        self._publish_event("dcmd_refused", Severity.WARNING, f"{starter}: {text}", data)
+        if code == UNKNOWN:
             return  # no metric and no topic of such a starter could show a result
-        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{unread.code}"
-        self._pass_on(*self._mapper.unread(unread.starter, id_, unread.code, text))
-        self._show_done(unread.starter, COMMANDS)
+        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{code}"
+        self._pass_on(*self._mapper.unread(starter, id_, code, text))
+        self._show_done(starter, COMMANDS)

@@ -44,17 +44,8 @@ _PYTHON: Mapping[DataType, Callable[[Any], Value]] = {
     DataType.STRING: str,
 }
 _QUALITY = {Quality.GOOD: None, Quality.STALE: STALE, Quality.BAD: BAD}
-_OWN: Mapping[str, Value] = {  # of every starter, with what they are before any record
-    "state": "",
-    "availability": "",
-    "reason": "",
-    "alarm/code": "",
-    "alarm/text": "",
-    "alarm/severity": "",
-    "alarm/active": FALSE,
-    "locked": FALSE,
-    "alarm/count": 0,
-}
+_TEXTS = ("state", "availability", "reason", "alarm/code", "alarm/text", "alarm/severity")
+_OTHERS: Mapping[str, Value] = {"alarm/active": FALSE, "locked": FALSE, "alarm/count": 0}
 _RESULT = dict.fromkeys([f"Command/Last/{each}" for each in ("Verb", "Id", "Phase", "Code", "Text")], "")
 
 
@@ -94,7 +85,7 @@ def described(info: InfoRecord, settings: SparkplugSettings, *, since_s: float) 
                 answers[name] = FALSE
         answers |= _RESULT
     facts = {fact.name: fact.value for fact in facts_of(info)}
-    return found | defined({**_OWN, **answers, **facts}, since_s)
+    return found | defined({**dict.fromkeys(_TEXTS, ""), **_OTHERS, **answers, **facts}, since_s)
 
 
 def facts_of(record: Record | None) -> Iterator[Fact]:

@@ -48,13 +48,8 @@ class DataType(enum.IntEnum):
     STRING = 12
 
 
-_FIELD = {
-    DataType.INT32: "int_value",
-    DataType.INT64: "long_value",
-    DataType.DOUBLE: "double_value",
-    DataType.BOOLEAN: "boolean_value",
-    DataType.STRING: "string_value",
-}
+_FIELDS = ("int_value", "long_value", "double_value", "boolean_value", "string_value")
+_FIELD = dict(zip(DataType, _FIELDS, strict=True))
 _MASK = {DataType.INT32: 0xFFFF_FFFF, DataType.INT64: 0xFFFF_FFFF_FFFF_FFFF}  # negatives: two's complement
 _WIRE_TYPES = (0, 1, 2, 5)  # [Protocol Buffers, Encoding]
 _SIZED, _FIXED_SIZES = 2, {1: 8, 5: 4}
