@@ -26,13 +26,23 @@ from gateway.contract import (
 )
 from gateway.mqtt.message import Message
 from gateway.plugins.sparkplug.metrics import Fact, alarm_facts, defined, described, facts_of, filled
-from gateway.plugins.sparkplug.payload import BAD, FALSE, GOOD, DataType, Metric, Value, encoded
+from gateway.plugins.sparkplug.payload import (
+    BAD,
+    FALSE,
+    GOOD,
+    DataType,
+    Metric,
+    Value,
+    decoded_command,
+    encoded,
+)
 from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.plugins.sparkplug.topics import BD_SEQ, REBIRTH
+from gateway.plugins.sparkplug.topics import BD_SEQ, REBIRTH, SEQ_NUMBERS
+from gateway.system.rate_limits import Bucket, Rate
 
 GATHER_S = 0.25
 REBIRTH_EVERY_S = 5.0
-SEQ_NUMBERS = 256  # 0 to 255 [tck-id-payloads-sequence-num-incrementing]
+NODE_COMMANDS = Rate(5.0, 10)  # a second, at once: decoding takes time of the loop that carries out the stops
 ANSWERING = frozenset({"online", "degraded"})
 OF_LINES = ("utilisation", "sweep_s")
 
@@ -159,6 +169,7 @@ class EdgeNode:
         self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
         self._bd_seq: int | None = None  # None: no connection
         self._seq = 0
+        self._commands = Bucket(NODE_COMMANDS)
         self._rebirth_s = inf  # when the next one is due
         self._last_rebirth_s = -inf
         self.born_utc_s: float | None = None  # the first birth of this connection; None: none was published
@@ -218,9 +229,13 @@ class EdgeNode:
         self._bd_seq = self.born_utc_s = None
         self._own.is_born = False
 
-    def request_rebirth(self, now_s: float) -> None:
-        """Honour a host's request, at once or as soon as the last one is `REBIRTH_EVERY_S` ago."""
-        self._rebirth_s = min(self._rebirth_s, max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S))
+    def take_command(self, payload: bytes, now_s: float) -> None:
+        """Honour a host's request for a rebirth; of a flood of NCMDs only some are looked into."""
+        if self._commands.take(now_s):
+            command = decoded_command(payload)
+            if command.is_asking(REBIRTH) and not command.is_broken:
+                due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
+                self._rebirth_s = min(self._rebirth_s, due_s)
 
     def look(self, now_s: float) -> None:
         """Note which records are newer than those of the last look."""

@@ -16,7 +16,7 @@ from math import inf
 
 from gateway import __version__
 from gateway.contract import ForgetRecord, Record, ResultRecord, Severity
-from gateway.errors import BrokerError, DamagedError, StoreError
+from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.attempts import Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
@@ -25,13 +25,13 @@ from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper
 from gateway.plugins.sparkplug.host_commands import MOST_BYTES, HostCommands
 from gateway.plugins.sparkplug.metrics import ID_PREFIX, Fact, facts_of
-from gateway.plugins.sparkplug.node import SEQ_NUMBERS, EdgeNode
-from gateway.plugins.sparkplug.payload import FALSE, decoded_command
+from gateway.plugins.sparkplug.node import EdgeNode
+from gateway.plugins.sparkplug.numbers import BirthNumbers
+from gateway.plugins.sparkplug.payload import FALSE
 from gateway.plugins.sparkplug.primary_host import PrimaryHost
 from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.plugins.sparkplug.topics import REBIRTH
-from gateway.storage.json_file import JsonFile
-from gateway.system.rate_limits import Bucket, ChangeDetector, Rate
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,6 @@ HOST_WITHIN_S = 10.0  # of several servers: so long the primary host is waited f
 DEATH_WITHIN_S = 0.5
 DEATH_TICKET = 1
 _REBIRTH = REBIRTH.encode("ascii")
-NODE_COMMANDS = Rate(5.0, 10)  # a second, at once: decoding takes time of the loop that carries out the stops
 HOST_GONE = "the primary host application went offline"
 PROPERTIES = {
     "Properties/Software": "starter-gateway",
@@ -67,10 +66,7 @@ class SparkplugService:
         if settings.operator:
             mapper = CommandMapper(settings.operator, ttl_s=settings.ttl_s)
             self._host_commands = HostCommands(mapper, gateway, self._show_done)
-        self._node_commands = Bucket(NODE_COMMANDS)
-        self._store = JsonFile(settings.numbers_file)
-        self._number: int | None = None  # of the last birth; None: not yet read
-        self._store_trouble = ""
+        self._numbers = BirthNumbers(settings.numbers_file, gateway)
         self._attempts = Attempts(settings.servers[0], seed=secrets.randbits(32))
         self._server = 0
         self._host = PrimaryHost(settings.primary_host)
@@ -110,7 +106,7 @@ class SparkplugService:
 
     async def _stay_connected(self) -> None:
         while True:
-            if not await self._serve_once(await self._next_number()):
+            if not await self._serve_once(await self._numbers.take()):
                 self._server = (self._server + 1) % len(self._settings.servers)
                 await asyncio.sleep(self._attempts.pause_s())
 
@@ -237,11 +233,7 @@ class SparkplugService:
             self._leaving = HOST_GONE if self._host.take(payload) else self._leaving
             self._wake.set()
         elif incoming.topic == topics.node_command and _REBIRTH in payload:
-            now_s = self._clock.now_s()
-            if self._node_commands.take(now_s):  # of a flood only some are looked into
-                command = decoded_command(payload)
-                if command.is_asking(REBIRTH) and not command.is_broken:
-                    self._node.request_rebirth(now_s)
+            self._node.take_command(payload, self._clock.now_s())
 
     def _show_done(self, starter: str, names: Collection[str]) -> None:
         """Show what was written as false again."""
@@ -262,28 +254,3 @@ class SparkplugService:
             log.info("sparkplug: node=%s born", node)
             text = f"the Sparkplug node {node} is born"
             publish_event("sparkplug_born", Severity.INFO, text, {"node": node})
-
-    async def _next_number(self) -> int:
-        """Return the number of the next connection, which is on the disk before its CONNECT."""
-        if self._number is None:
-            self._number = await self._gateway.in_thread(self._stored_number)
-        number = self._number = (self._number + 1) % SEQ_NUMBERS
-        before, self._store_trouble = self._store_trouble, ""
-        try:
-            await self._store.save({"bdSeq": number})
-        except StoreError as error:
-            self._store_trouble = str(error)
-        if self._store_trouble and not before:
-            text = f"the number of Sparkplug's next birth cannot be stored: {self._store_trouble}"
-            self._gateway.publish_event("memory_away", Severity.WARNING, text)
-        return number
-
-    def _stored_number(self) -> int:
-        try:
-            document = self._store.load() or {}
-        except DamagedError as error:
-            log.warning("%s; births are counted from 0 again", error)
-            self._store.set_aside()
-            document = {}
-        last = document.get("bdSeq")
-        return last if isinstance(last, int) and 0 <= last < SEQ_NUMBERS else SEQ_NUMBERS - 1
