@@ -32,7 +32,7 @@ class Plugin(Protocol):
         """Go on with other settings."""
 
     async def run(self) -> None:
-        """Serve until cancelled, then end in order."""
+        """Serve until cancelled, then end in order; one that ends by itself is made again."""
 
 
 class PluginSite(Protocol):

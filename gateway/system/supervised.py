@@ -1,7 +1,8 @@
 """Background work under supervision: a bug is logged and ends only the work that has it.
 
 `SupervisedTask` is begun anew, cancelled and closed by its owner; `keep_running` starts a failed loop again;
-`until_first` ends all when one of several ends; `on_this_loop` brings back what a thread says.
+`until_first` ends all when one of several ends; `is_set_within` waits for an event or a time;
+`on_this_loop` brings back what a thread says.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import logging
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
 from functools import partial
+from math import inf
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 logger = logging.getLogger(__name__)
@@ -65,6 +67,14 @@ async def until_first(*works: Awaitable[object]) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def is_set_within(event: asyncio.Event, within_s: float) -> bool:
+    """Wait until an event is set, but not longer than this, which may be infinite; return whether it is."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(None if within_s == inf else within_s):
+            await event.wait()
+    return event.is_set()
 
 
 class SupervisedTask:

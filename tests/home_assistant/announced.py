@@ -13,7 +13,6 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
-from gateway.contract import InfoRecord
 from gateway.families.devices.device import Identity
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.plugin import facts_of
@@ -43,18 +42,13 @@ def facts(*arguments: str, **options: Any) -> SiteFacts:
     return found
 
 
-def infos_of(site: Config) -> dict[str, InfoRecord]:
-    """Return the `info` of each starter, as it is before the starter has answered."""
-    setups = [setup for line in site.lines for setup in setups_of(line)]
-    return {setup.name: info_of(setup, setup.variant, Identity()) for setup in setups}
-
-
 def announced(*arguments: str, **options: Any) -> dict[str, dict[str, Any]]:
-    """Return the discovery of each starter, and of the gateway under an empty name."""
-    site = facts(*arguments, **options)
-    infos = infos_of(config(*arguments, **options))
-    found = {name: starter_message(site, name, each.fields()) for name, each in infos.items()}
-    return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(site)}.items()}
+    """Return the discovery of each starter before it has answered, and of the gateway under an empty name."""
+    site, said = config(*arguments, **options), facts(*arguments, **options)
+    setups = [setup for line in site.lines for setup in setups_of(line)]
+    infos = {setup.name: info_of(setup, setup.variant, Identity()) for setup in setups}
+    found = {name: starter_message(said, info) for name, info in infos.items()}
+    return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(said)}.items()}
 
 
 class Rendering:

@@ -10,13 +10,14 @@ from dataclasses import replace
 from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.reconnect import Version, VersionChoice
+from gateway.mqtt.connection.attempts import Attempts
+from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import EVERY_S
-from gateway.system.rate_limits import Backoff
+from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
 
@@ -68,8 +69,7 @@ class BrokerConnection:
         self._short_ones = 0
         self._pulse = pulse
         self._on_version = on_version
-        self._choice = VersionChoice(settings.version)
-        self._backoff = Backoff(settings.first_retry_s, settings.last_retry_s, seed=settings.seed)
+        self._attempts = Attempts(settings, seed=settings.seed)
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
@@ -85,8 +85,7 @@ class BrokerConnection:
         try:
             while not self._closing.is_set():
                 if not await self._serve_once():
-                    self._choice.begin()
-                    await self._pause(self._backoff.next_s())
+                    await is_set_within(self._closing, self._attempts.pause_s())
         finally:
             if self._sending is not None:
                 self._sending.cancel()
@@ -152,7 +151,7 @@ class BrokerConnection:
         elif self._on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
             self._on_read(incoming)
         else:
-            is_live = incoming.is_retained and self._choice.version is Version.V5  # it sends no stored ones
+            is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
             self._on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
 
     def _subscribe(self, session: Session, topic: str) -> None:
@@ -166,7 +165,7 @@ class BrokerConnection:
         """Connect and serve until the loss; return whether to connect again at once."""
         session = Session(
             self._settings,
-            self._choice.version,
+            self._attempts.version,
             SessionParts(self._will(), self._take, self._acked, on_skip=lambda each: self._notice(each, "")),
         )
         try:
@@ -174,8 +173,10 @@ class BrokerConnection:
             is_subscribed = await session.subscribe(self._command_filter)
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._choice.failed(session.connack_code, is_closed=session.is_closed_unanswered):
-                log.debug("broker=%s %s; next: MQTT %s", self._settings.address, error, self._choice.version)
+            if self._attempts.is_next_at_once(session):
+                log.debug(
+                    "broker=%s %s; next: MQTT %s", self._settings.address, error, self._attempts.version
+                )
                 return True
             self._report_link(str(error), is_connected=False)
         finally:
@@ -187,7 +188,7 @@ class BrokerConnection:
         self._session = session
         self._outbox.connected(session.window)
         try:
-            self._on_version(self._choice.version)
+            self._on_version(self._attempts.version)
             for topic in self._listeners:
                 self._subscribe(session, topic)
             self._report_link(self._deaf() if is_deaf else "", is_connected=True)
@@ -206,7 +207,7 @@ class BrokerConnection:
 
     def _note_steady(self) -> None:
         """Count this connection as one that holds; say so when the last word was the loss of one before."""
-        self._backoff.reset()
+        self._attempts.held()
         self._published.clear()
         self._short_ones = 0
         self._logged.clear()
@@ -273,7 +274,7 @@ class BrokerConnection:
         self._last_word = self._link
         trouble = "" if self._link is None else self._link[1]
         self._logged.add(trouble)
-        connected = f"broker={self._settings.address} connected, MQTT {self._choice.version}"
+        connected = f"broker={self._settings.address} connected, MQTT {self._attempts.version}"
         log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)
 
     def _deaf(self) -> str:
@@ -282,13 +283,6 @@ class BrokerConnection:
             "let this user read it, in the broker's access list",
         )
         return str(error)
-
-    async def _pause(self, pause_s: float) -> None:
-        try:
-            async with asyncio.timeout(pause_s):
-                await self._closing.wait()
-        except TimeoutError:
-            return
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.contract import encoded
+from gateway.contract import InfoRecord, encoded
 from gateway.mqtt.message import Message
 from gateway.plugins.homeassistant.entities import available, gateway_entities, starter_entities
 from gateway.plugins.homeassistant.site_facts import SiteFacts
@@ -18,21 +18,22 @@ from gateway.plugins.homeassistant.site_facts import SiteFacts
 PRODUCT = "starter-gateway"
 
 
-def starter_message(facts: SiteFacts, starter: str, info: Mapping[str, Any]) -> Message:
-    """Return the discovery of a starter; `info` is what its retained topic says."""
+def starter_message(facts: SiteFacts, info: InfoRecord) -> Message:
+    """Return the discovery of a starter."""
+    starter = info.starter
     maker, _, kind = facts.starters[starter].title.partition(" ")
     device = {
         "identifiers": [facts.object_id(starter)],
         "name": starter,
         "manufacturer": maker,
-        "model": info.get("model") or kind,
-        "serial_number": info.get("serial"),
-        "sw_version": info.get("firmware"),
-        "hw_version": info.get("hardware"),
+        "model": info.model or kind,
+        "serial_number": info.serial,
+        "sw_version": info.firmware,
+        "hw_version": info.hardware,
         "via_device": facts.gateway_id,
         "configuration_url": facts.page_url,
     }
-    components = starter_entities(facts, starter, info.get("points") or {})
+    components = starter_entities(facts, info)
     return _message(facts, starter, device, components, available(facts, starter))
 
 

@@ -6,18 +6,19 @@ that do not change are published seldom, and the availability says at once when 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gateway.contract import (
     AvailabilityRecord,
     EventRecord,
+    InfoRecord,
     LineRecord,
     Phase,
     ResultRecord,
     StateRecord,
     ValueRecord,
+    to_level,
 )
 from gateway.plugins.homeassistant.site_facts import RESET, START, STOP, SiteFacts
 
@@ -57,108 +58,89 @@ RESULT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A point that becomes a sensor; `units` are those that the device class permits, ours among them."""
-
-    point: str
-    name: str
-    device_class: str | None = None
-    units: tuple[str, ...] = ()  # with another one the sensor has no device class
-    precision: int | None = None
-    state_class: str | None = "measurement"
-    is_on: bool = False  # at first; anyone can switch it on in Home Assistant
-    is_diagnostic: bool = False
+_OFF: Component = {"enabled_by_default": False}  # at first; anyone can switch it on in Home Assistant
+_DIAGNOSTIC: Component = {"entity_category": "diagnostic"}
+_TOTAL: Component = {"state_class": "total_increasing"}
 
 
-QUANTITIES = (
-    Quantity("current", "Current", "current", ("A",), 1, is_on=True),
-    Quantity("current_pct", "Current of rated", None, ("%",), 0),
-    Quantity("line_voltage", "Line voltage", "voltage", ("V",), 0),
-    Quantity("output_voltage", "Output voltage", "voltage", ("V",), 0),
-    Quantity("active_power", "Active power", "power", ("kW",), 1, is_on=True),
-    Quantity("power_factor", "Power factor", "power_factor", ("",), 2),
-    Quantity("line_frequency", "Frequency", "frequency", ("Hz",), 1),
-    Quantity("torque_pct", "Torque", None, ("%",), 0),
-    Quantity("heatsink_temperature", "Heatsink temperature", "temperature", ("°C",), 0, is_diagnostic=True),
-    Quantity("energy_kwh", "Energy", "energy", ("kWh",), 1, "total_increasing", is_on=True),
-    Quantity("hours_total", "Operating hours", "duration", ("h",), 1, "total_increasing"),
-    Quantity("starts_total", "Starts", None, ("",), 0, "total_increasing"),
-    Quantity(FAULT_CODE, "Fault code", None, ("",), None, None, is_on=True, is_diagnostic=True),
-)
-THERMAL = Quantity("", "Thermal load", None, ("%",), 0, is_diagnostic=True)  # its point is the family's
+def _row(name: str | None, template: str, platform: str = "sensor", **more: Any) -> Component:
+    """Return an entity by its name, how its value is found in a message, and what else it has."""
+    return {"platform": platform, "name": name, "value_template": template, **more}
 
 
-@dataclass(frozen=True, slots=True)
-class Flag:
-    """A boolean of the state topic that becomes a binary sensor."""
-
-    point: str
-    name: str
-    device_class: str | None
-    is_on: bool
+def _quantity(name: str, kind: str = "", unit: str = "", digits: int | None = None, **more: Any) -> Component:
+    """Return what a point becomes whose unit is this one."""
+    fields = {"unit_of_measurement": unit, "device_class": kind, "suggested_display_precision": digits}
+    return {**_row(name, GOOD_VALUE), **fields, "state_class": "measurement", **more}
 
 
-FLAGS = (
-    Flag("running", "Running", "running", is_on=True),
-    Flag("fault", "Fault", "problem", is_on=True),
-    Flag("alarm", "Alarm", "problem", is_on=False),
-    Flag("remote", "Remote", None, is_on=False),
-)
+def _flag(name: str, kind: str = "", **more: Any) -> Component:
+    """Return what a boolean of the state topic becomes; Home Assistant renders it with a capital."""
+    return _row(name, "", "binary_sensor", device_class=kind, payload_on="True", payload_off="False", **more)
 
 
-@dataclass(frozen=True, slots=True)
-class Button:
-    """A verb that becomes a button. Home Assistant's `restart` class is none of them: it would mislead."""
+STATE = _row(None, GOOD_STATE, device_class="enum", options=STATES, json_attributes_template=STATE_ATTRIBUTES)
+ONLINE = _row("Online", STARTER_IS_ON, "binary_sensor", payload_on="online", payload_off="offline")
+ONLINE |= {"device_class": "connectivity", **_DIAGNOSTIC}
+TROUBLES = _row("Faults and alarms", TROUBLE, "event", event_types=TROUBLE_CODES, icon="mdi:alert")
+RESULTS = _row("Result", RESULT, "event", event_types=[*Phase], icon="mdi:clipboard-check-outline")
+STATUS = _row(None, "{{ value_json.state }}", device_class="enum", options=GATEWAY_STATES, **_DIAGNOSTIC)
+BOOT = _row("Run", "{{ value_json.boot }}", **_DIAGNOSTIC, **_OFF)
+UTILISATION = _quantity("Line", "", "%", 0, value_template=BUSY, icon="mdi:serial-port", **_DIAGNOSTIC)
+QUANTITIES: Mapping[str, Component] = {  # points that become sensors
+    "current": _quantity("Current", "current", "A", 1),
+    "current_pct": _quantity("Current of rated", "", "%", 0, **_OFF),
+    "line_voltage": _quantity("Line voltage", "voltage", "V", 0, **_OFF),
+    "output_voltage": _quantity("Output voltage", "voltage", "V", 0, **_OFF),
+    "active_power": _quantity("Active power", "power", "kW", 1),
+    "power_factor": _quantity("Power factor", "power_factor", "", 2, **_OFF),
+    "line_frequency": _quantity("Frequency", "frequency", "Hz", 1, **_OFF),
+    "torque_pct": _quantity("Torque", "", "%", 0, **_OFF),
+    "heatsink_temperature": _quantity("Heatsink temperature", "temperature", "°C", 0, **_DIAGNOSTIC, **_OFF),
+    "energy_kwh": _quantity("Energy", "energy", "kWh", 1, **_TOTAL),
+    "hours_total": _quantity("Operating hours", "duration", "h", 1, **_TOTAL, **_OFF),
+    "starts_total": _quantity("Starts", "", "", 0, **_TOTAL, **_OFF),
+    FAULT_CODE: _quantity("Fault code", state_class=None, entity_category="diagnostic"),
+}
+THERMAL = _quantity("Thermal load", "", "%", 0, **_DIAGNOSTIC, **_OFF)  # its point is the family's
+FLAGS: Mapping[str, Component] = {  # booleans of the state topic
+    "running": _flag("Running", "running"),
+    "fault": _flag("Fault", "problem"),
+    "alarm": _flag("Alarm", "problem", **_OFF),
+    "remote": _flag("Remote", **_OFF),
+}
+# Home Assistant's `restart` class is none of them: it would mislead. A start that cannot be sent now must not
+# wait in Home Assistant, so its quality of service is 0; nothing in a stop is computed, so nothing can fail.
+BUTTONS: Mapping[str, Component] = {
+    STOP: {"name": "Stop", "icon": "mdi:stop", "qos": 1, "payload_press": STOP_COMMAND},
+    START: {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
+    RESET: {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
+}
 
-    verb: str
-    name: str
-    icon: str
-    qos: int  # 0: a start that Home Assistant cannot send now must not wait there
-    is_on: bool
 
-
-BUTTONS = (
-    Button(STOP, "Stop", "mdi:stop", 1, is_on=True),
-    Button(START, "Start", "mdi:play", 0, is_on=False),
-    Button(RESET, "Reset fault", "mdi:restore", 0, is_on=True),
-)
-
-
-def starter_entities(
-    facts: SiteFacts, starter: str, points: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Component]:
-    """Return a starter's components by key; `points` are those of its `info`."""
+def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]:
+    """Return a starter's components by key: those that its points can fill."""
+    starter = info.starter
+    points = {to_level(name): point for name, point in info.points.items()}
     topics = facts.topics
     state_topic = topics.of(StateRecord, starter=starter)
+    availability_topic = topics.of(AvailabilityRecord, starter=starter)
     found = {
-        "state": _sensor(None, state_topic, GOOD_STATE)
-        | {"device_class": "enum", "options": list(STATES)}
-        | {"json_attributes_topic": state_topic, "json_attributes_template": STATE_ATTRIBUTES},
-        "online": _binary_sensor("Online", topics.of(AvailabilityRecord, starter=starter), STARTER_IS_ON)
-        | {"payload_on": "online", "payload_off": "offline", "device_class": "connectivity"}
-        | {"entity_category": "diagnostic"}
-        | available(facts),  # while the starter is not
+        "state": _entity(state_topic, STATE | {"json_attributes_topic": state_topic}),
+        "online": _entity(availability_topic, ONLINE | available(facts)),  # while the starter is not
     }
-    for flag in FLAGS:
-        if flag.point in points:
-            found[flag.point] = _flag(flag, state_topic)
+    for flag, row in FLAGS.items():
+        if flag in points:
+            found[flag] = _entity(state_topic, row | {"value_template": GOOD_FLAG.format(name=flag)})
     thermal = facts.starters[starter].thermal_point
-    for key, point, quantity in (
-        *((each.point, each.point, each) for each in QUANTITIES),
-        ("thermal_load", thermal, THERMAL),
-    ):
+    for point, row in {**QUANTITIES, thermal: THERMAL}.items():
         if point in points:
-            found[key] = _quantity(
-                quantity,
-                topics.of(ValueRecord, starter=starter, point=point),
-                str(points[point].get("unit", "")),
-            )
+            topic = topics.of(ValueRecord, starter=starter, point=point)
+            key = "thermal_load" if row is THERMAL else point
+            found[key] = _entity(topic, _in_unit(row, str(points[point].get("unit", ""))))
     if FAULT_CODE in found:
         found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
-    found["trouble"] = _event(
-        "Faults and alarms", topics.of(EventRecord, starter=starter), TROUBLE, TROUBLE_CODES
-    ) | {"icon": "mdi:alert"}
+    found["trouble"] = _entity(topics.of(EventRecord, starter=starter), TROUBLES)
     found |= _commands(facts, starter)
     return {key: _named(facts, starter, key, component) for key, component in found.items()}
 
@@ -166,19 +148,10 @@ def starter_entities(
 def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
     """Return the gateway's own components by key."""
     status = facts.topics.gateway_status
-    found = {
-        "status": _sensor(None, status, "{{ value_json.state }}")
-        | {"device_class": "enum", "options": list(GATEWAY_STATES), "entity_category": "diagnostic"},
-        "boot": _sensor("Run", status, "{{ value_json.boot }}")
-        | {"entity_category": "diagnostic", "enabled_by_default": False},
-    }
+    found = {"status": _entity(status, STATUS), "boot": _entity(status, BOOT)}
     for line in facts.lines:
-        found[f"line_{line}"] = (
-            _sensor(f"Line {line}", facts.topics.of(LineRecord, line=line), BUSY)
-            | {"unit_of_measurement": "%", "state_class": "measurement", "suggested_display_precision": 0}
-            | {"entity_category": "diagnostic", "icon": "mdi:serial-port"}
-            | available(facts)
-        )
+        row = {**UTILISATION, "name": f"Line {line}", **available(facts)}
+        found[f"line_{line}"] = _entity(facts.topics.of(LineRecord, line=line), row)
     return {key: _named(facts, "", key, component) for key, component in found.items()}
 
 
@@ -192,74 +165,30 @@ def available(facts: SiteFacts, starter: str = "") -> Component:
     return {"availability": rules, "availability_mode": "all"}
 
 
-def _sensor(name: str | None, topic: str, template: str) -> Component:
-    """Return what all sensors have; without a name the entity has its device's."""
-    return {"platform": "sensor", "name": name, "state_topic": topic, "value_template": template, "qos": 1}
+def _entity(topic: str, row: Component) -> Component:
+    """Return a row of the tables as it is announced; without a name it has its device's."""
+    said = {key: value for key, value in row.items() if value not in (None, "")}
+    return {"name": None, "state_topic": topic, "qos": 1, **said}
 
 
-def _binary_sensor(name: str, topic: str, template: str) -> Component:
-    return {**_sensor(name, topic, template), "platform": "binary_sensor"}
-
-
-def _event(name: str, topic: str, template: str, types: Sequence[str]) -> Component:
-    return {**_sensor(name, topic, template), "platform": "event", "event_types": list(types)}
-
-
-def _flag(flag: Flag, topic: str) -> Component:
-    component = _binary_sensor(flag.name, topic, GOOD_FLAG.format(name=flag.point))
-    component |= {"payload_on": "True", "payload_off": "False"}  # as Home Assistant renders a boolean
-    if flag.device_class is not None:
-        component["device_class"] = flag.device_class
-    return component | _switched(is_on=flag.is_on)
-
-
-def _quantity(quantity: Quantity, topic: str, unit: str) -> Component:
-    component = _sensor(quantity.name, topic, GOOD_VALUE)
-    if unit:
-        component["unit_of_measurement"] = unit
-    if quantity.device_class is not None and unit in quantity.units:
-        component["device_class"] = quantity.device_class
-    if quantity.state_class is not None:
-        component["state_class"] = quantity.state_class
-    if quantity.precision is not None:
-        component["suggested_display_precision"] = quantity.precision
-    if quantity.is_diagnostic:
-        component["entity_category"] = "diagnostic"
-    return component | _switched(is_on=quantity.is_on)
+def _in_unit(row: Component, unit: str) -> Component:
+    """Return what a point becomes: with another unit than the table's it has no device class."""
+    device_class = row["device_class"] if unit == row["unit_of_measurement"] else ""
+    return row | {"unit_of_measurement": unit, "device_class": device_class}
 
 
 def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]:
     verbs = facts.verbs(starter)
     if facts.client is None or not verbs:
         return
-    for button in BUTTONS:
-        if button.verb in verbs:
-            component = _button(button, facts.topics.command(starter, facts.client, button.verb))
+    for verb, row in BUTTONS.items():
+        if verb in verbs:
+            topic = facts.topics.command(starter, facts.client, verb)
+            button = {"platform": "button", "command_topic": topic, "retain": False, **row}
             # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
-            yield button.verb, component | (available(facts) if button.verb == STOP else {})
-    phases = [str(phase) for phase in Phase]
-    result = _event(
-        "Result", facts.topics.of(ResultRecord, starter=starter, client=facts.client), RESULT, phases
-    )
-    yield "result", result | {"icon": "mdi:clipboard-check-outline"} | available(facts)
-
-
-def _button(button: Button, topic: str) -> Component:
-    is_stop = button.verb == STOP
-    return {
-        "platform": "button",
-        "name": button.name,
-        "icon": button.icon,
-        "command_topic": topic,
-        **({"payload_press": STOP_COMMAND} if is_stop else {"command_template": COMMAND}),
-        "qos": button.qos,
-        "retain": False,
-        **_switched(is_on=button.is_on),
-    }
-
-
-def _switched(*, is_on: bool) -> Component:
-    return {} if is_on else {"enabled_by_default": False}
+            yield verb, button | (available(facts) if verb == STOP else {})
+    topic = facts.topics.of(ResultRecord, starter=starter, client=facts.client)
+    yield "result", _entity(topic, RESULTS | available(facts))
 
 
 def _named(facts: SiteFacts, starter: str, key: str, component: Component) -> Component:

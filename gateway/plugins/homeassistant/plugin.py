@@ -22,12 +22,13 @@ from gateway.config.schema import Config
 from gateway.contract import Event, InfoRecord, Record, to_level
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
-from gateway.mqtt.message import cleared
-from gateway.plugins.homeassistant.announcements import Announcements, BirthPause
+from gateway.mqtt.message import Message, cleared
+from gateway.plugins.homeassistant.birth import BirthPause
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.site_facts import SiteFacts, StarterFacts
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.storage.json_file import JsonFile
+from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
 
@@ -46,21 +47,19 @@ class HomeAssistantSettings:
 
 
 class HomeAssistantService:
-    """Announces the starters to Home Assistant; an `IntegrationService`. On the app's loop."""
+    """Announces the starters to Home Assistant; a `Plugin`. On the app's loop."""
 
     def __init__(self, settings: HomeAssistantSettings, gateway: Gateway, *, seed: int) -> None:
+        self._gateway = gateway
         self._mqtt = gateway.mqtt
-        self._latest = gateway.latest
         self._clock = gateway.clock
         self._store = JsonFile(settings.file)
-        self._in_thread = gateway.in_thread
         self._birth = BirthPause(seed)
         self._birth_topic = ""
-        self._announcements = Announcements(None)
+        self._topics: set[str] = set()  # that the broker holds, or may hold
         self._clearing: set[str] = set()
         self._changed = asyncio.Event()
         self._dirty: set[str] = set()  # starters whose message may be another one now; empty: the gateway
-        self._facts: SiteFacts | None = None
         self.reconfigure(settings)
 
     def put(self, record: Record) -> None:
@@ -77,99 +76,87 @@ class HomeAssistantService:
 
     async def run(self) -> None:
         """Announce until cancelled; what was announced stays at the broker then."""
-        self._announcements = await self._in_thread(self._recalled)
+        self._topics = await self._gateway.in_thread(self._recalled)
         try:
             while True:
                 self._changed.clear()
                 self._listen("" if self._facts is None else self._facts.birth_topic)
                 await self._announce()
-                if self._birth.left_s(self._clock.now_s()) == 0.0:
+                if not self._birth.left_s(self._clock.now_s()):
                     self._announce_again()
-                await self._wait()
+                due_s = min(self._birth.left_s(self._clock.now_s()), LOOK_S if self._clearing else math.inf)
+                if await is_set_within(self._changed, due_s):
+                    await asyncio.sleep(SETTLE_S)
         finally:
             self._listen("")
 
-    def _recalled(self) -> Announcements:
-        """Return what an earlier run has announced; reads the disk."""
+    def _recalled(self) -> set[str]:
+        """Return the topics that an earlier run has announced; reads the disk."""
         try:
-            return Announcements(self._store.load())
+            topics = (self._store.load() or {"topics": []}).get("topics")
+            if not isinstance(topics, list) or not all(isinstance(topic, str) for topic in topics):
+                raise DamagedError("it has no list of topics")  # noqa: TRY301 - as for a damaged file
         except DamagedError as error:
             log.warning("%s; what an earlier run announced to Home Assistant is not deleted", error)
             self._store.set_aside()
-            return Announcements(None)
-
-    async def _wait(self) -> None:
-        """Wait until something has changed, and a little longer, or until something is due."""
-        left_s = self._birth.left_s(self._clock.now_s())
-        due_s = math.inf if left_s is None else left_s
-        if self._clearing:
-            due_s = min(due_s, LOOK_S)
-        try:
-            async with asyncio.timeout(None if due_s == math.inf else due_s):
-                await self._changed.wait()
-        except TimeoutError:
-            return
-        await asyncio.sleep(SETTLE_S)
+            return set()
+        return set(topics)
 
     async def _announce(self) -> None:
+        """Publish what has changed, and have the broker delete what is not wanted any more."""
         facts = self._facts
         wanted = set() if facts is None else {facts.config_topic(name) for name in ("", *facts.starters)}
-        if self._announcements.add(wanted):
+        if not wanted <= self._topics:
+            self._topics |= wanted
             await self._save()  # before anything of it is at the broker
         self._clearing -= wanted
         while facts is not None and facts is self._facts and self._dirty:
             starter = min(self._dirty)  # the gateway first: the starters' devices refer to its own
             self._dirty.discard(starter)
-            self._announce_one(facts, starter)
+            message = self._message(facts, starter)
+            if message is not None and self._mqtt.retained(message.topic) != message:
+                self._mqtt.announce(message)
             await asyncio.sleep(0)
-        if self._delete(self._announcements.unwanted(wanted)):
+        deleted = {topic for topic in sorted(self._topics - wanted) if self._is_deleted(topic)}
+        if deleted:
+            self._topics -= deleted
             await self._save()
 
-    def _announce_one(self, facts: SiteFacts, starter: str) -> None:
-        """Publish a message that is another one than before; a starter without `info` has none yet."""
+    def _message(self, facts: SiteFacts, starter: str) -> Message | None:
+        """Return the message of a starter, or of the gateway; of a starter without `info` there is none."""
         if not starter:
-            message = gateway_message(facts)
-        elif starter in facts.starters:
-            info = self._latest.find(InfoRecord.topic_of(starter=starter))
-            if not isinstance(info, InfoRecord):
-                return
-            message = starter_message(facts, starter, info.fields())
-        else:
-            return
-        if self._mqtt.retained(message.topic) != message:
-            self._mqtt.announce(message)
+            return gateway_message(facts)
+        info = self._gateway.latest.find(InfoRecord.topic_of(starter=starter))
+        if starter not in facts.starters or not isinstance(info, InfoRecord):
+            return None
+        return starter_message(facts, info)
 
-    def _delete(self, topics: list[str]) -> bool:
-        """Have the broker delete topics; return whether it has confirmed any."""
-        is_any_gone = False
-        for topic in topics:
-            standing = self._mqtt.retained(topic)
-            if standing is None and topic in self._clearing:
-                self._clearing.discard(topic)
-                self._announcements.forget(topic)
-                is_any_gone = True
-            elif standing is None or standing.payload:
-                self._clearing.add(topic)
-                self._mqtt.announce(cleared(topic))
-        return is_any_gone
+    def _is_deleted(self, topic: str) -> bool:
+        """Return whether the broker has confirmed that it has deleted a topic; else ask for it."""
+        standing = self._mqtt.retained(topic)
+        if standing is None and topic in self._clearing:
+            self._clearing.discard(topic)
+            return True
+        if standing is None or standing.payload:
+            self._clearing.add(topic)
+            self._mqtt.announce(cleared(topic))
+        return False
 
     def _announce_again(self) -> None:
-        """Publish everything that stands once more: Home Assistant has begun anew."""
-        facts = self._facts
-        for name in () if facts is None else ("", *facts.starters):
-            message = None if facts is None else self._mqtt.retained(facts.config_topic(name))
+        """Publish everything that stands once more: Home Assistant has begun again."""
+        for topic in sorted(self._topics - self._clearing):
+            message = self._mqtt.retained(topic)
             if message is not None:
                 self._mqtt.announce(message)
         self._birth.answered(self._clock.now_s())
 
     def _listen(self, topic: str) -> None:
-        if topic == self._birth_topic:
-            return
-        if self._birth_topic:
-            self._mqtt.unlisten(self._birth_topic)
-        self._birth_topic = topic
-        if topic:
-            self._mqtt.listen(topic, self._take_birth)
+        if topic != self._birth_topic:
+            if self._birth_topic:
+                self._mqtt.unlisten(self._birth_topic)
+            if topic:
+                self._mqtt.listen(topic, self._take_birth)
+            self._birth_topic = topic
 
     def _take_birth(self, payload: bytes) -> None:
         self._birth.take(payload, self._clock.now_s())
@@ -177,7 +164,7 @@ class HomeAssistantService:
 
     async def _save(self) -> None:
         try:
-            await self._store.save(self._announcements.document())
+            await self._store.save({"topics": sorted(self._topics)})
         except StoreError as error:
             log.warning("%s; a later run cannot delete what was announced to Home Assistant", error)
 
@@ -202,15 +189,12 @@ def facts_of(config: Config) -> SiteFacts | None:
     if table is None:
         return None
     rules = policy_of(config).rules
-    starters = {
-        starter.name: StarterFacts(
-            load_profile(starter.family).title,
-            to_level(load_profile(starter.family).history.thermal or ""),
-            rules[starter.name].two_step,
-        )
-        for line in config.lines
-        for starter in line.starters
-    }
+    starters = {}
+    for starter in config.starters:
+        profile = load_profile(starter.family)
+        thermal = profile.history.thermal
+        two_step = rules[starter.name].two_step
+        starters[starter.name] = StarterFacts(profile.title, to_level(thermal) if thermal else "", two_step)
     return SiteFacts(
         gateway=config.gateway.name,
         base=config.base,

@@ -20,13 +20,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.contract import STOP, CommandError, CommandRequest, Proof, ResultCode, rfc3339, shortened
-from gateway.mqtt.commands import Rejection
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import HostCommand, HostWrite
 from gateway.starters.policy.freshness import MAX_AHEAD_S
 
 MOST_WRITES = 20  # of one message
 SPARKPLUG = "sparkplug"  # the source of such commands, in the audit
+
+Judgement = tuple[CommandRequest, CommandError | None]  # a command, and why it is refused unread, if it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,89 +49,65 @@ class CommandMapper:
     operator: str
     ttl_s: float
 
-    def judge(self, asked: DeviceCommand) -> Iterator[CommandRequest | Rejection]:
-        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
-        writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
+    def judge(self, asked: DeviceCommand, *, is_whole: bool = True) -> Iterator[Judgement]:
+        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many.
+
+        Of one that is not wholly looked into there is only its stop, if it asks for one.
+        """
+        writes = asked.command.writes(MOST_WRITES if is_whole else 1, first=STOP_METRIC)
         has_stop = bool(writes) and _is_stop(writes[0])
-        for write in writes:
-            yield self._judged(asked, write, has_stop=has_stop)
+        for write in writes if is_whole or has_stop else ():
+            yield self._request(asked, write), _refusal(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
-        if more:
+        if more and is_whole:
             error = CommandError(ResultCode.TOO_MANY, "metrics", count=more, most=MOST_WRITES)
-            yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), error)
+            yield self.unread(asked.starter, _id_of(asked, asked.command.time_s, ""), error)
 
-    def stop(self, asked: DeviceCommand) -> CommandRequest | Rejection | None:
-        """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
-        for write in asked.command.writes(1, first=STOP_METRIC):
-            if _is_stop(write):
-                return self._command(asked, write, STOP, _id_of(asked, _issued_s(asked, write), write.name))
-        return None
+    def unread(self, starter: str, id_: str, error: CommandError) -> Judgement:
+        """Return the refusal of what was not looked into."""
+        return CommandRequest(starter, self.operator, "?", id_, source=SPARKPLUG), error
 
-    def unread(self, starter: str, utc_s: float, error: CommandError) -> Rejection:
-        """Return the refusal of DCMDs for a starter that were not looked into."""
-        id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{error.code}"
-        return self._refused(starter, "?", id_, error)
-
-    def _judged(
-        self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool
-    ) -> CommandRequest | Rejection:
-        verb = COMMANDS.get(write.name)
-        issued_s = _issued_s(asked, write)
-        id_ = _id_of(asked, issued_s, write.name)
-        if verb is None:
-            name = shortened(write.name, 60) if write.name.isprintable() else "?"
-            metrics = ", ".join(COMMANDS)
-            error = CommandError(ResultCode.UNKNOWN_VERB, "metric", name=name, metrics=metrics)
-            return self._refused(asked.starter, name, id_, error)
-        if not write.is_true:
-            error = CommandError(ResultCode.BAD_PAYLOAD, "not_true")
-            return self._refused(asked.starter, verb, id_, error)
-        if verb == STOP:
-            return self._command(asked, write, verb, id_)
-        if not write.is_plain:
-            error = CommandError(ResultCode.BAD_PAYLOAD, "not_boolean")
-            return self._refused(asked.starter, verb, id_, error)
-        refusal = _stale(asked, write, issued_s)
-        if refusal is not None:
-            return self._refused(asked.starter, verb, id_, refusal)
-        if has_stop:
-            error = CommandError(ResultCode.BAD_PAYLOAD, "with_stop")
-            return self._refused(asked.starter, verb, id_, error)
-        return self._command(asked, write, verb, id_)
-
-    def _command(
-        self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str
-    ) -> CommandRequest | Rejection:
-        if asked.is_retained:
-            return self._refused(asked.starter, verb, id_, CommandError(ResultCode.RETAINED))
+    def _request(self, asked: DeviceCommand, write: HostWrite) -> CommandRequest:
         issued_s = _issued_s(asked, write)
         return CommandRequest(
             starter=asked.starter,
             client=self.operator,
-            verb=verb,
-            id=id_,
+            verb=COMMANDS.get(write.name) or _shown(write.name),
+            id=_id_of(asked, issued_s, write.name),
             received_s=asked.now_s,
             proof=Proof(issued_s=None if issued_s is None else round(issued_s, 3), ttl_s=self.ttl_s),
             source=SPARKPLUG,
         )
 
-    def _refused(self, starter: str, verb: str, id_: str, error: CommandError) -> Rejection:
-        return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), error)
+
+def _refusal(asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> CommandError | None:
+    """Return why a write is no command, as far as the rules of all commands do not say it."""
+    verb, issued_s = COMMANDS.get(write.name), _issued_s(asked, write)
+    if verb is None:
+        metrics = ", ".join(COMMANDS)
+        return CommandError(ResultCode.UNKNOWN_VERB, "metric", name=_shown(write.name), metrics=metrics)
+    if not write.is_true:
+        return CommandError(ResultCode.BAD_PAYLOAD, "not_true")
+    if verb != STOP:
+        if not write.is_plain:
+            return CommandError(ResultCode.BAD_PAYLOAD, "not_boolean")
+        if write.is_historical:
+            return CommandError(ResultCode.EXPIRED, "historical")
+        if issued_s is None or rfc3339(issued_s) is None:
+            return CommandError(ResultCode.NOT_FRESH, "no_timestamp")
+        if asked.born_utc_s is None or issued_s - MAX_AHEAD_S < asked.born_utc_s:
+            return CommandError(ResultCode.BEFORE_CONNECTION, "birth")
+        if has_stop:
+            return CommandError(ResultCode.BAD_PAYLOAD, "with_stop")
+    return CommandError(ResultCode.RETAINED) if asked.is_retained else None
 
 
 def _is_stop(write: HostWrite) -> bool:
     return write.name == STOP_METRIC and write.is_true
 
 
-def _stale(asked: DeviceCommand, write: HostWrite, issued_s: float | None) -> CommandError | None:
-    """Return why a write is not fresh, as far as the general rule does not say it."""
-    if write.is_historical:
-        return CommandError(ResultCode.EXPIRED, "historical")
-    if issued_s is None or rfc3339(issued_s) is None:
-        return CommandError(ResultCode.NOT_FRESH, "no_timestamp")
-    if asked.born_utc_s is None or issued_s - MAX_AHEAD_S < asked.born_utc_s:
-        return CommandError(ResultCode.BEFORE_CONNECTION, "birth")
-    return None
+def _shown(name: str) -> str:
+    return shortened(name, 60) if name.isprintable() else "?"
 
 
 def _issued_s(asked: DeviceCommand, write: HostWrite) -> float | None:

@@ -11,7 +11,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 
 from gateway.contract import (
     MAX_PAYLOAD_BYTES,
@@ -19,17 +18,15 @@ from gateway.contract import (
     CommandRequest,
     EventCode,
     Note,
-    PublishEvent,
     Reason,
     ResultCode,
     shortened,
 )
-from gateway.mqtt.commands import Incoming, Rejection
+from gateway.mqtt.commands import Incoming
+from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper, DeviceCommand
-from gateway.plugins.sparkplug.metrics import COMMANDS, STOP_METRIC
+from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import decoded_command
-from gateway.starters.commands.submit import Commands
-from gateway.system.clock import Clock
 from gateway.system.rate_limits import Bucket, Damped, Rate
 
 MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
@@ -41,12 +38,7 @@ _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
 
 
-@dataclass(frozen=True, slots=True)
-class _Unread:
-    """Why a DCMD for a starter was not looked into, or not to its end."""
-
-    starter: str
-    reason: Reason
+_Unread = tuple[str, Reason]  # a starter, and why its DCMD was not looked into
 
 
 class HostCommands:
@@ -56,21 +48,15 @@ class HostCommands:
     """
 
     def __init__(
-        self,
-        mapper: CommandMapper,
-        *,
-        clock: Clock,
-        commands: Commands,
-        publish_event: PublishEvent,
-        show_done: Callable[[str, Collection[str]], None],
+        self, mapper: CommandMapper, gateway: Gateway, show_done: Callable[[str, Collection[str]], None]
     ) -> None:
         self._mapper = mapper
-        self._clock = clock
-        self._commands = commands
-        self._publish_event = publish_event
+        self._clock = gateway.clock
+        self._commands = gateway.commands
+        self._publish_event = gateway.publish_event
         self._show_done = show_done
         self._decoded = Bucket(DECODED)
-        self._unread = Damped(self._refuse, clock=clock, every_s=REFUSED_EVERY_S)
+        self._unread: Damped[_Unread] = Damped(self._refuse, clock=self._clock, every_s=REFUSED_EVERY_S)
 
     def take(self, starter: str, incoming: Incoming, born_utc_s: float | None) -> None:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
@@ -84,53 +70,45 @@ class HostCommands:
             self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
             return
         command = decoded_command(payload, salvaged=_STOP)
-        asked = DeviceCommand(
-            starter, command, incoming.is_retained, self._clock.now_s(), self._clock.utc_s(), born_utc_s
-        )
-        if is_paid and not command.is_broken:
-            for each in self._mapper.judge(asked):
-                self._pass_on(each)
-        else:
-            self._take_stop(asked)
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        asked = DeviceCommand(starter, command, incoming.is_retained, now_s, utc_s, born_utc_s)
+        is_whole = is_paid and not command.is_broken
+        judged = list(self._mapper.judge(asked, is_whole=is_whole))
+        for each in judged:
+            self._pass_on(*each)
+        if command.is_broken:
+            self._put(starter, Reason(ResultCode.BAD_PAYLOAD, "broken_stop" if judged else "broken"))
+        elif not is_paid and len(judged) < max(1, len(command.metrics)):
+            self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
         reason = Reason(ResultCode.UNKNOWN_STARTER)
-        self._unread.put(reason.code, _Unread(shortened(device), reason))
+        self._unread.put(reason.code, (shortened(device), reason))
 
-    def _take_stop(self, asked: DeviceCommand) -> None:
-        """Take the stop of a DCMD of which nothing else may act."""
-        stop = self._mapper.stop(asked)
-        if stop is not None:
-            self._pass_on(stop)
-        if asked.command.is_broken:
-            reason = Reason(ResultCode.BAD_PAYLOAD, "broken" if stop is None else "broken_stop")
-            self._put(asked.starter, reason)
-        elif stop is None or len(asked.command.metrics) > 1:
-            self._put(asked.starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
-
-    def _pass_on(self, judgement: CommandRequest | Rejection) -> None:
-        if isinstance(judgement, Rejection):
-            self._commands.reject(judgement.request, judgement.error)
+    def _pass_on(self, request: CommandRequest, refusal: CommandError | None) -> None:
+        if refusal is None:
+            self._commands.submit(request)
         else:
-            self._commands.submit(judgement)
+            self._commands.reject(request, refusal)
 
     def _put(self, starter: str, reason: Reason) -> None:
-        self._unread.put((starter, reason.code), _Unread(starter, reason))
+        self._unread.put((starter, reason.code), (starter, reason))
 
     def _refuse(self, unread: _Unread, count: int) -> None:
+        starter, reason = unread
         self._publish_event(
             EventCode.DCMD_REFUSED,
             "several" if count else "one",
-            starter=unread.starter,
-            code=unread.reason.code,
+            starter=starter,
+            code=reason.code,
             count=max(count, 1),
-            why=unread.reason.text,
+            why=reason.text,
         )
-        if unread.reason.code == ResultCode.UNKNOWN_STARTER:
+        if reason.code == ResultCode.UNKNOWN_STARTER:
             return  # no metric and no topic of such a starter could show a result
+        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{reason.code}"
         more = Note("more_dcmds", count=count) if count else None
-        error = CommandError(unread.reason.noted(more))
-        self._pass_on(self._mapper.unread(unread.starter, self._clock.utc_s(), error))
-        self._show_done(unread.starter, COMMANDS)
+        self._pass_on(*self._mapper.unread(starter, id_, CommandError(reason.noted(more))))
+        self._show_done(starter, COMMANDS)

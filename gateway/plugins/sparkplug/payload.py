@@ -19,19 +19,22 @@ Value = bool | int | float | str | None
 FALSE = False
 
 _MESSAGES: Mapping[str, tuple[str, ...]] = {
-    "PropertyValue": (
-        *("type 1 uint32", "is_null 2 bool", "int_value 3 uint32", "long_value 4 uint64"),
-        *("float_value 5 float", "double_value 6 double", "boolean_value 7 bool", "string_value 8 string"),
-    ),
+    "PropertyValue": ("type 1 uint32", "int_value 3 uint32", "string_value 8 string"),
     "PropertySet": ("keys 1 string*", "values 2 PropertyValue*"),
     "Metric": (
-        *("name 1 string", "alias 2 uint64", "timestamp 3 uint64", "datatype 4 uint32"),
-        *("is_historical 5 bool", "is_transient 6 bool", "is_null 7 bool", "properties 9 PropertySet"),
-        *("int_value 10 uint32", "long_value 11 uint64", "float_value 12 float", "double_value 13 double"),
-        *("boolean_value 14 bool", "string_value 15 string", "bytes_value 16 bytes"),
-        *("dataset_value 17 bytes", "template_value 18 bytes", "extension_value 19 bytes"),  # never decoded
+        # A name as bytes: one that is no UTF-8 does not break the payload, it is unknown.
+        *("name 1 bytes", "timestamp 3 uint64", "datatype 4 uint32", "is_historical 5 bool"),
+        *("is_null 7 bool", "properties 9 PropertySet", "int_value 10 uint32", "long_value 11 uint64"),
+        *(
+            "float_value 12 float",
+            "double_value 13 double",
+            "boolean_value 14 bool",
+            "string_value 15 string",
+        ),
+        *("bytes_value 16 bytes", "dataset_value 17 bytes", "template_value 18 bytes"),  # never decoded
+        "extension_value 19 bytes",
     ),
-    "Payload": ("timestamp 1 uint64", "metrics 2 Metric*", "seq 3 uint64", "uuid 4 string", "body 5 bytes"),
+    "Payload": ("timestamp 1 uint64", "metrics 2 Metric*", "seq 3 uint64"),
 }
 
 
@@ -45,23 +48,14 @@ class DataType(enum.IntEnum):
     STRING = 12
 
 
-_FIELD = {
-    DataType.INT32: "int_value",
-    DataType.INT64: "long_value",
-    DataType.DOUBLE: "double_value",
-    DataType.BOOLEAN: "boolean_value",
-    DataType.STRING: "string_value",
-}
+_FIELDS = ("int_value", "long_value", "double_value", "boolean_value", "string_value")
+_FIELD = dict(zip(DataType, _FIELDS, strict=True))
 _MASK = {DataType.INT32: 0xFFFF_FFFF, DataType.INT64: 0xFFFF_FFFF_FFFF_FFFF}  # negatives: two's complement
-_VARINT, _SIZED = 0, 2  # wire types [Protocol Buffers, Encoding]
-_FIXED_SIZES = {1: 8, 5: 4}
+_WIRE_TYPES = (0, 1, 2, 5)  # [Protocol Buffers, Encoding]
+_SIZED, _FIXED_SIZES = 2, {1: 8, 5: 4}
 MOST_FIELDS = 100  # of a payload that cannot be read as a whole are looked at
 _METRICS_KEY = 2 << 3 | _SIZED  # of a payload's metrics
 QUALITY = "Quality"
-_OTHER_VALUES = (
-    *("int_value", "long_value", "float_value", "double_value", "string_value"),
-    *("bytes_value", "dataset_value", "template_value", "extension_value"),
-)
 GOOD, STALE, BAD = 192, 500, 0  # [tck-id-payloads-propertyset-quality-value-value]
 
 
@@ -98,14 +92,14 @@ class HostCommand:
 
     def is_asking(self, name: str) -> bool:
         """Return whether any metric of this name is true."""
-        return any(_name_of(metric) == name and _is_true(metric) for metric in self.metrics)
+        return any(_is_asking(metric, name.encode()) for metric in self.metrics)
 
     def writes(self, most: int, *, first: str) -> list[HostWrite]:
         """Return so many of the metrics; those of the name `first` that are true before all others."""
         urgent: list[Any] = []
         others: list[Any] = []
         for metric in self.metrics:
-            found = urgent if _name_of(metric) == first and _is_true(metric) else others
+            found = urgent if _is_asking(metric, first.encode()) else others
             if len(found) < most:
                 found.append(metric)
         return [_write_of(metric) for metric in (*urgent, *others)[:most]]
@@ -115,11 +109,22 @@ def encoded(
     metrics: Iterable[Metric], *, time_s: float, seq: int | None, has_datatypes: bool = True
 ) -> bytes:
     """Return a payload, its metrics in the order of their times; one without a time has the payload's."""
-    payload = _PAYLOAD(timestamp=_ms(time_s))
+    payload = _PAYLOAD(timestamp=_ms(time_s), seq=seq)
     for metric in sorted(metrics, key=lambda each: each.time_s or time_s):
-        _fill(payload.metrics.add(), metric, time_s=metric.time_s or time_s, has_datatype=has_datatypes)
-    if seq is not None:
-        payload.seq = seq
+        mask = _MASK.get(metric.datatype)
+        value = int(metric.value) & mask if mask and metric.value is not None else metric.value
+        target = payload.metrics.add(
+            name=metric.name.encode(),
+            timestamp=_ms(metric.time_s or time_s),
+            datatype=metric.datatype if has_datatypes else None,
+            **({"is_null": True} if value is None else {_FIELD[metric.datatype]: value}),
+        )
+        for key, text in metric.properties:
+            target.properties.keys.append(key)
+            target.properties.values.add(type=DataType.STRING, string_value=text)
+        if metric.quality is not None:
+            target.properties.keys.append(QUALITY)
+            target.properties.values.add(type=DataType.INT32, int_value=metric.quality)
     return bytes(payload.SerializeToString(deterministic=True))
 
 
@@ -130,47 +135,33 @@ def decoded_command(payload: bytes, *, salvaged: bytes = b"") -> HostCommand:
     """
     message = _parsed(_PAYLOAD, payload)
     if message is None:
-        return HostCommand(None, tuple(_whole_metrics(payload, salvaged)), is_broken=True)
-    time_s = message.timestamp / 1000 if message.HasField("timestamp") else None
-    return HostCommand(time_s, message.metrics)
-
-
-def _fill(target: Any, metric: Metric, *, time_s: float, has_datatype: bool) -> None:
-    target.name = metric.name
-    target.timestamp = _ms(time_s)
-    if has_datatype:
-        target.datatype = metric.datatype
-    if metric.value is None:
-        target.is_null = True
-    else:
-        value = metric.value
-        mask = _MASK.get(metric.datatype)
-        setattr(target, _FIELD[metric.datatype], value if mask is None else int(value) & mask)
-    if metric.quality is None and not metric.properties:
-        return
-    target.properties.keys.extend(key for key, _ in metric.properties)
-    for _, text in metric.properties:
-        target.properties.values.add(type=DataType.STRING, string_value=text)
-    if metric.quality is not None:
-        target.properties.keys.append(QUALITY)
-        target.properties.values.add(type=DataType.INT32, int_value=metric.quality)
+        found = [_parsed(_METRIC, field) for field in _metric_fields(payload) if salvaged in field]
+        return HostCommand(None, [metric for metric in found if metric is not None], is_broken=True)
+    return HostCommand(_time_of(message), message.metrics)
 
 
 def _write_of(metric: Any) -> HostWrite:
     is_typed = not metric.HasField("datatype") or metric.datatype == DataType.BOOLEAN
-    is_plain = is_typed and not any(metric.HasField(name) for name in _OTHER_VALUES)
-    time_s = metric.timestamp / 1000 if metric.HasField("timestamp") else None
-    return HostWrite(_name_of(metric), _is_true(metric), is_plain, time_s, metric.is_historical)
+    values = [field.name for field, _ in metric.ListFields() if field.name.endswith("_value")]
+    return HostWrite(
+        metric.name.decode("utf-8", "replace"),
+        is_true=_is_true(metric),
+        is_plain=is_typed and values in ([], ["boolean_value"]),
+        time_s=_time_of(metric),
+        is_historical=metric.is_historical,
+    )
 
 
-def _name_of(metric: Any) -> str:
-    """Return a metric's name; one that is no UTF-8 comes as bytes, and is no name that is known here."""
-    name = metric.name
-    return name if isinstance(name, str) else name.decode("utf-8", "replace")
+def _is_asking(metric: Any, name: bytes) -> bool:
+    return metric.name == name and _is_true(metric)
 
 
 def _is_true(metric: Any) -> bool:
     return bool(metric.boolean_value and not metric.is_null)
+
+
+def _time_of(message: Any) -> float | None:
+    return message.timestamp / 1000 if message.HasField("timestamp") else None
 
 
 def _parsed(kind: Any, encoded_message: bytes) -> Any:
@@ -183,70 +174,64 @@ def _parsed(kind: Any, encoded_message: bytes) -> Any:
     return message
 
 
-def _whole_metrics(payload: bytes, holding: bytes) -> Iterator[Any]:
-    """Yield the metrics, with these bytes in them, of a payload up to its first field that is none."""
+def _metric_fields(payload: bytes) -> Iterator[bytes]:
+    """Yield the metrics of a payload, as bytes, up to its first field that is none."""
     at = 0
-    try:
-        for _ in range(MOST_FIELDS):
-            if at >= len(payload):
-                return
-            key, at = _varint(payload, at)
-            size = _FIXED_SIZES.get(key & 7)
-            if key & 7 == _VARINT:
-                _, at = _varint(payload, at)
-                continue
-            if key & 7 == _SIZED:
-                size, at = _varint(payload, at)
-            if size is None or at + size > len(payload):
-                return
-            field = payload[at : at + size]
-            at += size
-            if key == _METRICS_KEY and holding in field:
-                metric = _parsed(_METRIC, field)
-                if metric is not None:
-                    yield metric
-    except IndexError:  # a number that is broken off
-        return
+    for _ in range(MOST_FIELDS):
+        key, at = _varint(payload, at)
+        size = _FIXED_SIZES.get(key & 7, 0)
+        if not size:
+            number, at = _varint(payload, at)
+            size = number if key & 7 == _SIZED else 0
+        if key & 7 not in _WIRE_TYPES or at + size > len(payload):
+            return
+        if key == _METRICS_KEY:
+            yield payload[at : at + size]
+        at += size
 
 
 def _varint(payload: bytes, at: int) -> tuple[int, int]:
-    """Return the number that begins there, and where it ends; IndexError when it does not."""
-    number = payload[at]
-    if number < 0x80:
-        return number, at + 1
+    """Return the number that begins there, and where it ends; beyond the payload when it is broken off."""
     number = 0
     for shift in range(0, 70, 7):
+        if at >= len(payload):
+            break
         number |= (payload[at] & 0x7F) << shift
         at += 1
         if payload[at - 1] < 0x80:
             return number, at
-    raise IndexError(at)
+    return 0, len(payload) + 1
 
 
 def _ms(time_s: float) -> int:
     return max(0, round(time_s * 1000))
 
 
-def _message_classes() -> tuple[Any, Any]:
-    file = descriptor_pb2.FileDescriptorProto(name="starter_gateway/sparkplug_b.proto", syntax="proto2")
-    file.package = "starter_gateway.sparkplug_b"
+def _message_class(pool: descriptor_pool.DescriptorPool, name: str) -> Any:
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"sparkplug_b.{name}"))
+
+
+def _pool() -> descriptor_pool.DescriptorPool:
+    """Return the messages of the table as protobuf knows them."""
     kinds = descriptor_pb2.FieldDescriptorProto
+    file = descriptor_pb2.FileDescriptorProto(
+        name="sparkplug_b.proto", package="sparkplug_b", syntax="proto2"
+    )
     for name, fields in _MESSAGES.items():
         message = file.message_type.add(name=name)
         for text in fields:
             field, number, kind = text.split()
-            is_repeated, kind = kind.endswith("*"), kind.rstrip("*")
-            label = kinds.LABEL_REPEATED if is_repeated else kinds.LABEL_OPTIONAL
+            label = kinds.LABEL_REPEATED if kind.endswith("*") else kinds.LABEL_OPTIONAL
             entry = message.field.add(name=field, number=int(number), label=label)
+            kind = kind.rstrip("*")
             if kind in _MESSAGES:
-                entry.type, entry.type_name = kinds.TYPE_MESSAGE, f".{file.package}.{kind}"
+                entry.type_name = f".{file.package}.{kind}"
             else:
-                entry.type = getattr(kinds, f"TYPE_{kind.upper()}")
+                entry.type = kinds.Type.Value(f"TYPE_{kind.upper()}")
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)
-    names = (f"{file.package}.{name}" for name in ("Payload", "Metric"))
-    payloads, metrics = (message_factory.GetMessageClass(pool.FindMessageTypeByName(name)) for name in names)
-    return payloads, metrics
+    return pool
 
 
-_PAYLOAD, _METRIC = _message_classes()
+_POOL = _pool()
+_PAYLOAD, _METRIC = _message_class(_POOL, "Payload"), _message_class(_POOL, "Metric")

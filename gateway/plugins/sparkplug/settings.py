@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from gateway.contract import Operator
 from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.plugins.sparkplug.topics import EdgeTopics
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,8 +17,16 @@ class SparkplugSettings:
     group: str
     node: str
     servers: tuple[BrokerSettings, ...]
+    numbers_file: Path  # of births, in state_dir
+    starters: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
     primary_host: str | None = None
     operator: str | None = None  # whose rights commands have; None: none are taken
     rights: tuple[Operator, ...] = ()  # of that operator
     ttl_s: float = 5.0  # how old a command may be
     has_datatypes: bool = False  # in data messages too
+
+    @property
+    def topics(self) -> EdgeTopics:
+        """Return the node's topics."""
+        return EdgeTopics(self.group, self.node)

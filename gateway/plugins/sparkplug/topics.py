@@ -7,6 +7,7 @@ from dataclasses import dataclass
 NAMESPACE = "spBv1.0"
 REBIRTH = "Node Control/Rebirth"
 BD_SEQ = "bdSeq"
+SEQ_NUMBERS = 256  # of `seq` and `bdSeq`: 0 to 255 [tck-id-payloads-sequence-num-incrementing]
 
 
 @dataclass(frozen=True, slots=True)
