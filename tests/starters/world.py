@@ -12,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gateway.mqtt.incoming import IncomingCommands
 from gateway.app.record_log import log_failure
 from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError
@@ -24,6 +23,7 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.commands import Incoming
+from gateway.mqtt.incoming import IncomingCommands
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
