@@ -63,9 +63,10 @@ def connected(*, speaks_5: bool) -> tuple[NodeMessage, NodeMessage, bool]:
 
 
 @cache
-def said() -> NodeSaid:
+def said(*, has_datatypes: bool = False) -> NodeSaid:
     """Let the node be born, its starters run, trip, fall silent and return, and the node end."""
-    with RigPlant(PLANT, sim={"pump": SLOW, "fan": SLOW}) as plant:
+    more = "datatypes_in_data = true\n" if has_datatypes else ""
+    with RigPlant(PLANT + more, sim={"pump": SLOW, "fan": SLOW}) as plant:
         plant.run(until=5.0)
         line = plant.lines["pumps"]
         plant.command("pump/alice/start")
