@@ -6,24 +6,32 @@ from dataclasses import replace
 
 import pytest
 
+from gateway import contract
 from gateway.contract import (
     AlarmRecord,
+    AuditRecord,
     AvailabilityRecord,
     EventCode,
     EventRecord,
     ForgetRecord,
+    FreshRecord,
+    GatewayRecord,
     HistoryRecord,
     InfoRecord,
     Latest,
     LineRecord,
     LockRecord,
+    Operator,
+    OutboxRecord,
     Phase,
     Quality,
     Record,
     ResultRecord,
     Severity,
+    StartRecord,
     StateRecord,
     StatusRecord,
+    TripRecord,
     ValueRecord,
     history_item,
 )
@@ -52,6 +60,18 @@ RESULT = ResultRecord(
     time_s=0.0,
     values={"value": 3.0, "id": "another"},
     correlation=b"x",
+)
+
+INFO = InfoRecord(
+    starter="pump",
+    family="ssw07",
+    model=None,
+    firmware="1.3",
+    serial=None,
+    line="hall",
+    address=1,
+    points={"P.002": {"unit": "A", "deadband": 0.5}},
+    commands=("start", "stop"),
 )
 
 ROWS = [
@@ -127,6 +147,67 @@ ROWS = [
         '{"boot":"b","items":[{"point":"p003","value":12.0,"quality":"good",'
         '"time":"1970-01-01T00:00:01.500Z","seq":7}]}',
     ),
+    (
+        INFO,
+        "starter/pump/info",
+        '{"family":"ssw07","model":null,"firmware":"1.3","serial":null,"hardware":null,"rated_current_a":null,'
+        '"rating":null,"slot":null,"accessories":null,"line":"hall","address":1,'
+        '"points":{"p_002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
+    ),
+    (
+        AuditRecord(
+            seq=10,
+            time_s=0.0,
+            boot="b",
+            starter="pump",
+            client="alice",
+            operator="Al",
+            verb="set",
+            args={"value": 30.0},
+            decision="confirmed",
+            code="ok",
+            before={"P314": 20},
+            after={"P314": 30},
+            id="1",
+        ),
+        "audit",
+        '{"seq":10,"time":"1970-01-01T00:00:00.000Z","starter":"pump","client":"alice","verb":"set",'
+        '"args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},"after":{"P314":30},'
+        '"id":"1","operator":"Al","reason":null,"boot":"b"}',
+    ),
+    (
+        StartRecord(starter="pump", id="b-7", data={"id": "b-7", "samples": {"t_s": [-1.0, 0.5]}}),
+        "starter/pump/start",
+        '{"id":"b-7","samples":{"t_s":[-1.0,0.5]}}',
+    ),
+    (
+        TripRecord(starter="pump", id="b-8", data={"id": "b-8", "code": "e05"}),
+        "starter/pump/trip",
+        '{"id":"b-8","code":"e05"}',
+    ),
+    (
+        OutboxRecord(depth=2, oldest_s=1.0, bytes=300, dropped=0, refused=1, reconnects=4),
+        "gateway/outbox",
+        '{"depth":2,"oldest_s":1.0,"bytes":300,"dropped":0,"refused":1,"reconnects":4}',
+    ),
+    (
+        FreshRecord(token="t", time_s=0.0),
+        "gateway/fresh",
+        '{"token":"t","time":"1970-01-01T00:00:00.000Z"}',
+    ),
+    (
+        GatewayRecord(
+            version="1.0",
+            boot="b",
+            starters=("pump",),
+            lines=("hall",),
+            operators=(Operator("alice", ("*",), ("pump",)),),
+        ),
+        "gateway/info",
+        '{"product":"starter-gateway","version":"1.0","contract":1,"boot":"b","mqtt_version":null,'
+        '"starters":["pump"],"lines":["hall"],"operators":[{"client":"alice","may":["*"],"starters":["pump"],'
+        '"freshness":"token"}],"notice":"not a safety function"}',
+    ),
 ]
 
 
@@ -134,6 +215,16 @@ ROWS = [
 def test_a_record_is_its_payload(record: Record, topic: str, payload: str) -> None:
     assert record.topic == topic
     assert record.payload().decode() == payload
+
+
+def test_every_kind_that_is_published_has_a_row() -> None:
+    published = {
+        each
+        for each in vars(contract).values()
+        if isinstance(each, type) and issubclass(each, Record) and each not in (Record, ForgetRecord)
+    }
+
+    assert {type(record) for record, _, _ in ROWS} == published
 
 
 @pytest.mark.parametrize(
@@ -156,23 +247,12 @@ def test_only_the_one_final_result_of_a_command_has_a_name() -> None:
 
 def test_the_newest_records_are_numbered_and_what_is_forgotten_leaves_its_topic() -> None:
     latest = Latest()
-    info = InfoRecord(
-        starter="pump",
-        family="ssw07",
-        model=None,
-        firmware=None,
-        serial=None,
-        line="hall",
-        address=1,
-        points={},
-        commands=(),
-    )
-    for record in (VALUE, RESULT, STATE, info, replace(VALUE, value=13.0)):
+    for record in (VALUE, RESULT, STATE, INFO, replace(VALUE, value=13.0)):
         latest.put(record)
     seen = latest.number
 
     assert latest.find("starter/pump/value/p003") == replace(VALUE, value=13.0)
-    assert next(iter(latest.records())) is info
+    assert next(iter(latest.records())) is INFO
     assert [topic for topic, _ in latest.newer_than(seen - 1)] == ["starter/pump/value/p003"]
     latest.put(ForgetRecord(starters=("pump",)))
     assert {record for _, record in latest.newer_than(seen)} == {None}

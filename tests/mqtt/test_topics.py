@@ -2,13 +2,29 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.contract import Malformed, Topics, is_level, to_level
+from gateway.contract import Malformed, StateRecord, Topics, is_level, to_level
 
 
 @pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])
 def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         Topics(base)
+
+
+@pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
+def test_a_name_that_is_no_level_makes_no_branch_and_no_command(name: str) -> None:
+    with pytest.raises(ValueError, match="is no topic level"):
+        Topics("b").starter(name)
+    with pytest.raises(ValueError, match="is no topic level"):
+        Topics("b").command(name, "alice", "stop")
+
+
+@pytest.mark.parametrize("name", ["Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
+def test_no_name_adds_a_level_or_a_wildcard_to_the_topic_of_a_record(name: str) -> None:
+    *levels, leaf = Topics("b").of(StateRecord, starter=name).split("/")
+
+    assert len(levels) == 3
+    assert all(is_level(level) for level in [*levels, leaf])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,46 @@
+"""No date that is too old or too far ahead proves a command, whatever else the command carries."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.contract import MAX_TTL_S, CommandError, Proof
+from gateway.starters.policy.freshness import (
+    BY_ISSUED_AT,
+    BY_TOKEN,
+    MAX_AHEAD_S,
+    Moment,
+    RunToken,
+    Tokens,
+    decision_of,
+)
+
+UTC_S = 1_795_222_923.0
+TOKEN = "token-1"
+
+
+@given(
+    token=st.none() | st.text(max_size=20).filter(lambda text: text != TOKEN),
+    boot=st.sampled_from([None, "boot-1", "boot-0"]),
+    ttl_s=st.floats(0.0, MAX_TTL_S, exclude_min=True),
+    age_s=st.floats(MAX_TTL_S + 0.001, 1e9) | st.floats(-1e9, -MAX_AHEAD_S - 0.001),
+    freshness=st.sampled_from([(BY_TOKEN,), (BY_ISSUED_AT,), (BY_TOKEN, BY_ISSUED_AT)]),
+    doubt=st.sampled_from([None, "this gateway's clock is not synchronised"]),
+)
+def test_no_start_of_another_time_is_ever_fresh(
+    token: str | None,
+    boot: str | None,
+    ttl_s: float,
+    age_s: float,
+    freshness: tuple[str, ...],
+    doubt: str | None,
+) -> None:
+    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens.issue(7.0)
+    proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
+
+    with pytest.raises(CommandError) as caught:
+        decision_of(proof, verb="start", freshness=freshness, tokens=tokens, moment=Moment(7.0, UTC_S, doubt))
+    assert caught.value.code in ("expired", "not_fresh", "wrong_boot")
