@@ -49,7 +49,7 @@ _OTHERS: Mapping[str, Value] = {"alarm/active": FALSE, "locked": FALSE, "alarm/c
 _RESULT = dict.fromkeys([f"Command/Last/{each}" for each in ("Verb", "Id", "Phase", "Code", "Text")], "")
 
 
-class Fact(NamedTuple):
+class MetricFact(NamedTuple):
     """What a record says of one metric; without a time it is as old as what the metric belongs to."""
 
     name: str
@@ -88,50 +88,50 @@ def described(info: InfoRecord, settings: SparkplugSettings, *, since_s: float) 
     return found | defined({**dict.fromkeys(_TEXTS, ""), **_OTHERS, **answers, **facts}, since_s)
 
 
-def facts_of(record: Record | None) -> Iterator[Fact]:
+def facts_of(record: Record | None) -> Iterator[MetricFact]:
     """Yield what a record of a starter says; of an alarm nothing, since all of them are shown as one."""
     match record:
         case ValueRecord():
             value = None if record.time_s is None else record.value
-            yield Fact(record.point, value, record.time_s, _QUALITY[record.quality])
+            yield MetricFact(record.point, value, record.time_s, _QUALITY[record.quality])
         case StateRecord():
             quality = _QUALITY[record.quality]
-            yield Fact("state", record.state, record.time_s, quality)
+            yield MetricFact("state", record.state, record.time_s, quality)
             for name, flag in record.flags.items():
                 of_flag = (quality or BAD) if flag is None else quality
-                yield Fact(name, flag, record.time_s, of_flag)
-            yield Fact("locked", record.lock is not None, record.time_s)
+                yield MetricFact(name, flag, record.time_s, of_flag)
+            yield MetricFact("locked", record.lock is not None, record.time_s)
         case AvailabilityRecord():
-            yield Fact("availability", record.state, record.since_s)
-            yield Fact("reason", record.reason or "", record.since_s)
+            yield MetricFact("availability", record.state, record.since_s)
+            yield MetricFact("reason", record.reason or "", record.since_s)
         case InfoRecord():
             maker = load_profile(record.family).title.partition(" ")[0]
-            yield Fact("Properties/Hardware Make", maker)
-            yield Fact("Properties/Hardware Model", record.model or record.family)
-            yield Fact("Properties/Family", record.family)
-            yield Fact("Properties/FW", record.firmware or "")
-            yield Fact("Properties/Serial", record.serial or "")
-            yield Fact("Properties/Line", record.line)
-            yield Fact("Properties/Address", record.address)
+            yield MetricFact("Properties/Hardware Make", maker)
+            yield MetricFact("Properties/Hardware Model", record.model or record.family)
+            yield MetricFact("Properties/Family", record.family)
+            yield MetricFact("Properties/FW", record.firmware or "")
+            yield MetricFact("Properties/Serial", record.serial or "")
+            yield MetricFact("Properties/Line", record.line)
+            yield MetricFact("Properties/Address", record.address)
         case ResultRecord():
             said = (record.verb, record.id, str(record.phase), record.code, record.text)
             for name, text in zip(_RESULT, said, strict=True):
-                yield Fact(name, text, record.time_s)
+                yield MetricFact(name, text, record.time_s)
 
 
-def alarm_facts(alarms: Iterable[AlarmRecord]) -> Iterator[Fact]:
+def alarm_facts(alarms: Iterable[AlarmRecord]) -> Iterator[MetricFact]:
     """Show the fault that came last, else the alarm that came last; `alarms` have no time order."""
     known = list(alarms)
     active = [each for each in known if each.is_active]
     time_s = max((each.cleared_s or each.time_s for each in known), default=None)
     shown = max(active, key=lambda each: (each.severity == "fault", each.time_s), default=None)
-    yield Fact("alarm/active", shown is not None, time_s)
-    yield Fact("alarm/count", len(active), time_s)
+    yield MetricFact("alarm/active", shown is not None, time_s)
+    yield MetricFact("alarm/count", len(active), time_s)
     for name in ("code", "text", "severity"):
-        yield Fact(f"alarm/{name}", "" if shown is None else getattr(shown, name), time_s)
+        yield MetricFact(f"alarm/{name}", "" if shown is None else getattr(shown, name), time_s)
 
 
-def filled(metrics: Metrics, facts: Iterable[Fact]) -> Iterator[Metric]:
+def filled(metrics: Metrics, facts: Iterable[MetricFact]) -> Iterator[Metric]:
     """Yield the metrics that facts are of, with their values; each as its type is."""
     for name, value, time_s, quality in facts:
         metric = metrics.get(name)

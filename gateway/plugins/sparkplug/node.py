@@ -25,7 +25,7 @@ from gateway.contract import (
     ValueRecord,
 )
 from gateway.mqtt.message import Message
-from gateway.plugins.sparkplug.metrics import Fact, alarm_facts, defined, described, facts_of, filled
+from gateway.plugins.sparkplug.metrics import MetricFact, alarm_facts, defined, described, facts_of, filled
 from gateway.plugins.sparkplug.payload import (
     BAD,
     FALSE,
@@ -47,7 +47,7 @@ ANSWERING = frozenset({"online", "degraded"})
 OF_LINES = ("utilisation", "sweep_s")
 
 
-class _Known:
+class _KnownMetric:
     """What hosts know of the node itself, or of a device, since its birth."""
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class _Known:
         return found
 
 
-class _Device(_Known):
+class _Device(_KnownMetric):
     """A starter; `since_s`: what is not known of it yet is dated so."""
 
     def __init__(self, name: str, latest: Latest, *, since_s: float) -> None:
@@ -90,7 +90,7 @@ class _Device(_Known):
         self._is_renamed = False  # since its birth
         self._alarms: dict[str, None] = {}  # topics
         self._changed: dict[str, None] = {}  # topics whose news hosts do not know
-        self._answers: dict[str, Fact] = {}  # `Command/*`
+        self._answers: dict[str, MetricFact] = {}  # `Command/*`
 
     @property
     def is_alive(self) -> bool:
@@ -117,7 +117,7 @@ class _Device(_Known):
             self._metrics = described(record, settings, since_s=self._since_s)
             self._is_renamed |= _types(self._metrics) != _types(before)
 
-    def answer(self, facts: Iterable[Fact]) -> None:
+    def answer(self, facts: Iterable[MetricFact]) -> None:
         """Show what became of a host's command, even if it is as before."""
         answers = {fact.name: fact for fact in facts}
         self._answers |= answers
@@ -136,7 +136,7 @@ class _Device(_Known):
         changed, self._changed = self._changed, {}
         return self.news(filled(self._metrics, self._facts(changed)), now_s)
 
-    def _facts(self, topics: Collection[str]) -> Iterator[Fact]:
+    def _facts(self, topics: Collection[str]) -> Iterator[MetricFact]:
         for topic in topics:
             yield from facts_of(self._latest.find(topic))
         if not self._alarms.keys().isdisjoint(topics):
@@ -163,7 +163,7 @@ class EdgeNode:
         self._seen = 0  # the number of the latest change that was looked at
         self._facts: dict[str, Value] = {**properties}
         self._since_s = since_s
-        self._own = _Known()
+        self._own = _KnownMetric()
         self._devices = {name: _Device(name, latest, since_s=since_s) for name in settings.starters}
         self._gone: list[str] = []  # configured no more, death not yet published
         self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
@@ -255,7 +255,7 @@ class EdgeNode:
         self._facts |= facts
         self._mark("", self._own, now_s)
 
-    def answer(self, starter: str, facts: Iterable[Fact], now_s: float) -> None:
+    def answer(self, starter: str, facts: Iterable[MetricFact], now_s: float) -> None:
         """Show what became of a host's command, also where that is as before."""
         device = self._devices.get(starter)
         if device is not None:
@@ -329,7 +329,7 @@ class EdgeNode:
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
         return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
 
-    def _mark(self, name: str, known: _Known, now_s: float, *, is_urgent: bool = False) -> None:
+    def _mark(self, name: str, known: _KnownMetric, now_s: float, *, is_urgent: bool = False) -> None:
         """Have what somebody has to say go out: a birth or death at once, all else gathered."""
         if self.is_born:  # else the births will say everything
             due_s = -inf if is_urgent else max(now_s, known.sent_s + GATHER_S)
