@@ -24,7 +24,7 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper
 from gateway.plugins.sparkplug.host_commands import MOST_BYTES, HostCommands
-from gateway.plugins.sparkplug.metrics import ID_PREFIX, Fact, facts_of
+from gateway.plugins.sparkplug.metrics import ID_PREFIX, MetricFact, facts_of
 from gateway.plugins.sparkplug.node import EdgeNode
 from gateway.plugins.sparkplug.numbers import BirthNumbers
 from gateway.plugins.sparkplug.payload import FALSE
@@ -238,7 +238,7 @@ class SparkplugService:
     def _show_done(self, starter: str, names: Collection[str]) -> None:
         """Show what was written as false again."""
         utc_s = self._clock.utc_s()
-        self._node.answer(starter, [Fact(name, FALSE, utc_s) for name in names], self._clock.now_s())
+        self._node.answer(starter, [MetricFact(name, FALSE, utc_s) for name in names], self._clock.now_s())
         self._hurry()
 
     def _report(self, trouble: str) -> None:
