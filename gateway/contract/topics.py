@@ -55,7 +55,7 @@ def to_level(name: str) -> str:
 
 
 class Topics:
-    """The topics below one base; every method raises ValueError for a name that is no level.
+    """The topics below one base; ValueError for a base, a starter or a command of other than levels.
 
     No topic that carries a payload is a prefix of another.
     """
