@@ -8,25 +8,33 @@ import pytest
 
 from gateway.contract import (
     AlarmRecord,
+    AuditRecord,
     AvailabilityRecord,
     EventCode,
     EventRecord,
     ForgetRecord,
+    FreshRecord,
     HistoryRecord,
     InfoRecord,
     Latest,
     LineRecord,
     LockRecord,
+    OutboxRecord,
     Phase,
     Quality,
     Record,
     ResultRecord,
     Severity,
+    StartRecord,
     StateRecord,
     StatusRecord,
+    Topics,
+    TripRecord,
     ValueRecord,
     history_item,
+    read_record,
 )
+from gateway.mqtt.message import message_of
 
 VALUE = ValueRecord(
     starter="pump", point="P003", value=12.0, unit="A", quality=Quality.GOOD, time_s=1.5, seq=7, boot="b"
@@ -53,6 +61,8 @@ RESULT = ResultRecord(
     values={"value": 3.0, "id": "another"},
     correlation=b"x",
 )
+
+TRIP = TripRecord(starter="pump", id="r-8", data={"code": "e05"})
 
 ROWS = [
     (
@@ -120,6 +130,33 @@ ROWS = [
         "gateway/status",
         '{"state":"offline","time":null,"boot":"b-2","since":null,"reason":"lost","run":"b"}',
     ),
+    (
+        AuditRecord(
+            seq=4,
+            time_s=0.0,
+            starter="pump",
+            client="alice",
+            verb="set",
+            args={"value": 3.0},
+            decision="confirmed",
+            code="ok",
+            operator=None,
+            source="web",
+            boot="b",
+        ),
+        "audit",
+        '{"seq":4,"time":"1970-01-01T00:00:00.000Z","starter":"pump","client":"alice","verb":"set",'
+        '"args":{"value":3.0},"decision":"confirmed","code":"ok","before":{},"after":{},"id":null,'
+        '"source":"web","operator":null,"reason":null,"boot":"b"}',
+    ),
+    (
+        OutboxRecord(depth=1, oldest_s=0.0, bytes=9, dropped=0, refused=0, reconnects=2),
+        "gateway/outbox",
+        '{"depth":1,"oldest_s":0.0,"bytes":9,"dropped":0,"refused":0,"reconnects":2}',
+    ),
+    (FreshRecord(token="t", time_s=0.0), "gateway/fresh", '{"token":"t","time":"1970-01-01T00:00:00.000Z"}'),
+    (StartRecord(starter="pump", id="r-7", data={"t_s": [-1.0]}), "starter/pump/start", '{"t_s":[-1.0]}'),
+    (TRIP, "starter/pump/trip", '{"code":"e05"}'),
     (LineRecord(line="hall", data={"polls": 1, "load": 0.5}), "gateway/line/hall", '{"polls":1,"load":0.5}'),
     (
         HistoryRecord(starter="pump", boot="b", items=[history_item(VALUE)]),
@@ -152,6 +189,27 @@ def test_only_the_one_final_result_of_a_command_has_a_name() -> None:
     assert RESULT.key == "alice/1"
     assert replace(RESULT, is_duplicate=True).key == ""
     assert replace(RESULT, phase=Phase.WRITTEN).key == ""
+
+
+def test_a_payload_is_read_back_as_its_record() -> None:
+    names = {"starter": "pump", "point": "P003"}
+
+    assert read_record(ValueRecord, VALUE.payload(), **names) == VALUE
+    assert Topics("a/b").of(ValueRecord, **names) == f"a/b/{VALUE.topic}"
+
+
+@pytest.mark.parametrize(
+    ("record", "how"),
+    [(VALUE, (1, True, False, False)), (RESULT, (1, False, True, False)), (TRIP, (1, False, True, False))],
+)
+def test_a_message_is_retained_or_queued_and_results_and_trips_are_dropped_last(
+    record: Record, how: tuple[int, bool, bool, bool]
+) -> None:
+    message = message_of(record, "a/b")
+
+    assert (message.qos, message.retain, message.is_queued, message.is_droppable) == how
+    assert (message.topic, message.key) == (f"a/b/{record.topic}", record.key)
+    assert message.correlation == getattr(record, "correlation", None)
 
 
 def test_the_newest_records_are_numbered_and_what_is_forgotten_leaves_its_topic() -> None:
