@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,15 @@ from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.contract import AvailabilityRecord, RecordBus, RecordWriter, Severity, StateRecord, ValueRecord
+from gateway.contract import (
+    AvailabilityRecord,
+    Event,
+    EventCode,
+    RecordBus,
+    RecordWriter,
+    StateRecord,
+    ValueRecord,
+)
 from gateway.plugins.history.service import HistoryService
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
@@ -76,10 +84,9 @@ class RunningPlant:
 
     # What the plant calls
 
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
-    ) -> None:
-        self.events.append(f"{code} {(data or {}).get('line')}")
+    def publish_event(self, event: EventCode | Event, _case: str = "", /, **fields: Any) -> None:
+        code, data = (event.code, event.data) if isinstance(event, Event) else (event, fields)
+        self.events.append(f"{code} {data.get('line')}")
 
     def forget(self, starters: Sequence[str]) -> None:
         self.forgotten += starters

@@ -6,11 +6,12 @@ import asyncio
 import itertools
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
-from gateway.contract import EventRecord, Record, RecordWriter, Severity, StartRecord
+from gateway.contract import EventRecord, Record, RecordWriter, StartRecord
 from gateway.plugins.history.service import HistoryService
 from gateway.starters.telemetry.readings import Readings
 from gateway.system.clock import SystemClock
@@ -50,15 +51,13 @@ async def write(folder: Path, run: str) -> None:
     config = parse(SITE, "site.toml")
     setups = [setup for line in config.lines for setup in setups_of(line)]
 
-    def report(code: str, _severity: Severity, text: str) -> None:
-        os.write(1, f"{code}: {text}\n".encode())
-
+    records = RecordWriter(sink, SystemClock())
     service = HistoryService(
         folder,
         setups,
         boot=run,
-        records=RecordWriter(sink, SystemClock()),
-        publish_event=report,
+        records=records,
+        publish_event=partial(records.event, ""),
     )
     sink.history = service
     service.start()

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 from gateway.client import Client, Result
-from gateway.contract import Topics, encoded
+from gateway.contract import FreshRecord, Phase, ResultCode, ResultRecord, StatusRecord, Topics
 from gateway.errors import BrokerError, NoResultError, UsageError
 from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
 
 TOPICS = Topics("starters/mcc1")
+NOW_S = 1_795_222_923.0
 
 
 class PlayedGateway:
@@ -24,9 +25,10 @@ class PlayedGateway:
         self._watcher = watcher
 
     @staticmethod
-    def come_online(broker: MosquittoBroker, state: str = "online") -> None:
-        broker.publish(TOPICS.gateway_fresh, json.dumps({"token": "token-1", "time": "2026Z"}), "-r")
-        broker.publish(TOPICS.gateway_status, json.dumps({"state": state, "boot": "boot-1"}), "-r")
+    def come_online(broker: MosquittoBroker, state: Literal["online", "offline"] = "online") -> None:
+        status = StatusRecord(state=state, time_s=NOW_S, boot="boot-1", since_s=NOW_S, reason=None, run="run")
+        for record in (FreshRecord(token="token-1", time_s=NOW_S), status):
+            broker.publish(TOPICS.of(type(record)), record.payload().decode(), "-r")
 
     async def command(self) -> tuple[str, dict[str, Any]]:
         """Return the next command: its topic and payload."""
@@ -35,10 +37,29 @@ class PlayedGateway:
         body: dict[str, Any] = json.loads(seen.payload)
         return seen.topic, body
 
-    async def answer(self, id_: str, phase: str, code: str = "ok", **more: Any) -> None:
-        fields = {"id": id_, "verb": "x", "phase": phase, "code": code, "text": "said", "time": "2026Z"}
-        payload = encoded({**fields, "duplicate": False, **more})
-        await asyncio.to_thread(self._broker.publish, TOPICS.result("pump-1", "alice"), payload)
+    async def answer(
+        self,
+        id_: str,
+        phase: Phase,
+        code: ResultCode = ResultCode.OK,
+        *,
+        is_duplicate: bool = False,
+        **more: Any,
+    ) -> None:
+        record = ResultRecord(
+            starter="pump-1",
+            client="alice",
+            id=id_,
+            verb="x",
+            phase=phase,
+            code=code,
+            text="said",
+            time_s=NOW_S,
+            is_duplicate=is_duplicate,
+            values=more,
+        )
+        topic = f"{TOPICS.base}/{record.topic}"
+        await asyncio.to_thread(self._broker.publish, topic, record.payload().decode())
 
 
 def client(broker: MosquittoBroker, **options: Any) -> Client:
@@ -62,10 +83,10 @@ async def test_a_command_is_fresh_and_followed_to_its_end(start_mosquitto: Start
         )
         asking = asyncio.create_task(command)
         topic, body = await gateway.command()
-        await gateway.answer(body["id"], "accepted")
-        await gateway.answer("another's", "confirmed")
-        await gateway.answer(body["id"], "written")
-        await gateway.answer(body["id"], "confirmed", state="running")
+        await gateway.answer(body["id"], Phase.ACCEPTED)
+        await gateway.answer("another's", Phase.CONFIRMED)
+        await gateway.answer(body["id"], Phase.WRITTEN)
+        await gateway.answer(body["id"], Phase.CONFIRMED, state="running")
         result = await asking
 
     assert topic == "starters/mcc1/command/pump-1/alice/start"
@@ -98,7 +119,7 @@ async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosqu
         _, first = await gateway.command()
         asking = asyncio.create_task(client(broker).command("pump-1", "start", id_=unknown.value.id))
         _, second = await gateway.command()
-        await gateway.answer(second["id"], "unconfirmed", "crashed", duplicate=True)
+        await gateway.answer(second["id"], Phase.UNCONFIRMED, ResultCode.CRASHED, is_duplicate=True)
         result = await asking
 
     assert first["id"] == second["id"] == result.id
@@ -108,7 +129,7 @@ async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosqu
 
 @pytest.mark.parametrize("state", ["offline", None])
 async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
-    start_mosquitto: StartMosquitto, state: str | None, monkeypatch: pytest.MonkeyPatch
+    start_mosquitto: StartMosquitto, state: Literal["offline"] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.mqtt.connection.command_client.TROUBLED_WITHIN_S", 0.1)
     broker = start_mosquitto()

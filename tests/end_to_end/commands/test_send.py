@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.contract import Topics
+from gateway.contract import FreshRecord, StatusRecord, Topics
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.settings import BrokerSettings
 from tests.config.sites import changed
@@ -38,12 +38,9 @@ def test_a_login_without_the_right_to_write_is_reported(
 ) -> None:
     acl = "user alice\ntopic read starters/#\nuser mcc1\ntopic readwrite starters/#\n"
     broker = start_mosquitto(users={"alice": "a", "mcc1": "m"}, acl=acl)
-    said = {
-        TOPICS.gateway_fresh: '{"token":"t","time":"x"}',
-        TOPICS.gateway_status: '{"state":"online","boot":"b"}',
-    }
-    for topic, payload in said.items():
-        broker.publish(topic, payload, "-r", user=("mcc1", "m"))
+    status = StatusRecord(state="online", time_s=0.0, boot="b", since_s=0.0, reason=None, run="r")
+    for said in (FreshRecord(token="t", time_s=0.0), status):
+        broker.publish(TOPICS.of(type(said)), said.payload().decode(), "-r", user=("mcc1", "m"))
     (tmp_path / "alice.password").write_text("a\n")
     (tmp_path / "alice.password").chmod(0o600)
     words = ("pump-1", "start", "--username", "alice", "--password-file", str(tmp_path / "alice.password"))
