@@ -112,8 +112,8 @@ class FakeGateway:
         self.published.append(record)
         self.latest.put(record)
 
-    def publish_event(self, *event: Any) -> None:
-        self.records.event("", *event)
+    def publish_event(self, *event: Any, **fields: Any) -> None:
+        self.records.event("", *event, **fields)
 
     @property
     def logins(self) -> list[str]:
