@@ -44,5 +44,5 @@ async def test_a_stop_goes_out_at_once_on_a_disk_that_fails_and_files_are_privat
             )
             waits_s.append(at_s - began_s)
 
-        assert "no command but stop is taken" in gateway.output
+        assert "only stop is accepted" in gateway.output
         assert max(waits_s) <= WITHIN_S
