@@ -65,11 +65,6 @@ class RunToken:
         return self._connected_s is not None and at_s < self._connected_s
 
 
-def boot_of(boot: RunToken | str) -> RunToken:
-    """Return the boot of a run that is given by its name only."""
-    return boot if isinstance(boot, RunToken) else RunToken(boot)
-
-
 MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 EVERY_S = 1.0  # between two tokens
 
