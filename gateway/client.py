@@ -17,8 +17,7 @@ from typing import Any
 from gateway.config.values import split_url
 from gateway.contract import Phase, ResultRecord, Topics, is_level, meaning_of, rfc3339
 from gateway.errors import NoResultError, UsageError
-from gateway.mqtt.connection.command_client import CommandClient, Order
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt import BrokerSettings, CommandClient, Order, TlsSettings
 
 WITHIN_S = 30.0
 

@@ -11,12 +11,8 @@ from typing import Any, get_args
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Baud, Config, LineTable, StarterTable
-from gateway.families.diagnosis.identify import identify_requests
-from gateway.line.capacity import deadline_check
-from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, with_deadlines
-from gateway.line.capacity.forecast import Forecast, forecast
-from gateway.line.capacity.outage import first_requests_s, start_order
-from gateway.line.scheduler.requests import Poll
+from gateway.families import diagnosis
+from gateway.line import Poll, capacity
 from gateway.modbus.timing import LineTiming
 from gateway.starters.setup import StarterSetup, polls_of
 
@@ -42,7 +38,7 @@ class LineCapacity:
     """One line."""
 
     table: LineTable
-    forecast: Forecast  # while starters are being identified, too
+    forecast: capacity.Forecast  # while starters are being identified, too
     starters: tuple[StarterCapacity, ...]  # the enabled ones
 
     def without_polls(self) -> LineCapacity:
@@ -76,7 +72,7 @@ def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []
     for index, line in enumerate(prospects):
-        units = {each.unit for each in missed_in(line.forecast)}
+        units = {each.unit for each in capacity.missed_in(line.forecast)}
         missed = [each for each in line.starters if each.table.address in units]
         hint = hint_of(line.table) if missed else ""
         for starter in missed:
@@ -131,10 +127,10 @@ def _line(line: LineTable) -> LineCapacity:
     setups = setups_of(line)
     polls = _polls_of(line)
     others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
-    whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
+    whole = capacity.forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
     limits_s = {each.address: each.watchdog_s for each in line.starters if each.watchdog_s}
-    ordered = start_order(polls, limits_s)
-    firsts_s = first_requests_s(ordered, timing, allowance_s=line.adapter_allowance_s)
+    ordered = capacity.start_order(polls, limits_s)
+    firsts_s = capacity.first_requests_s(ordered, timing, allowance_s=line.adapter_allowance_s)
     return LineCapacity(
         table=line,
         forecast=whole,
@@ -147,7 +143,7 @@ def _line(line: LineTable) -> LineCapacity:
 
 
 def _starter(
-    table: StarterTable, setup: StarterSetup, whole: Forecast, *, first_poll_s: float
+    table: StarterTable, setup: StarterSetup, whole: capacity.Forecast, *, first_poll_s: float
 ) -> StarterCapacity:
     gap_s = whole.gaps_s[setup.address]
     promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
@@ -159,7 +155,7 @@ def _identification(setup: StarterSetup) -> list[Poll]:
     """Return an identification's requests in the shape of polls: they keep a stop waiting as those do."""
     return [
         Poll(question.tag, setup.address, question.request, 0.0, setup.response_time_of(question.request))
-        for question in identify_requests(setup.profile)
+        for question in diagnosis.identify_requests(setup.profile)
     ]
 
 
@@ -196,15 +192,15 @@ def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], holds: Holds) -> li
 
 
 def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
-    return not deadline_check.missed_deadlines(polls, timing, allowance_s=allowance_s)
+    return not capacity.missed_deadlines(polls, timing, allowance_s=allowance_s)
 
 
 def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
-    return not forecast(polls, timing).is_overloaded
+    return not capacity.forecast(polls, timing).is_overloaded
 
 
 def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:
-    return with_deadlines(
+    return capacity.with_deadlines(
         polls, {poll.unit: max(poll.deadline_s, least_s) for poll in polls if poll.deadline_s}
     )
 
@@ -218,7 +214,7 @@ def _most(count: int, holds: Callable[[int], bool]) -> int:
     return low
 
 
-def _least(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
+def _least(holds: Callable[[float], bool], *, most: int = capacity.LONGEST_LIMIT_S) -> float | None:
     """Return the least whole number up to `most` for which it holds; None when it holds for none."""
     low, high = 0, most
     if not holds(high):

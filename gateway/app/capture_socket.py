@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from gateway.config.schema import Config
-from gateway.line.events import OnFrame
+from gateway.line import OnFrame
 from gateway.system.clock import Clock
 
 FORMAT = 1

@@ -13,10 +13,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from gateway.contract import Event, EventCode, LineRecord, PublishEvent, Severity, Sink, event_of
-from gateway.line.cable import CableHealth, WiredStarter
-from gateway.line.capacity.outage import FEEDS, LOOK_S
-from gateway.line.client import LineClient
-from gateway.mqtt.publisher import Publisher
+from gateway.line import CableHealth, LineClient, WiredStarter, capacity
+from gateway.mqtt import Publisher
 from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import HangWatch, LagMeter
 from gateway.system.systemd import Notifier
@@ -187,7 +185,10 @@ class Health:
             now_s = loop.time()
             if not self._is_ready and all(self._progress().values()):
                 self._become_ready()
-            if self._watchdog_every_s is not None and now_s - fed_s >= 2 * self._watchdog_every_s / FEEDS:
+            if (
+                self._watchdog_every_s is not None
+                and now_s - fed_s >= 2 * self._watchdog_every_s / capacity.FEEDS
+            ):
                 progress = self._progress()
                 if all(steps != seen.get(name) for name, steps in progress.items()):
                     self._notifier.watchdog()
@@ -202,7 +203,7 @@ class Health:
             if now_s >= statistics_due_s:
                 self._publish_statistics()
                 statistics_due_s = now_s + STATISTICS_EVERY_S
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(capacity.LOOK_S)
 
     def _become_ready(self) -> None:
         self._is_ready = True

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.line.port.base import PortOpener
-from gateway.line.port.opener import SerialOpener
+from gateway.line import PortOpener, SerialOpener
 from gateway.modbus.timing import LineTiming
 from gateway.system.clock import is_kernel_clock_synchronised
 

@@ -29,9 +29,8 @@ from gateway.contract import (
     RecordWriter,
     Severity,
 )
-from gateway.line.thread import LineHost
-from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.incoming import IncomingCommands
+from gateway.line import LineHost
+from gateway.mqtt import Inbox, IncomingCommands
 from gateway.plugins.history.service import HistoryService
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters.commands.dispatcher import Dispatcher

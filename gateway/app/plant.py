@@ -14,13 +14,19 @@ from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
 from gateway.contract import EventCode, PublishEvent, RecordWriter
-from gateway.families.profile.load import ENGLISH
-from gateway.line.capacity.outage import start_order
-from gateway.line.client import LineClient
-from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
-from gateway.line.port.base import PortOpener
-from gateway.line.port_recovery import DEAF
-from gateway.line.thread import LineHost
+from gateway.families import ENGLISH
+from gateway.line import (
+    DEAF,
+    LineClient,
+    LineEvent,
+    LineFault,
+    LineHost,
+    PollResult,
+    PortChanged,
+    PortOpener,
+    UnitChanged,
+    capacity,
+)
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
@@ -166,7 +172,9 @@ class Plant:
             name=table.name,
             opener=self._make_opener(table),
             timing=timing_of(table),
-            polls=start_order((poll for setup in setups for poll in watchdogs.polls(setup)), watchdogs_s),
+            polls=capacity.start_order(
+                (poll for setup in setups for poll in watchdogs.polls(setup)), watchdogs_s
+            ),
             allowance_s=table.adapter_allowance_s,
             seed=secrets.randbits(32),
             deaf_after_s=table.deaf_after_s,

@@ -14,7 +14,7 @@ from gateway.app.capacity import LineCapacity
 from gateway.app.site import Site
 from gateway.config.convert import setups_of
 from gateway.contract import Event, EventCode, Severity, event_of
-from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR
+from gateway.line import capacity
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
 from gateway.storage.json_file import JsonFile, ReadOnlyStore
 
@@ -32,7 +32,7 @@ class RestartGap:
     @property
     def wanted_s(self) -> float:
         """Return how long its watchdog must be, with room for retries and chance."""
-        return WIDE_FACTOR * self.gap_s
+        return capacity.WIDE_FACTOR * self.gap_s
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for programs."""
@@ -57,7 +57,7 @@ def restart_gaps(
     for line in prospects:
         for starter in line.starters:
             name = starter.table.name
-            gap_s = starter.gap_s + STOP_S + START_UP_S + starter.first_poll_s
+            gap_s = starter.gap_s + STOP_S + capacity.START_UP_S + starter.first_poll_s
             yield RestartGap(name, gap_s, limit_of(name))
 
 

@@ -27,15 +27,19 @@ from gateway.contract import (
     Sink,
     Topics,
 )
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.broker import BrokerConnection, Listener
-from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.leftovers import Leftovers
-from gateway.mqtt.message import Message, message_of
-from gateway.mqtt.outbox.disk_sync import DiskSync
-from gateway.mqtt.outbox.outbox import Outbox
-from gateway.mqtt.publisher import Publisher
+from gateway.mqtt import (
+    BrokerConnection,
+    BrokerSettings,
+    DiskSync,
+    Incoming,
+    Leftovers,
+    Listener,
+    Message,
+    Outbox,
+    Publisher,
+    Version,
+    message_of,
+)
 from gateway.starters.policy.freshness import Tokens
 from gateway.storage.outbox import OutboxDisk
 from gateway.system.clock import Clock

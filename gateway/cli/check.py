@@ -28,17 +28,17 @@ from gateway.cli.doctor.machine import dated_remark
 from gateway.cli.scan.scan import stable_name
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, StartError
-from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
-from gateway.line.capacity.outage import FEEDS, LOOK_S, WIDE_FACTOR, Gaps, Restart, gaps_of
+from gateway.families import ENGLISH, LANGUAGES, languages_of, load_profile
+from gateway.line import capacity
 from gateway.storage.upkeep.versions import refuse_newer
 from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 
 
-def gaps_of_starter(starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
+def gaps_of_starter(starter: StarterCapacity, restart: capacity.Restart | None = None) -> capacity.Gaps:
     """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
-    return gaps_of(starter.gap_s, starter.first_poll_s, restart)
+    return capacity.gaps_of(starter.gap_s, starter.first_poll_s, restart)
 
 
 def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
@@ -46,7 +46,7 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     for line in prospects:
         for starter in line.starters:
             limit_s = starter.table.watchdog_s
-            if not limit_s or limit_s < WIDE_FACTOR * starter.gap_s:
+            if not limit_s or limit_s < capacity.WIDE_FACTOR * starter.gap_s:
                 continue  # off, or too tight even while everything works, which another warning reports
             gaps = gaps_of_starter(starter)
             for_crash_s, for_hang_s = gaps.wanted_s
@@ -59,7 +59,7 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
                 yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
 
 
-def _judged(starter: StarterCapacity, gaps: Gaps) -> str:
+def _judged(starter: StarterCapacity, gaps: capacity.Gaps) -> str:
     limit_s = starter.table.watchdog_s
     if limit_s is None:
         return "(not stated)"
@@ -70,10 +70,10 @@ def _judged(starter: StarterCapacity, gaps: Gaps) -> str:
     return f"({limit_s:g} s outlasts {outlasts})"
 
 
-def _shorter(limit_s: float, gaps: Gaps) -> str:
+def _shorter(limit_s: float, gaps: capacity.Gaps) -> str:
     """Return which setting of the service would do as well, if any."""
-    spare_s = limit_s / WIDE_FACTOR - gaps.crash_s - LOOK_S - Restart().abort_s
-    service_s = int(spare_s / (1.0 + 1.0 / FEEDS))
+    spare_s = limit_s / capacity.WIDE_FACTOR - gaps.crash_s - capacity.LOOK_S - capacity.Restart().abort_s
+    service_s = int(spare_s / (1.0 + 1.0 / capacity.FEEDS))
     return f", or WatchdogSec={service_s}s in the service" if service_s >= SHORTEST_LIMIT_S else ""
 
 

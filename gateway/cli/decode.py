@@ -8,11 +8,17 @@ import json
 from gateway.cli.command import whole_number
 from gateway.contract import CommandError
 from gateway.errors import UsageError
-from gateway.families.profile.decode import decode_words
-from gateway.families.profile.load import ENGLISH, FAMILIES, LANGUAGES, load_profile
-from gateway.families.profile.parameters import find
-from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families import (
+    ENGLISH,
+    FAMILIES,
+    LANGUAGES,
+    Profile,
+    Table,
+    Variant,
+    decode,
+    load_profile,
+    parameters,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if start + len(words) > 0x10000:
         raise UsageError(f"{len(words)} words do not fit behind START {start} (the last address is 65535)")
     variant = Variant(model=args.model, firmware=args.firmware)
-    found = decode_words(profile, variant, table, start, words)
+    found = decode.decode_words(profile, variant, table, start, words)
     print(json.dumps(found, indent=2, ensure_ascii=False))
     return 0
 
@@ -54,7 +60,7 @@ def _start(profile: Profile, table: Table, text: str) -> int:
     if text[:1].isdigit() or not any(each.isdigit() for each in text):
         return whole_number(text, "START", low=0, high=0xFFFF)
     try:
-        row = find(profile, text)
+        row = parameters.find(profile, text)
     except CommandError as error:
         raise UsageError(f"{profile.title} has no {text!r} (an address, or a code of its manual)") from error
     if row.table is not table:

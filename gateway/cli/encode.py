@@ -7,9 +7,7 @@ import argparse
 from gateway.cli.command import arguments, whole_number
 from gateway.contract import CommandError
 from gateway.errors import UsageError
-from gateway.families.command.build import build, prepare
-from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families import FAMILIES, Profile, Variant, command, load_profile
 from gateway.modbus import adu
 
 _WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
@@ -35,9 +33,9 @@ def run(args: argparse.Namespace) -> int:
     seen = _seen(profile, variant, args.last_word)
     values = arguments(args.args)
     try:
-        reads = prepare(profile, variant, args.verb, values).reads
+        reads = command.prepare(profile, variant, args.verb, values).reads
         is_read = args.verb == "read"
-        steps = reads if is_read else build(profile, variant, args.verb, values, seen=seen).steps
+        steps = reads if is_read else command.build(profile, variant, args.verb, values, seen=seen).steps
     except CommandError as error:
         if error.code in _WRONG_WORDS:
             raise UsageError(error.text) from error

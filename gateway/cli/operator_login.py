@@ -14,7 +14,7 @@ from gateway.config.schema import Config
 from gateway.config.secrets import VARIABLE, mqtt_password, password_in
 from gateway.contract import is_level
 from gateway.errors import UsageError
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt import BrokerSettings
 
 
 def add_login(parser: argparse.ArgumentParser, *, client: str = "") -> None:

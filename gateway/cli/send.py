@@ -16,7 +16,7 @@ from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.contract import SELECT, Phase, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
-from gateway.mqtt.connection.command_client import CommandClient, Order
+from gateway.mqtt import CommandClient, Order
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,12 +8,10 @@ from pathlib import Path
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
 from gateway.contract import Operator
-from gateway.families.profile.load import ENGLISH, load_profile
-from gateway.families.profile.schema import Variant
-from gateway.line.cable import WiredStarter
+from gateway.families import ENGLISH, Variant, load_profile
+from gateway.line import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt import BrokerSettings, TlsSettings, Version
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup

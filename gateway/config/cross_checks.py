@@ -30,9 +30,7 @@ from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key
 from gateway.contract import CommandError
-from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.parameters import find
-from gateway.families.profile.schema import Profile
+from gateway.families import FAMILIES, Profile, load_profile, parameters
 
 _SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
 
@@ -204,7 +202,7 @@ def _is_for(option: str) -> str:
 
 def _is_marker(profile: Profile, code: str) -> bool:
     try:
-        return find(profile, code).table.is_bits
+        return parameters.find(profile, code).table.is_bits
     except CommandError:
         return False
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
 from gateway.config.values import FIRMWARE_PATTERN, SCHEMES, ConfigTable, Glob, Name, Text
-from gateway.families.profile.load import FAMILIES, LANGUAGES
+from gateway.families import FAMILIES, LANGUAGES
 
 DEFAULT_BASE = "starters/{gateway}"
 

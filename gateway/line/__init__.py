@@ -2,4 +2,23 @@
 
 Start at `service`, the loop on an open port. `scheduler` decides, `rtu` does one transaction, `port` handles
 bytes, `capacity` computes what a line can serve. `thread` runs all lines beside the application.
+Nothing outside reaches past this door.
 """
+
+from gateway.line import capacity
+from gateway.line.cable import CableHealth, WiredStarter
+from gateway.line.client import LineClient
+from gateway.line.direct import Survey, exclusive_line, silent_cost_s
+from gateway.line.events import LineEvent, LineFault, OnFrame, PollResult, PortChanged, UnitChanged
+from gateway.line.port.base import PortOpener
+from gateway.line.port.event_loop import new_precise_loop
+from gateway.line.port.opener import SerialOpener
+from gateway.line.port_recovery import DEAF
+from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.rtu.late_replies import LATE_S
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.reply_times import ALLOWANCE_S, request_wire_s
+from gateway.line.rtu.request import Alternates
+from gateway.line.scheduler.line_time import FREE_PERIOD_S
+from gateway.line.scheduler.requests import Poll, Priority
+from gateway.line.thread import LineHost

@@ -10,7 +10,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
-from gateway.line.capacity.forecast import worst_stop_latency_s
+from gateway.line.capacity.line_forecast import worst_stop_latency_s
 from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors

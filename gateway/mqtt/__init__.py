@@ -1,4 +1,20 @@
-"""MQTT: topics and payloads (`contract`), what waits for the broker (`outbox`), and the connection.
+"""The MQTT adapter: records out, commands in, and what waits while the broker is away.
 
-Start at `publisher` for the way out and at `connection.inbox` for the way in.
+Nothing outside reaches past this door. `Session` keeps the connection, `Publisher` and `Outbox` send,
+`IncomingCommands` takes; `CommandClient` is the other side, for the command line.
 """
+
+from gateway.mqtt.commands import Incoming
+from gateway.mqtt.connection.attempts import Attempts
+from gateway.mqtt.connection.broker import BrokerConnection, Listener
+from gateway.mqtt.connection.command_client import CommandClient, Order, connected
+from gateway.mqtt.connection.inbox import Inbox
+from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.session import Session, SessionParts
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.incoming import IncomingCommands
+from gateway.mqtt.leftovers import Leftovers
+from gateway.mqtt.message import Message, cleared, message_of
+from gateway.mqtt.outbox.disk_sync import DiskSync
+from gateway.mqtt.outbox.outbox import Outbox
+from gateway.mqtt.publisher import Publisher

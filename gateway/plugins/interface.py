@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 from gateway.config.schema import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
-from gateway.line.client import LineClient
-from gateway.mqtt.message import Message
+from gateway.line import LineClient
+from gateway.mqtt import Message
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.freshness import Tokens

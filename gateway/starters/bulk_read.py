@@ -9,10 +9,8 @@ from typing import assert_never
 
 from gateway.contract import CommandError, ResultCode
 from gateway.errors import PortLostError
-from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Profile
-from gateway.families.reading import halves, rows_in
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.families import Profile, Read, reading
+from gateway.line import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.modbus.pdu import Request
 
@@ -50,9 +48,9 @@ async def read_in_bulk(
         read = waiting.popleft()
         outcome = await _answered(ask, read, tries=tries)
         if isinstance(outcome, Answered):
-            found.rows |= rows_in(profile, read, outcome.value)
+            found.rows |= reading.rows_in(profile, read, outcome.value)
         else:
-            smaller = halves(profile, read)
+            smaller = reading.halves(profile, read)
             waiting.extendleft(reversed(smaller))
             if not smaller:
                 found.refused |= dict.fromkeys(read.codes, exception_name(outcome.code))

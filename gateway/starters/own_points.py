@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gateway.families.profile.schema import Profile, once_per_profile
+from gateway.families import Profile, once_per_profile
 
 SOONEST_S = 60.0  # between two publications of a value that grows or falls steadily
 REFRESH_S = 300.0

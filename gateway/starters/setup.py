@@ -7,15 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from gateway.families.alternates import alternates
-from gateway.families.devices.device import Identity
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import Block, plan_blocks
-from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.reply_times import ALLOWANCE_S
-from gateway.line.rtu.request import Alternates
-from gateway.line.scheduler.requests import Poll, Priority
+from gateway.families import Identity, Profile, Variant, alternates, once_per_profile, reading
+from gateway.line import ALLOWANCE_S, Alternates, LineClient, Outcome, Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
@@ -53,16 +46,16 @@ class StarterSetup:
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
 
-    def period_of(self, block: Block) -> float:
+    def period_of(self, block: reading.Block) -> float:
         """Return how often a block is read, whatever the state of the motor."""
         return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * self.every_s) if block.group == "slow" else self.every_s
 
-    def key_of(self, block: Block) -> str:
+    def key_of(self, block: reading.Block) -> str:
         """Return the key of a block's poll."""
         edition = f"/{self.edition}" if self.edition else ""
         return f"{self.name}/{block.name}{edition}"
 
-    def poll_of(self, block: Block, *, every_s: float) -> Poll:
+    def poll_of(self, block: reading.Block, *, every_s: float) -> Poll:
         """Return the poll that reads a block."""
         return Poll(
             key=self.key_of(block),
@@ -77,9 +70,9 @@ class StarterSetup:
         )
 
 
-def blocks_of(setup: StarterSetup) -> tuple[Block, ...]:
+def blocks_of(setup: StarterSetup) -> tuple[reading.Block, ...]:
     """Return what is read of a starter at first, status first; nothing of a disabled one."""
-    return plan_blocks(setup.profile, setup.variant, timing=setup.timing) if setup.is_enabled else ()
+    return reading.plan_blocks(setup.profile, setup.variant, timing=setup.timing) if setup.is_enabled else ()
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gateway.config.load import load, parse
 from gateway.config.schema import Verb
 from gateway.errors import ConfigError
-from gateway.families.command.build import verbs
+from gateway.families.command.procedures import verbs
 from gateway.families.profile.load import FAMILIES, load_profile
 from tests.config.sites import SITE, changed, site
 

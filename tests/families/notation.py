@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.command.build import build, prepare
+from gateway.families.command.procedures import build, prepare
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Preparation, Procedure
 from gateway.families.profile.schema import Variant

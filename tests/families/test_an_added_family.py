@@ -45,12 +45,12 @@ family = "acme"
 """
 
 SHIPPED = """
-from gateway.families.command.build import build, prepare
+from gateway.families.command.procedures import build, prepare
 from gateway.families.command.interlock import check
 from gateway.families.devices import device_of
-from gateway.families.diagnosis.identify import identify, identify_requests, matches
-from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.diagnosis.readiness import shortest_s
+from gateway.families.diagnosis.identification import identify, identify_requests, matches
+from gateway.families.diagnosis.readiness_check import readiness, readiness_codes, refuses_start
+from gateway.families.diagnosis.readiness_check import shortest_s
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant

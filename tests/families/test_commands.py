@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.contract import CommandError
-from gateway.families.command.build import build, verbs
+from gateway.families.command.procedures import build, verbs
 from gateway.families.profile.arguments import MOST
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation

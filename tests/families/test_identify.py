@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import identify, identify_requests, matches
+from gateway.families.diagnosis.identification import identify, identify_requests, matches
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.device_id import DeviceIdentification
 

@@ -8,8 +8,8 @@ import pytest
 
 from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Finding, Topic, Weight
-from gateway.families.diagnosis.identify import slot_trouble
-from gateway.families.diagnosis.readiness import readiness, refuses_start, watchdogs
+from gateway.families.diagnosis.identification import slot_trouble
+from gateway.families.diagnosis.readiness_check import readiness, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 

@@ -7,7 +7,7 @@ from math import inf
 
 import pytest
 
-from gateway.line.capacity.forecast import forecast
+from gateway.line.capacity.line_forecast import forecast
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.line.capacity.forecast import Forecast, forecast
+from gateway.line.capacity.line_forecast import Forecast, forecast
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s
 from gateway.line.scheduler.line_time import JOBS_SHARE

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.command.build import build, prepare
+from gateway.families.command.procedures import build, prepare
 from gateway.families.command.interlock import check
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import load_profile

@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-from gateway.families.command.build import verbs
+from gateway.families.command.procedures import verbs
 from gateway.sim.core.power import MotorState
 from gateway.sim.sst.unit import Sst
 from gateway.sim.weg.common import Commanded

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.contract import CommandError
-from gateway.families.command.build import build
+from gateway.families.command.procedures import build
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.writes import WriteRegister

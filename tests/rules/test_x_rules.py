@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.cli.scan.search import PROBES
-from gateway.families.command.build import build, prepare, verbs
-from gateway.families.diagnosis.identify import identify_requests
+from gateway.families.command.procedures import build, prepare, verbs
+from gateway.families.diagnosis.identification import identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import plan_blocks

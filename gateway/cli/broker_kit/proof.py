@@ -22,12 +22,16 @@ from gateway.config.convert import broker_of
 from gateway.config.schema import Config
 from gateway.contract import StatusRecord, Topics
 from gateway.errors import BrokerError, StartError
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.command_client import CommandClient, connected
-from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.message import Message
+from gateway.mqtt import (
+    BrokerSettings,
+    CommandClient,
+    Incoming,
+    Message,
+    Session,
+    SessionParts,
+    Version,
+    connected,
+)
 
 SETTLED_S = 1.0  # so long after the last of it, nothing more arrives
 STATUS_WITHIN_S = 1.0

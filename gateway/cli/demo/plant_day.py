@@ -14,7 +14,7 @@ from typing import NamedTuple
 from gateway.cli.demo.processes import demo_client, publish
 from gateway.contract import Phase, Topics
 from gateway.errors import GatewayError
-from gateway.mqtt.connection.command_client import CommandClient, Order
+from gateway.mqtt import CommandClient, Order
 
 log = logging.getLogger(__name__)
 

@@ -16,11 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import BrokerError, PortError
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.message import Message
+from gateway.mqtt import BrokerSettings, Incoming, Message, Version, connected
 
 PORT = 1883
 ACKNOWLEDGED_WITHIN_S = 5.0

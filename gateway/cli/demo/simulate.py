@@ -26,14 +26,8 @@ from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
 from gateway.config.values import is_loopback, split_url
 from gateway.errors import UsageError
-from gateway.families.profile.load import load_profile
-from gateway.families.profile.parameters import find
-from gateway.families.profile.rows import Table
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.broker import BrokerConnection
-from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.message import Message
-from gateway.mqtt.outbox.outbox import Outbox
+from gateway.families import Table, load_profile, parameters
+from gateway.mqtt import BrokerConnection, BrokerSettings, Incoming, Message, Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS, set_knob
@@ -137,7 +131,7 @@ def simulated_unit(starter: StarterTable) -> SimulatedUnit:
     options = {key: value for key, value in options.items() if value is not None}
     options["settings"] = {rows[code].address: value for code, value in simulated.parameters.items()}
     if simulated.markers:
-        markers = [(find(profile, code), is_on) for code, is_on in simulated.markers.items()]
+        markers = [(parameters.find(profile, code), is_on) for code, is_on in simulated.markers.items()]
         for name, table in (("coils", Table.COIL), ("discrete_inputs", Table.DISCRETE)):
             options[name] = {row.address: is_on for row, is_on in markers if row.table is table}
     try:

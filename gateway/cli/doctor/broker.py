@@ -14,9 +14,8 @@ from gateway.config.convert import rights_of
 from gateway.config.schema import Config
 from gateway.contract import AvailabilityRecord, Phase, Topics, rfc3339
 from gateway.errors import BrokerError, ConfigError
-from gateway.families.devices.findings import Weight
-from gateway.mqtt.connection.command_client import CommandClient, Order, connected
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.families import Weight
+from gateway.mqtt import BrokerSettings, CommandClient, Order, connected
 
 OWN_NAME = "doctor"
 READ_WITHIN_S = 10.0

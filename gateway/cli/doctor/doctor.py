@@ -24,8 +24,8 @@ from gateway.cli.operator_login import add_login, checked_client, user_name
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import Config
-from gateway.families.devices.findings import Weight
-from gateway.line.port.event_loop import new_precise_loop
+from gateway.families import Weight
+from gateway.line import new_precise_loop
 from gateway.system.clock import SystemClock
 
 

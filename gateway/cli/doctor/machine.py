@@ -11,7 +11,7 @@ from pathlib import Path
 from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.config.schema import Config
 from gateway.errors import DamagedError
-from gateway.families.devices.findings import Weight
+from gateway.families import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in

@@ -13,15 +13,8 @@ from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
 from gateway.contract import CommandError
 from gateway.errors import BrokerError, PortError, PortLostError
-from gateway.families.devices import device_of
-from gateway.families.devices.device import Identity
-from gateway.families.devices.findings import Weight
-from gateway.families.diagnosis.identify import identify, slot_trouble
-from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes, watchdogs
-from gateway.families.reading import bulk_reads
-from gateway.line.client import LineClient
-from gateway.line.direct import exclusive_line
-from gateway.line.port.base import PortOpener
+from gateway.families import Identity, Weight, device_of, diagnosis, reading
+from gateway.line import LineClient, PortOpener, exclusive_line
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup, merged
 from gateway.system.clock import Clock
@@ -73,7 +66,9 @@ class LineCheckup:
         where = f"starter {setup.name}"
         try:
             await bench.identify()
-            rows = (await bench.read(bulk_reads(setup.profile, readiness_codes(setup.profile)))).rows
+            rows = (
+                await bench.read(reading.bulk_reads(setup.profile, diagnosis.readiness_codes(setup.profile)))
+            ).rows
         except CommandError as error:
             self._say(where, error.text, Weight.ERROR)
             return
@@ -82,7 +77,7 @@ class LineCheckup:
         if trouble:
             self._say(where, f"commands would be held: {trouble}", Weight.ERROR)
         self._judge(setup, bench.identity, rows)
-        for watchdog in watchdogs(setup.profile, bench.variant, rows)[:1]:
+        for watchdog in diagnosis.watchdogs(setup.profile, bench.variant, rows)[:1]:
             within = f"the gateway must poll within {watchdog.after_s:g} s"
             self._say(where, f"{watchdog.code} runs since this look: {within}", Weight.NOTE)
 
@@ -95,7 +90,7 @@ class LineCheckup:
                 self._say(where, known, Weight.ERROR)
             if known.startswith("the gateway says: offline"):
                 return  # every question would be refused
-            rows = await self.broker.read(setup.name, readiness_codes(setup.profile))
+            rows = await self.broker.read(setup.name, diagnosis.readiness_codes(setup.profile))
         except BrokerError as error:
             self._say(where, f"cannot be asked: {error}", Weight.WARNING)
             return
@@ -106,23 +101,23 @@ class LineCheckup:
         self._say(where, "answers the gateway")
         identity = Identity()
         if all(code in rows for code in slots) and slots:
-            identity = identify(setup.profile, {"slots": tuple(rows[code][0] for code in slots)})
+            identity = diagnosis.identify(setup.profile, {"slots": tuple(rows[code][0] for code in slots)})
         self._judge(setup, identity, rows)
 
     def _judge(self, setup: StarterSetup, identity: Identity, rows: Rows) -> None:
         variant = merged(setup.variant, identity)
         gaps_s = {starter.table.name: starter.gap_s for starter in self.prospect.starters}
         gap_s = gaps_s.get(setup.name)
-        findings = readiness(
+        findings = diagnosis.readiness(
             setup.profile,
             variant,
             rows,
             gap_s=gap_s,
             watchdog_s=setup.watchdog_s,
-            slot_trouble=slot_trouble(setup.profile, setup.variant, identity),
+            slot_trouble=diagnosis.slot_trouble(setup.profile, setup.variant, identity),
         )
         for finding in findings:
             self._say(f"starter {setup.name}", finding.text, finding.weight)
-        delivered = as_delivered(setup.profile, variant, rows)
+        delivered = diagnosis.as_delivered(setup.profile, variant, rows)
         if delivered:
             self._say(f"starter {setup.name}", delivered)

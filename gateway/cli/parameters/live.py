@@ -16,13 +16,8 @@ from gateway.cli.command import Progress, place_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.load import load
 from gateway.errors import PortError
-from gateway.families.alternates import alternates
-from gateway.families.profile.procedure import Read
-from gateway.families.reading import bulk_reads, readable_codes
-from gateway.line.direct import exclusive_line
-from gateway.line.port.base import PortOpener
-from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.rtu.reply_times import request_wire_s
+from gateway.families import Read, alternates, reading
+from gateway.line import PortOpener, exclusive_line, new_precise_loop, request_wire_s
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bulk_read import BulkReading
 from gateway.starters.parameters.model import ParameterSet, entries_of
@@ -96,8 +91,8 @@ def save_live(live: LiveStarter, progress: Progress, *, with_unnamed: bool = Fal
 async def save(live: LiveStarter, progress: Progress, *, with_unnamed: bool = False) -> ParameterSet:
     """Read everything from a starter, with a progress line."""
     async with live.bench() as bench:
-        codes = readable_codes(bench.profile, with_unnamed=with_unnamed)
-        reading = await read_with_progress(bench, bulk_reads(bench.profile, codes), progress)
+        codes = reading.readable_codes(bench.profile, with_unnamed=with_unnamed)
+        read = await read_with_progress(bench, reading.bulk_reads(bench.profile, codes), progress)
         return ParameterSet(
             starter=live.setup.name,
             family=bench.profile.family,
@@ -105,8 +100,8 @@ async def save(live: LiveStarter, progress: Progress, *, with_unnamed: bool = Fa
             model=bench.variant.model,
             firmware=bench.variant.firmware,
             serial=bench.identity.serial,
-            parameters=entries_of(bench.profile, bench.variant, reading.rows),
-            refused=reading.refused,
+            parameters=entries_of(bench.profile, bench.variant, read.rows),
+            refused=read.refused,
         )
 
 

@@ -9,7 +9,7 @@ from gateway.cli.command import Progress, flag
 from gateway.cli.parameters.live import LiveStarter, save_live
 from gateway.cli.parameters.restore import run_restore
 from gateway.errors import UsageError
-from gateway.families.profile.load import load_profile
+from gateway.families import load_profile
 from gateway.starters.parameters.model import ParameterSet, differences, of_factory
 from gateway.starters.parameters.toml_file import from_toml, to_toml
 

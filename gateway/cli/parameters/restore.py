@@ -24,9 +24,8 @@ from gateway.cli.command import Progress
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
 from gateway.contract import CommandError, Note, ResultCode
 from gateway.errors import DamagedError, StoreError, UsageError
-from gateway.families.devices.device import Identity
-from gateway.families.reading import bulk_reads
-from gateway.line.port.event_loop import new_precise_loop
+from gateway.families import Identity, reading
+from gateway.line import new_precise_loop
 from gateway.starters.identity.registry import IDENTITIES_FILE, mismatch_in
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.offline_starter import OfflineStarter
@@ -130,7 +129,7 @@ async def restore(
         other = CommandError(ResultCode.IDENTITY_CHANGED, why=changed) if changed else None
         _refuse(other, name, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
-        reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
+        reads = reading.bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
         _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)

@@ -8,9 +8,7 @@ from typing import Any
 
 from gateway.contract import CommandError
 from gateway.errors import DamagedError
-from gateway.families.profile.parameters import find
-from gateway.families.profile.rows import Parameter
-from gateway.families.profile.schema import Profile
+from gateway.families import Parameter, Profile, parameters
 from gateway.plugins.history.baseline import Baseline
 from gateway.plugins.history.counters import Totals
 from gateway.plugins.history.start_record import StartSamples, StartSummary
@@ -189,7 +187,7 @@ def _shown(entry: Any) -> str:
 
 def _row_of(profile: Profile, code: str) -> Parameter | None:
     try:
-        row = find(profile, code)
+        row = parameters.find(profile, code)
     except CommandError:
         return None
     return row if row.code in profile.parameters else None

@@ -16,7 +16,7 @@ from gateway.cli.command import flag, place_of, write_text
 from gateway.config.load import load
 from gateway.config.schema import StarterTable
 from gateway.errors import StoreError, UsageError
-from gateway.families.profile.load import load_profile
+from gateway.families import load_profile
 from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 from gateway.storage.history import read_history
 from gateway.storage.history_table import HistoryRow

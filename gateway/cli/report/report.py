@@ -32,9 +32,8 @@ from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_object, rfc3339
 from gateway.errors import DamagedError, GatewayError, NewerError
-from gateway.families.profile.load import LANGUAGES, load_profile
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.command_client import connected
+from gateway.families import LANGUAGES, load_profile
+from gateway.mqtt import Incoming, connected
 from gateway.starters.identity.registry import IDENTITIES_FILE
 from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.history import read_history

@@ -30,8 +30,7 @@ from gateway.cli.scan.search import (
 from gateway.config.load import parse
 from gateway.config.schema import Baud, FramingText
 from gateway.errors import ConfigError, UsageError
-from gateway.line.port.base import PortOpener
-from gateway.line.port.event_loop import new_precise_loop
+from gateway.line import PortOpener, new_precise_loop
 from gateway.modbus.timing import LineTiming
 
 BY_ID = Path("/dev/serial/by-id")

@@ -14,15 +14,8 @@ from dataclasses import dataclass
 
 from gateway.contract import CommandError
 from gateway.errors import PortError
-from gateway.families.devices.device import Identity
-from gateway.families.devices.findings import Watchdog
-from gateway.families.diagnosis.identify import candidates, identify, identify_requests, matches
-from gateway.families.diagnosis.readiness import watchdog_codes, watchdogs
-from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading import bulk_reads
-from gateway.line.direct import Survey, silent_cost_s
-from gateway.line.port.base import PortOpener
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
+from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey, silent_cost_s
 from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
@@ -209,26 +202,26 @@ class Search:
             return asked[request]
 
         reasons: dict[str, None] = {}
-        for profile in candidates():
+        for profile in diagnosis.candidates():
             answers = {
                 question.tag: outcome.value
-                for question in identify_requests(profile)
+                for question in diagnosis.identify_requests(profile)
                 if isinstance(outcome := await ask(question.request), Answered)
             }
-            identity = identify(profile, answers)
-            if matches(profile, identity):
+            identity = diagnosis.identify(profile, answers)
+            if diagnosis.matches(profile, identity):
                 watchdogs = await self._watchdogs(ask, profile, identity)
                 return Find(address, survey.timing, profile, identity, watchdogs)
             reasons[identity.reason] = None
         return Find(address, survey.timing, None, Identity(reason="; ".join(reasons)))
 
     async def _watchdogs(self, ask: Ask, profile: Profile, identity: Identity) -> tuple[Watchdog, ...]:
-        reads = bulk_reads(profile, watchdog_codes(profile))
+        reads = reading.bulk_reads(profile, diagnosis.watchdog_codes(profile))
         try:
             rows = (await read_in_bulk(ask, profile, reads)).rows
         except CommandError:  # it has fallen silent; it is a find all the same
             return ()
-        return watchdogs(profile, Variant(slot=identity.slot), rows)
+        return diagnosis.watchdogs(profile, Variant(slot=identity.slot), rows)
 
     def _watch(self, find: Find) -> None:
         if find.watchdogs:

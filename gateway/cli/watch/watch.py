@@ -20,9 +20,7 @@ from gateway.config.load import load
 from gateway.config.values import is_loopback
 from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt import BrokerSettings, Incoming, connected
 from gateway.system.rate_limits import Backoff
 
 if TYPE_CHECKING:

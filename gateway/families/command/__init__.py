@@ -1,1 +1,5 @@
-"""Verbs, interlocks and writes of all families. Start at `build`."""
+"""Verbs, interlocks and writes of all families. Start at `procedures`."""
+
+from gateway.families.command.interlock import demand, points_needed
+from gateway.families.command.procedures import TAKEN_BACK, build, prepare, release, verbs
+from gateway.families.command.run_command import with_standstill

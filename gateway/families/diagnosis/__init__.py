@@ -1,1 +1,26 @@
-"""Who answers, and what its settings mean for its operation. Start at `identify` and `readiness`."""
+"""Who answers, and what its settings mean for its operation.
+
+Start at `identification` and `readiness_check`.
+"""
+
+from gateway.families.diagnosis.identification import (
+    candidates,
+    identify,
+    identify_requests,
+    matches,
+    slot_trouble,
+    stop_note,
+    stop_profile,
+    why_not,
+)
+from gateway.families.diagnosis.readiness_check import (
+    as_delivered,
+    readiness,
+    readiness_codes,
+    refuses_start,
+    shortest_s,
+    time_codes,
+    watchdog_codes,
+    watchdogs,
+    written_rows,
+)

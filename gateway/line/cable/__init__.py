@@ -5,5 +5,3 @@ Start reading at `health.py`; `counts.py` is its memory, `diagnosis.py` its judg
 
 from gateway.line.cable.diagnosis import WiredStarter
 from gateway.line.cable.health import CableHealth
-
-__all__ = ["CableHealth", "WiredStarter"]

@@ -1,4 +1,27 @@
 """What a line can keep: load, sweep, watchdogs, gaps after an outage; pure.
 
-Start at `forecast`.
+Start at `line_forecast`.
 """
+
+from gateway.line.capacity.deadline_check import (
+    LONGEST_LIMIT_S,
+    Limits,
+    Missed,
+    missed_deadlines,
+    missed_in,
+    newly_missed,
+    shortest_limit_s,
+    with_deadlines,
+)
+from gateway.line.capacity.line_forecast import Forecast, forecast
+from gateway.line.capacity.outage import (
+    FEEDS,
+    LOOK_S,
+    START_UP_S,
+    WIDE_FACTOR,
+    Gaps,
+    Restart,
+    first_requests_s,
+    gaps_of,
+    start_order,
+)

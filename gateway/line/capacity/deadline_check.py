@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gateway.line.capacity.forecast import Forecast, forecast
+from gateway.line.capacity.line_forecast import Forecast, forecast
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 

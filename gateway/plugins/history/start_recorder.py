@@ -24,7 +24,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from gateway.families.profile.schema import Profile, once_per_profile
+from gateway.families import Profile, once_per_profile
 from gateway.plugins.history.start_curve import Curve, crossings, i2t_error_pct_of, rate_hz_of
 from gateway.plugins.history.start_record import (
     COLUMNS,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.contract import InfoRecord, encoded
-from gateway.mqtt.message import Message
+from gateway.mqtt import Message
 from gateway.plugins.homeassistant.entities import available, gateway_entities, starter_entities
 from gateway.plugins.homeassistant.site_facts import SiteFacts
 

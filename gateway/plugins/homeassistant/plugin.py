@@ -21,8 +21,8 @@ from gateway.config.convert import policy_of, rights_of
 from gateway.config.schema import Config
 from gateway.contract import Event, InfoRecord, Record, to_level
 from gateway.errors import DamagedError, StoreError
-from gateway.families.profile.load import load_profile
-from gateway.mqtt.message import Message, cleared
+from gateway.families import load_profile
+from gateway.mqtt import Message, cleared
 from gateway.plugins.homeassistant.birth import BirthPause
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.site_facts import SiteFacts, StarterFacts

@@ -15,7 +15,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.samples import Sample
 
 from gateway.contract import Quality
-from gateway.families.profile.state import STATES
+from gateway.families import STATES
 from gateway.plugins.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS, MotorPoint
 from gateway.plugins.metrics.counts import Counted
 from gateway.plugins.metrics.scrape import ScrapedGateway, ScrapedStarter

@@ -11,8 +11,7 @@ from typing import get_args
 from gateway import __version__
 from gateway.config.schema import Verb
 from gateway.contract import CONTRACT_VERSION, EventCode, Severity, event_of
-from gateway.families.devices.device import unnumbered
-from gateway.families.profile.schema import Profile, once_per_profile
+from gateway.families import Profile, once_per_profile, unnumbered
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.metrics.scrape import (
     MetricsSettings,

@@ -22,7 +22,7 @@ from gateway.contract import (
     ResultCode,
     shortened,
 )
-from gateway.mqtt.commands import Incoming
+from gateway.mqtt import Incoming
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC

@@ -21,7 +21,7 @@ from gateway.contract import (
     StateRecord,
     ValueRecord,
 )
-from gateway.families.profile.load import load_profile
+from gateway.families import load_profile
 from gateway.plugins.sparkplug.payload import BAD, FALSE, STALE, DataType, Metric, Value
 from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.starters.policy.rights import Rights

@@ -24,7 +24,7 @@ from gateway.contract import (
     StateRecord,
     ValueRecord,
 )
-from gateway.mqtt.message import Message
+from gateway.mqtt import Message
 from gateway.plugins.sparkplug.metrics import MetricFact, alarm_facts, defined, described, facts_of, filled
 from gateway.plugins.sparkplug.payload import (
     BAD,

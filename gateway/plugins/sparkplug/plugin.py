@@ -10,7 +10,7 @@ from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.values import SCHEMES, split_url
 from gateway.contract import EventCode, Severity, event_of
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt import BrokerSettings
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.sparkplug.settings import SparkplugSettings
 

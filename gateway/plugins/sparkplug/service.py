@@ -17,10 +17,7 @@ from math import inf
 from gateway import __version__
 from gateway.contract import EventCode, ForgetRecord, Record, ResultRecord, Severity
 from gateway.errors import BrokerError
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
-from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt import Attempts, BrokerSettings, Incoming, Session, SessionParts
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper
 from gateway.plugins.sparkplug.host_commands import MOST_BYTES, HostCommands

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.contract import Operator
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt import BrokerSettings
 from gateway.plugins.sparkplug.topics import EdgeTopics
 
 

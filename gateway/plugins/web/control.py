@@ -18,11 +18,7 @@ from gateway.contract import (
     read_body,
     read_leniently,
 )
-from gateway.families.command.build import prepare, verbs
-from gateway.families.profile.load import load_profile
-from gateway.families.profile.parameters import raw_limits, settable_words
-from gateway.families.profile.rows import OFF, Access, Parameter
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families import OFF, Access, Parameter, Profile, Variant, command, load_profile, parameters
 from gateway.plugins.interface import Gateway
 from gateway.plugins.web.accounts import WEB, WebSession
 from gateway.starters.commands.submit import Results
@@ -73,7 +69,7 @@ class Control:
         view = self._gateway.starters.get(starter)
         if view is None:
             return []
-        known = *verbs(view.profile), *OWN_VERBS
+        known = *command.verbs(view.profile), *OWN_VERBS
         two_step = self._gateway.policy.rulebook.of(starter).two_step
         offers = []
         for verb, args in _OFFERS:
@@ -128,7 +124,7 @@ def rows_of(profile: Profile, variant: Variant) -> Iterator[dict[str, Any]]:
     for row in profile.parameters.values():
         if row.access is Access.NONE:
             continue
-        limits = raw_limits(row, variant)
+        limits = parameters.raw_limits(row, variant)
         scale = 10 ** (row.decimals or 0)
         labels = {str(number): label for number, label in profile.enums.get(row.enum, {}).items()}
         why_not = _why_not_set(profile, variant, row)
@@ -155,7 +151,7 @@ def sample_args(family: str, verb: str) -> Mapping[str, Any]:
                 continue
             args["value"] = _least(row)
         try:
-            prepare(profile, Variant(), verb, args)
+            command.prepare(profile, Variant(), verb, args)
         except CommandError:
             continue
         return args
@@ -165,7 +161,7 @@ def sample_args(family: str, verb: str) -> Mapping[str, Any]:
 def _why_not_set(profile: Profile, variant: Variant, row: Parameter) -> str:
     """Return why no `set` may name a row; empty when one may."""
     try:
-        settable_words(profile, variant, row, _least(row))
+        parameters.settable_words(profile, variant, row, _least(row))
     except CommandError as error:
         return "" if error.code in ("out_of_range", "bad_value") else error.text
     return ""

@@ -16,7 +16,7 @@ from gateway.config.convert import policy_of
 from gateway.config.schema import Config
 from gateway.config.values import split_listen
 from gateway.contract import EventCode, event_of
-from gateway.families.profile.load import load_profile
+from gateway.families import load_profile
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 
 MISSING = event_of(EventCode.WEB_AWAY, "missing")

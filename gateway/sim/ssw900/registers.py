@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from gateway.families.profile.rows import Access, Parameter, Type
+from gateway.families import Access, Parameter, Type
 from gateway.sim.core.requests import refuse_address, refuse_value
 
 LONGEST_STRICT = 2  # requests of more registers pass over what does not exist or cannot be written (7.3)

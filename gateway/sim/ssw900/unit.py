@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-from gateway.families.profile.load import load_profile
+from gateway.families import load_profile
 from gateway.modbus.timing import LineTiming
 from gateway.sim.core.power import MotorData, MotorState
 from gateway.sim.core.requests import refuse_address

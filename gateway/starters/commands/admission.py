@@ -18,10 +18,7 @@ from gateway.contract import (
     Reason,
     ResultCode,
 )
-from gateway.families.command.build import build, prepare, verbs
-from gateway.families.command.interlock import demand
-from gateway.families.profile.procedure import Preparation
-from gateway.families.reading import reads_for
+from gateway.families import Preparation, command, reading
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 from gateway.starters.identity.first_contact import IdentityStatus, not_matching
@@ -89,7 +86,7 @@ class Admission:
     def check_verb(self, name: str, verb: str) -> None:
         """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
         starter = self._starters.get(name)
-        if starter is not None and verb not in (*verbs(starter.profile), *OWN_VERBS):
+        if starter is not None and verb not in (*command.verbs(starter.profile), *OWN_VERBS):
             raise CommandError(
                 ResultCode.UNKNOWN_VERB, "starter", title=starter.profile.title, verb=verb[:40]
             )
@@ -113,18 +110,18 @@ class Admission:
         expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
         guard = self._policy.guard(request, expectations)
         known = {code for read in preparation.reads for code in read.codes}
-        more = reads_for(starter.profile, [code for code in guard.codes if code not in known])
+        more = reading.reads_for(starter.profile, [code for code in guard.codes if code not in known])
         return replace(preparation, reads=(*preparation.reads, *more)), guard
 
     def preview(self, request: CommandRequest, starter: StarterControlView, load: Load) -> None:
         """Judge a command, as if it were selected, by what was read last; nothing is counted or used up."""
         preparation = self._check_now(request, starter, load)
         points = starter.snapshot.good_values()
-        demand(starter.profile, preparation.requires, points)
+        command.demand(starter.profile, preparation.requires, points)
         self._policy.guard(request, ()).check(points)
         rows = starter.snapshot.rows
         if all(code in rows for read in preparation.reads for code in read.codes):
-            build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
+            command.build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
 
     def _check_now(self, request: CommandRequest, starter: StarterControlView, load: Load) -> Preparation:
         """Demand what can be judged without reading, whether or not the command was selected."""
@@ -139,7 +136,7 @@ class Admission:
     def check_target(self, request: CommandRequest, starter: StarterControlView) -> Preparation:
         """Demand that a command makes sense for a starter that answers, is known and not locked."""
         self.check_journal()
-        preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
+        preparation = command.prepare(starter.profile, starter.variant, request.verb, request.args)
         lock = self._policy.motor_history.lock_of(request.starter)
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)

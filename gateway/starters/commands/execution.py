@@ -10,13 +10,8 @@ from math import inf
 from typing import Any, TypeVar, assert_never
 
 from gateway.contract import CommandError, Note, Phase, Reason, ResultCode
-from gateway.families.command.build import TAKEN_BACK, build, release
-from gateway.families.command.interlock import demand
-from gateway.families.profile.decode import decode_row
-from gateway.families.profile.parameters import find
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, TakeBack, WriteStep
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Expect, Preparation, Procedure, TakeBack, WriteStep, command, decode, parameters
+from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.modbus.pdu import Request
 from gateway.starters.commands.admission import CAN_WAIT
@@ -160,7 +155,7 @@ class CommandExecution:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
             is_pending = reason.code in (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)
-            later = MAY_ACT_LATER if is_pending and self.report.request.verb in TAKEN_BACK else None
+            later = MAY_ACT_LATER if is_pending and self.report.request.verb in command.TAKEN_BACK else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self._outlook, later))
         if reason.code == ResultCode.INTERNAL:
             return Final(Phase.FAILED, reason)
@@ -207,10 +202,10 @@ class CommandExecution:
     def _judge(self, rows: Rows) -> Procedure:
         """Return the steps that follow from these rows; CommandError when a rule forbids them."""
         profile, request = self._starter.profile, self.report.request
-        demand(profile, self._preparation.requires, self._points(rows))
+        command.demand(profile, self._preparation.requires, self._points(rows))
         if self._guard is not None:
             self._guard.check(self._points(rows))
-        return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
+        return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
     async def _carry_out(self, procedure: Procedure) -> Final:
         """Write each step once, each only after what the one before has to bring about.
@@ -285,7 +280,7 @@ class CommandExecution:
             return None
         if isinstance(outcome, Answered) and await self._starter_io.is_refused(step.then.reads, _NOT_SET_UP):
             rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
-            demand(self._starter.profile, self._preparation.requires, self._points(rows))
+            command.demand(self._starter.profile, self._preparation.requires, self._points(rows))
             return None
         point, within_s = step.then.name, step.then.within_s
         reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
@@ -419,8 +414,8 @@ class CommandExecution:
         contradiction = self._starter.contradiction
         if contradiction:
             return {"value": None, "unit": "", "raw": list(words), "reason": contradiction}
-        row = find(self._starter.profile, code)
-        decoded = decode_row(self._starter.profile, self._starter.variant, row, words)
+        row = parameters.find(self._starter.profile, code)
+        decoded = decode.decode_row(self._starter.profile, self._starter.variant, row, words)
         return {
             "value": decoded.value,
             "unit": decoded.unit,
@@ -456,7 +451,9 @@ class CommandExecution:
         return await self._starter_io.see(released) is not None
 
     def _released_by(self, verb: str) -> Sequence[Request]:
-        return release(self._starter.profile, self._starter.variant, verb, seen=self._starter.snapshot.rows)
+        return command.release(
+            self._starter.profile, self._starter.variant, verb, seen=self._starter.snapshot.rows
+        )
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""

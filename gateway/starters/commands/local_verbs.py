@@ -24,8 +24,7 @@ from gateway.contract import (
     ResultCode,
     Severity,
 )
-from gateway.families.command.build import verbs
-from gateway.families.profile.state import state_of
+from gateway.families import command, state_of
 from gateway.starters.commands.admission import Admission
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.identity.registry import IdentityMismatch
@@ -204,7 +203,7 @@ class LocalVerbs:
 
     def _check_select(self, request: CommandRequest, starter: StarterControlView) -> None:
         target = target_of(request)
-        if target.verb == STOP or target.verb not in verbs(starter.profile):
+        if target.verb == STOP or target.verb not in command.verbs(starter.profile):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "not_selectable", verb=target.verb[:40])
         self._admission.check_target(target, starter)
         if _state(starter) == "unknown":

@@ -7,8 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode, ResultRecord
-from gateway.families.command.build import TAKEN_BACK
-from gateway.families.profile.state import state_of
+from gateway.families import command, state_of
 from gateway.starters.commands.execution import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import Reporting, audit
 from gateway.starters.telemetry.transitions import UNKNOWN
@@ -40,7 +39,7 @@ class Recovery:
         verb, state = self._remembered.result.verb, self._state()
         if self._remembered.may_be_written:
             outlook = LOOK if verb in STILL else MAY_BE_TURNING
-            notes = [Note("may_be_written"), outlook, MAY_ACT_LATER if verb in TAKEN_BACK else None]
+            notes = [Note("may_be_written"), outlook, MAY_ACT_LATER if verb in command.TAKEN_BACK else None]
             phase = Phase.UNCONFIRMED
         else:
             notes = [Note("nothing_written")]

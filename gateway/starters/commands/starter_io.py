@@ -10,11 +10,8 @@ from typing import Any, TypeVar, assert_never
 
 from gateway.contract import CommandError, Reason, ResultCode
 from gateway.errors import GatewayError
-from gateway.families.profile.decode import decode_points
-from gateway.families.profile.procedure import Expect, Read
-from gateway.families.reading import rows_in
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Expect, Read, decode, reading
+from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
 from gateway.starters.telemetry.view import StarterAccess
@@ -152,7 +149,7 @@ class StarterIo:
 
     def values(self, rows: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
         """Return what rows say: points by name, and the raw words by code."""
-        decoded = decode_points(self._starter.profile, self._starter.variant, rows)
+        decoded = decode.decode_points(self._starter.profile, self._starter.variant, rows)
         return {**rows, **{name: point.value for name, point in decoded.items()}}
 
     async def pause(self, seconds: float) -> None:
@@ -173,7 +170,7 @@ class StarterIo:
     def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
         match outcome:
             case Answered():
-                rows = rows_in(self._starter.profile, read, outcome.value)
+                rows = reading.rows_in(self._starter.profile, read, outcome.value)
                 self.seen_s = min(self.seen_s, _asked_s(outcome))
                 self._starter.take_rows(rows, at_s=outcome.at_s)
                 return rows

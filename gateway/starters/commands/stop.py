@@ -24,10 +24,8 @@ from math import inf
 from typing import Any, assert_never
 
 from gateway.contract import STOP, CommandRequest, EventCode, Note, Phase, Reason, ResultCode
-from gateway.families.command.build import build
-from gateway.families.profile.procedure import Procedure, Read, WriteStep
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Procedure, Read, WriteStep, command
+from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, Function
 from gateway.modbus.writes import MaskWriteRegister
 from gateway.starters.commands.execution import DECIDES_FOR_S, MAY_BE_TURNING
@@ -235,7 +233,7 @@ class Stopping:
         if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
             fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
             seen = fresh if fresh.keys() >= set(starter.profile.command_word) else {}
-        return build(starter.profile, starter.variant, STOP, {}, seen=seen)
+        return command.build(starter.profile, starter.variant, STOP, {}, seen=seen)
 
     # The readings
 

@@ -12,9 +12,8 @@ from dataclasses import replace
 from math import inf
 
 from gateway.contract import Note
-from gateway.families.diagnosis.identify import stop_note, stop_profile
-from gateway.families.profile.schema import Profile, Variant
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Profile, Variant, diagnosis
+from gateway.line import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.reporting import Emitter
@@ -31,12 +30,12 @@ class StopAddressee:
 
     def note(self, spoken: Collection[str]) -> Note | None:
         """Return what the result says of the words of a stop, sent in those of these families."""
-        return stop_note(self._starter.profile, self._starter.identity, spoken)
+        return diagnosis.stop_note(self._starter.profile, self._starter.identity, spoken)
 
     @property
     def profile(self) -> Profile:
         """The family that is spoken to."""
-        return stop_profile(self._starter.profile, self._starter.identity)
+        return diagnosis.stop_profile(self._starter.profile, self._starter.identity)
 
     @property
     def variant(self) -> Variant:

@@ -19,13 +19,8 @@ from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.errors import PortLostError
-from gateway.families.devices.device import Identity, Question
-from gateway.families.diagnosis.identify import identify, identify_requests, why_not
-from gateway.families.diagnosis.readiness import time_codes
-from gateway.families.reading import bulk_reads
-from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Identity, Question, diagnosis, reading
+from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT, ExceptionCode, Function
 from gateway.modbus.pdu import Request
@@ -69,7 +64,7 @@ def not_matching(standing: IdentityStatus, why: str) -> CommandError:
 
 def standing_of(setup: StarterSetup, identity: Identity) -> IdentityStatus:
     """Return whether an identity is the configured family."""
-    if why_not(setup.profile, identity) is None:
+    if diagnosis.why_not(setup.profile, identity) is None:
         return IdentityStatus.MATCHING
     proves_other = identity.family_seen is not None or identity.lacks
     return IdentityStatus.MISMATCHED if proves_other else IdentityStatus.UNKNOWN
@@ -90,7 +85,7 @@ class FirstContact:
         self._line = line
         self._on_rows = on_rows
         self._on_identity = on_identity
-        self._watchdog_reads = bulk_reads(setup.profile, time_codes(setup.profile))
+        self._watchdog_reads = reading.bulk_reads(setup.profile, diagnosis.time_codes(setup.profile))
         self._refusals: Counter[str] = Counter()  # by what is refused: rounds since it was answered
         self._task = SupervisedTask(f"first contact {setup.name}")
         self.close = self._task.close
@@ -215,7 +210,7 @@ class FirstContact:
         """
         outcomes: dict[Question, Outcome] = {}
         doubtful: dict[int, Outcome] = {}  # by function
-        for question in identify_requests(self._setup.profile):
+        for question in diagnosis.identify_requests(self._setup.profile):
             function = question.request.function
             if question.is_for_doubt and not is_thorough:
                 continue
@@ -239,7 +234,9 @@ class FirstContact:
 
     def _identity_by(self, outcomes: Mapping[Question, Outcome]) -> Identity:
         """Return who has given these answers, and what it has refused too often."""
-        identity = identify(self._setup.profile, {q.tag: _answer(out) for q, out in outcomes.items()})
+        identity = diagnosis.identify(
+            self._setup.profile, {q.tag: _answer(out) for q, out in outcomes.items()}
+        )
         self._count_refusals(outcomes)
         if identity.family_seen in (None, self._setup.profile.family):  # another name says more
             identity = replace(identity, lacks=identity.lacks or self._lacking())

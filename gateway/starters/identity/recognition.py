@@ -11,12 +11,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 
-from gateway.families.devices.device import Question
-from gateway.families.diagnosis.identify import identify, identify_requests
-from gateway.families.profile.schema import Profile
-from gateway.line.rtu.bus_faults import whole_frame
-from gateway.line.rtu.late_replies import LATE_S
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
+from gateway.families import Profile, Question, diagnosis
+from gateway.line import LATE_S, Answered, Garbled, Outcome, Refused, whole_frame
 from gateway.modbus.codes import EXCEPTION_BIT
 
 Put = Callable[[Question], Awaitable[Outcome]]
@@ -32,7 +28,7 @@ class Recognition:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        questions = identify_requests(profile)
+        questions = diagnosis.identify_requests(profile)
         self._questions = tuple(q for q in questions if q.is_distinctive or q.is_always_there)
         self.is_hidden = any(q.is_distinctive for q in questions)  # the polls might not show another device
         self._said: dict[Question, Outcome] = {}
@@ -68,7 +64,7 @@ class Recognition:
             if not isinstance(outcome, Answered) and not isinstance(outcome, Refused):
                 continue
             if isinstance(outcome, Answered):
-                family = identify(self._profile, {question.tag: outcome.value}).family_seen
+                family = diagnosis.identify(self._profile, {question.tag: outcome.value}).family_seen
                 if family not in (None, self._profile.family):
                     return True
             if _is_clear(outcome):

@@ -19,8 +19,7 @@ from gateway.contract import (
     phrase,
 )
 from gateway.errors import DamagedError
-from gateway.families.devices.device import Identity
-from gateway.families.profile.decode import rated_current_a
+from gateway.families import Identity, decode
 from gateway.starters.setup import StarterSetup
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
@@ -122,7 +121,7 @@ def contradicts(model: str | None, seen: Fingerprint) -> bool:
     series = _SERIES.match(ours), _SERIES.match(theirs)
     if series[0] and series[1] and series[0][1] != series[1][1]:
         return True
-    current_a = rated_current_a(model)
+    current_a = decode.rated_current_a(model)
     return current_a is not None and not _may_have(seen, current_a)
 
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from gateway.families.profile.decode import Value, decode_row
-from gateway.families.profile.parameters import factory_settings, find
-from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading import is_setting
+from gateway.families import Profile, Variant, decode, parameters, reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +13,7 @@ class ParameterEntry:
     """One parameter's value; None where the file or the starter does not give it."""
 
     name: str = ""
-    value: Value = None
+    value: decode.Value = None
     label: str | None = None
     unit: str = ""
     raw: tuple[int, ...] | None = None
@@ -67,8 +64,8 @@ def entries_of(
     order = {code: place for place, code in enumerate(profile.parameters)}
     found: dict[str, ParameterEntry] = {}
     for code in sorted(rows, key=lambda each: (order.get(each, len(order)), each)):
-        row = find(profile, code)
-        decoded = decode_row(profile, variant, row, rows[code])
+        row = parameters.find(profile, code)
+        decoded = decode.decode_row(profile, variant, row, rows[code])
         found[code] = ParameterEntry(row.name, decoded.value, decoded.label, decoded.unit, decoded.raw)
     return found
 
@@ -76,7 +73,7 @@ def entries_of(
 def of_factory(profile: Profile, like: ParameterSet) -> tuple[ParameterSet, ParameterSet]:
     """Return the factory settings that the manual prints, and those rows of a set."""
     entries = entries_of(
-        profile, Variant(model=like.model, firmware=like.firmware), factory_settings(profile)
+        profile, Variant(model=like.model, firmware=like.firmware), parameters.factory_settings(profile)
     )
     held = {code: entry for code, entry in like.parameters.items() if code in entries}
     factory = {code: entry for code, entry in entries.items() if code in held}
@@ -90,7 +87,7 @@ def differences(
     found = []
     for code in dict.fromkeys((*before.parameters, *after.parameters)):
         row = profile.parameters.get(code)
-        if not with_readings and (row is None or not is_setting(profile, row)):
+        if not with_readings and (row is None or not reading.is_setting(profile, row)):
             continue
         one, other = before.parameters.get(code), after.parameters.get(code)
         if not _is_same(one, other):

@@ -7,13 +7,8 @@ from functools import partial
 from math import inf
 
 from gateway.contract import CommandError, Record, RecordWriter, ResultCode
-from gateway.families.devices.device import Identity, Question
-from gateway.families.diagnosis.identify import identify, identify_requests, why_not
-from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Profile, Variant
-from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Identity, Profile, Question, Read, Variant, diagnosis
+from gateway.line import Answered, LineClient, Outcome, Priority, Refused
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, not_matching, standing_of
@@ -62,18 +57,18 @@ class OfflineStarter:
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self.profile, self.identity) or ""
+        return diagnosis.why_not(self.profile, self.identity) or ""
 
     async def identify(self) -> None:
         """Identify the device; CommandError when none answers, or another than the configured one."""
-        outcomes = {q: await self._put(q) for q in identify_requests(self.profile)}
+        outcomes = {q: await self._put(q) for q in diagnosis.identify_requests(self.profile)}
         self.is_answering = any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
         if not self.is_answering:
             name, address = self.setup.name, self.setup.address
             raise CommandError(ResultCode.OFFLINE, "address", starter=name, address=address)
         self._recognition.note(outcomes)
         answers = {q.tag: out.value if isinstance(out, Answered) else None for q, out in outcomes.items()}
-        self.identity = identify(self.profile, answers)
+        self.identity = diagnosis.identify(self.profile, answers)
         standing = self.identity_standing
         if standing is not IdentityStatus.MATCHING:
             raise not_matching(standing, self.identity_reason)

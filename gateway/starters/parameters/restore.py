@@ -16,7 +16,7 @@ from gateway.contract import (
     ResultCode,
     ResultRecord,
 )
-from gateway.families.profile.decode import Value
+from gateway.families import decode
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Reporting
@@ -123,7 +123,7 @@ def _groups(changes: tuple[PlannedWrite, ...]) -> Iterator[tuple[PlannedWrite, .
     yield from ((change,) for change in changes if not change.is_configuration)
 
 
-def _command(group: tuple[PlannedWrite, ...]) -> tuple[str, Mapping[str, Value]]:
+def _command(group: tuple[PlannedWrite, ...]) -> tuple[str, Mapping[str, decode.Value]]:
     if group[0].is_configuration:
         return "configure", {change.code: change.value for change in group}
     return "set", {"parameter": group[0].code, "value": group[0].value}

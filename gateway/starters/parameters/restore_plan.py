@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.command.build import prepare
-from gateway.families.command.run_command import with_standstill
-from gateway.families.profile.decode import Value
-from gateway.families.profile.parameters import settable_words
-from gateway.families.profile.procedure import Preparation
-from gateway.families.profile.rows import Parameter
-from gateway.families.profile.schema import Profile, Variant
-from gateway.families.profile.word_types import TYPE_LIMITS, from_words
-from gateway.families.reading import holds, is_setting
+from gateway.families import (
+    TYPE_LIMITS,
+    Parameter,
+    Preparation,
+    Profile,
+    Variant,
+    command,
+    decode,
+    from_words,
+    parameters,
+    reading,
+)
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
 
 
@@ -27,7 +30,7 @@ class PlannedWrite:
     name: str
     before: ParameterEntry
     after: ParameterEntry
-    value: Value  # what a `set` is given
+    value: decode.Value  # what a `set` is given
     is_configuration: bool  # SST: all of them go through one `configure`
 
     @property
@@ -61,7 +64,7 @@ def plan_restore(
     left: dict[str, str] = {}
     for code, entry in wanted.parameters.items():
         row = profile.parameters.get(code)
-        if row is None or not is_setting(profile, row):
+        if row is None or not reading.is_setting(profile, row):
             continue
         if code not in seen:
             left[code] = "the starter does not give it"
@@ -81,12 +84,14 @@ def plan_restore(
 def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
     """Return the rows that must be read before a restore is planned."""
     rows = (profile.parameters.get(code) for code in wanted.parameters)
-    return tuple(row.code for row in rows if row is not None and is_setting(profile, row))
+    return tuple(row.code for row in rows if row is not None and reading.is_setting(profile, row))
 
 
-def prepare_change(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Value]) -> Preparation:
+def prepare_change(
+    profile: Profile, variant: Variant, verb: str, args: Mapping[str, decode.Value]
+) -> Preparation:
     """Return what a `set` or `configure` must read and demand, standstill included whatever the row says."""
-    return with_standstill(profile, prepare(profile, variant, verb, args))
+    return command.with_standstill(profile, command.prepare(profile, variant, verb, args))
 
 
 def _change(
@@ -104,16 +109,16 @@ def _change(
     if entry.raw is not None and len(entry.raw) != row.words:
         raise CommandError(ResultCode.BAD_VALUE, "words", words=row.words, given=len(entry.raw))
     value = _value(row, entry)
-    words = settable_words(profile, variant, row, value)
-    if entry.value is not None and settable_words(profile, variant, row, entry.value) != words:
+    words = parameters.settable_words(profile, variant, row, value)
+    if entry.value is not None and parameters.settable_words(profile, variant, row, entry.value) != words:
         raise CommandError(ResultCode.BAD_VALUE, "file")
-    if holds(row, words, seen):
+    if reading.holds(row, words, seen):
         return None
     after = entries_of(profile, variant, {row.code: words})[row.code]
     return PlannedWrite(row.code, row.name, now, after, value, row.is_configuration)
 
 
-def _value(row: Parameter, entry: ParameterEntry) -> Value:
+def _value(row: Parameter, entry: ParameterEntry) -> decode.Value:
     """Return what sets the row to a file's entry: its raw number in the row's unit, else the value itself."""
     if entry.raw is None or row.type not in TYPE_LIMITS:
         return entry.value

@@ -9,10 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.contract import CommandError, CommandRequest, LockRecord, Note, Reason, ResultCode
-from gateway.families.command.interlock import points_needed
-from gateway.families.profile.schema import Profile
-from gateway.families.profile.state import STATES, state_of
-from gateway.families.reading import rows_of_points
+from gateway.families import STATES, Profile, command, reading, state_of
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
 from gateway.storage.json_file import Saver
@@ -41,8 +38,8 @@ class Expectation:
         """Return the rows that must be read to judge."""
         names = [name for name in self._wanted if name != STATE]
         if STATE in self._wanted:
-            names += points_needed(self._profile, ("is_ready",))
-        return rows_of_points(self._profile, names)
+            names += command.points_needed(self._profile, ("is_ready",))
+        return reading.rows_of_points(self._profile, names)
 
     def check(self, points: Mapping[str, Any]) -> None:
         """Raise CommandError unless all is as expected."""

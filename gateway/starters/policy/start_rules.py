@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.profile.arguments import to_switch
+from gateway.families import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.system.rate_limits import Bucket, Rate
 

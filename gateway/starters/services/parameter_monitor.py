@@ -10,12 +10,8 @@ from typing import Any
 
 from gateway.contract import CommandError, Event, EventCode, event_of
 from gateway.errors import PortLostError
-from gateway.families.diagnosis.readiness import watchdog_codes
-from gateway.families.profile.parameters import find, to_words
-from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import bulk_reads, is_set_by_people
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Profile, Read, Variant, diagnosis, once_per_profile, parameters, reading
+from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
@@ -26,7 +22,7 @@ from gateway.system.supervised import SupervisedTask
 @once_per_profile
 def watched_codes(profile: Profile) -> tuple[str, ...]:
     """Return the settings of a family that change only when somebody sets them."""
-    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(profile, row))
+    return tuple(row.code for row in profile.parameters.values() if reading.is_set_by_people(profile, row))
 
 
 class ParameterChanges:
@@ -46,8 +42,8 @@ class ParameterChanges:
         """
         for code, value in rows_set(verb, args).items():
             try:
-                row = find(self._profile, code)
-                words = to_words(self._profile, row, value, variant=variant)
+                row = parameters.find(self._profile, code)
+                words = parameters.to_words(self._profile, row, value, variant=variant)
             except CommandError:  # it is refused then
                 continue
             self._ours[row.code] = words
@@ -184,7 +180,7 @@ class ParameterMonitor:
     def _is_asked_again(self, code: str) -> bool:
         """Return whether a row that was refused, each time a lap apart, is asked for in the next lap."""
         count = self._refusals[code] = self._refusals.get(code, 0) + 1
-        return count < REFUSALS or code in watchdog_codes(self._starter.profile)
+        return count < REFUSALS or code in diagnosis.watchdog_codes(self._starter.profile)
 
     def _ask_again_each_hour(self) -> None:
         """Ask for everything again that was refused in the hour before."""
@@ -203,4 +199,4 @@ def _lap_of(profile: Profile) -> tuple[Read, ...]:
 
 
 def _planned(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
-    return bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))
+    return reading.bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))

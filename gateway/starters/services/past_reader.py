@@ -14,10 +14,8 @@ from typing import Any, Protocol
 
 from gateway.contract import CommandError
 from gateway.errors import PortLostError
-from gateway.families.profile.decode import alarm_code
-from gateway.families.profile.schema import Profile
-from gateway.families.reading import bulk_reads
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Profile, decode, reading
+from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
@@ -108,7 +106,7 @@ class PastReader:
         if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
             return {}
         longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
-        reads = bulk_reads(starter.profile, codes, longest=longest)
+        reads = reading.bulk_reads(starter.profile, codes, longest=longest)
         ask = partial(starter.ask, lane=Priority.PATROL)
         try:
             found = await read_in_bulk(ask, starter.profile, reads, tries=1)
@@ -136,5 +134,5 @@ def _shown(profile: Profile, code: str, entry: ParameterEntry) -> dict[str, Any]
     if entry.label is not None:
         shown["label"] = entry.label
     if code in profile.alarm_rows and isinstance(entry.value, int) and entry.value:
-        shown["alarm"] = alarm_code(profile.alarm_rows[code], entry.value)
+        shown["alarm"] = decode.alarm_code(profile.alarm_rows[code], entry.value)
     return shown

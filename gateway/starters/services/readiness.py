@@ -11,17 +11,8 @@ from typing import Any
 
 from gateway.contract import CommandError, EventCode, Severity, phrase
 from gateway.errors import PortLostError
-from gateway.families.devices.findings import Finding, Weight
-from gateway.families.diagnosis.identify import slot_trouble
-from gateway.families.diagnosis.readiness import (
-    readiness,
-    readiness_codes,
-    refuses_start,
-    watchdog_codes,
-    watchdogs,
-)
-from gateway.families.reading import bulk_reads
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Finding, Weight, diagnosis, reading
+from gateway.line import Priority
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.rate_limits import ChangeDetector
@@ -73,7 +64,7 @@ class ReadinessService:
         missing = {
             code: why
             for code, why in found.refused.items()
-            if code in watchdog_codes(profile) and profile.parameters[code].is_sure
+            if code in diagnosis.watchdog_codes(profile) and profile.parameters[code].is_sure
         }
         rows = "; ".join(
             phrase(EventCode.DEGRADED, "row_refused", code=code, why=why) for code, why in missing.items()
@@ -84,19 +75,21 @@ class ReadinessService:
 
     async def _read(self) -> BulkReading:
         profile = self._starter.profile
-        reads = bulk_reads(profile, readiness_codes(profile))
+        reads = reading.bulk_reads(profile, diagnosis.readiness_codes(profile))
         ask = partial(self._starter.ask, lane=Priority.PATROL)
         return await read_in_bulk(ask, profile, reads, tries=1)
 
     def _publish(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter
-        findings = readiness(
+        findings = diagnosis.readiness(
             starter.profile,
             starter.variant,
             rows,
             gap_s=starter.status_period_s or None,
             watchdog_s=starter.setup.watchdog_s,
-            slot_trouble=slot_trouble(starter.setup.profile, starter.setup.variant, starter.identity),
+            slot_trouble=diagnosis.slot_trouble(
+                starter.setup.profile, starter.setup.variant, starter.identity
+            ),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._news.is_new(said):
@@ -105,11 +98,11 @@ class ReadinessService:
         starter.emitter.event(
             EventCode.READINESS,
             severity=_SEVERITIES[findings[0].weight],  # errors come first
-            would_refuse_start=refuses_start(findings),
+            would_refuse_start=diagnosis.refuses_start(findings),
             findings=[_as_data(finding) for finding in findings],
             watchdogs=[
                 {"parameter": each.code, "after_s": each.after_s, "does": each.does}
-                for each in watchdogs(starter.profile, starter.variant, rows)
+                for each in diagnosis.watchdogs(starter.profile, starter.variant, rows)
             ],
             problems=problems or phrase(EventCode.READINESS, "ready"),
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.contract import AuditRecord, EventCode, EventRecord, Record
-from gateway.families.diagnosis.readiness import readiness_codes
+from gateway.families import diagnosis
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
@@ -25,7 +25,11 @@ class _ServicesOfOne:
 
     def is_about_readiness(self, record: AuditRecord) -> bool:
         """Return whether a command has set a row that says how ready the starter is, or its watchdog."""
-        return not rows_set(record.verb, record.args).keys().isdisjoint(readiness_codes(self.starter.profile))
+        return (
+            not rows_set(record.verb, record.args)
+            .keys()
+            .isdisjoint(diagnosis.readiness_codes(self.starter.profile))
+        )
 
     async def close(self) -> None:
         if self.past is not None:

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gateway.families.profile.decode import Decoded, decode_points
-from gateway.families.profile.rows import Type
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.profile.word_types import TYPE_LIMITS
-from gateway.families.reading import Block, rows_of_points
+from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
 
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
@@ -23,7 +19,9 @@ class PointSources:
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._fed_by: dict[frozenset[str], tuple[str, ...]] = {}  # the same few blocks come again
-        self._codes_of = {name: frozenset(rows_of_points(profile, (name,))) for name in profile.points}
+        self._codes_of = {
+            name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
+        }
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
@@ -46,7 +44,7 @@ class PointSources:
         """Return the points that depend on freshly read rows, decoded from these and from `known` ones."""
         fed = self.fed_by(rows)
         others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
-        decoded = decode_points(self._profile, variant, {**others, **rows}, names=fed)
+        decoded = decode.decode_points(self._profile, variant, {**others, **rows}, names=fed)
         missing = tuple(name for name in fed if name not in decoded)
         return DecodedPoints({name: decoded[name] for name in fed if name in decoded}, missing)
 
@@ -103,7 +101,7 @@ def type_of(profile: Profile, name: str) -> str:
 class DecodedPoints(NamedTuple):
     """The points that were decoded from rows, and those for which a row was missing."""
 
-    points: Mapping[str, Decoded]
+    points: Mapping[str, decode.Decoded]
     missing: tuple[str, ...]
 
 
@@ -115,7 +113,7 @@ class Answer(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    block: Block
+    block: reading.Block
     variant: Variant
     value: Sequence[Any]
     answer: Answer
@@ -129,7 +127,7 @@ class AnswerCache:
         self._sources = sources
         self._memories: dict[str, _Memory] = {}  # by the poll's key
 
-    def read(self, key: str, block: Block, variant: Variant, value: Sequence[Any]) -> Answer:
+    def read(self, key: str, block: reading.Block, variant: Variant, value: Sequence[Any]) -> Answer:
         """Return what an answer says."""
         known = self._memories.get(key)
         if known and known.block is block and known.variant is variant and known.value == value:

@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.contract import OWN_VERBS, InfoRecord
-from gateway.families.command.build import verbs
-from gateway.families.devices.device import Identity
-from gateway.families.profile.names import meaning_of, printed_name
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
+from gateway.families import Identity, Profile, Variant, command, meaning_of, once_per_profile, printed_name
 from gateway.starters.own_points import own_points
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
@@ -27,7 +24,7 @@ def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRe
         line=setup.line,
         address=setup.address,
         points=_descriptions(profile),
-        commands=(*verbs(profile), *OWN_VERBS),
+        commands=(*command.verbs(profile), *OWN_VERBS),
         hardware=identity.hardware,
         rated_current_a=variant.rated_current_a,
         rating=identity.rating,

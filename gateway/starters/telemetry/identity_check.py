@@ -13,11 +13,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 
 from gateway.contract import CommandError, EventCode, ResultCode
-from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import slot_trouble, stop_profile, why_not
-from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Garbled, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Identity, diagnosis
+from gateway.line import Garbled, LineClient, Priority, Silent
 from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, not_matching, standing_of
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
@@ -59,14 +56,14 @@ class IdentityCheck:
     @property
     def reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        trouble = why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
+        trouble = diagnosis.why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
         return trouble or self._slot_trouble
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
         if self.is_mismatched:
-            return why_not(self.setup.profile, self.seen) or ""
+            return diagnosis.why_not(self.setup.profile, self.seen) or ""
         return self._registry.contradiction(self.setup.name)
 
     def forget(self) -> None:
@@ -97,7 +94,7 @@ class IdentityCheck:
 
     def _see(self, identity: Identity) -> None:
         self.seen, self._standing = identity, standing_of(self.setup, identity)
-        self._slot_trouble = slot_trouble(self.setup.profile, self.setup.variant, identity)
+        self._slot_trouble = diagnosis.slot_trouble(self.setup.profile, self.setup.variant, identity)
 
     def _publish_slot(self) -> None:
         """Publish once that commands are held because the accessory sits in another slot."""
@@ -115,7 +112,9 @@ class IdentityCheck:
     def _publish_held(self) -> None:
         """Publish that commands are held: another device answers, or it is not known which one does."""
         if self.is_mismatched:
-            stop_profile(self.setup.profile, self.seen)  # loaded now, so that a stop need not wait for it
+            diagnosis.stop_profile(
+                self.setup.profile, self.seen
+            )  # loaded now, so that a stop need not wait for it
             self._emitter.event(
                 EventCode.IDENTITY_MISMATCH,
                 expected=self.setup.profile.family,
@@ -203,7 +202,7 @@ class Contact:
             if not asked.done():
                 asked.cancel()
                 raise CommandError(ResultCode.NO_ANSWER, "identity")
-            why = why_not(setup.profile, asked.result())
+            why = diagnosis.why_not(setup.profile, asked.result())
             if why is not None:
                 raise not_matching(standing_of(setup, asked.result()), why)
         if self._identity.standing is not IdentityStatus.MATCHING:

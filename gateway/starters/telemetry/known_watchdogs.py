@@ -15,18 +15,8 @@ from typing import Any, TypeVar
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.errors import DamagedError
-from gateway.families.diagnosis.readiness import shortest_s, watchdog_codes, written_rows
-from gateway.families.profile.procedure import Procedure
-from gateway.families.profile.schema import Profile, once_per_profile
-from gateway.line.capacity.deadline_check import (
-    Limits,
-    Missed,
-    missed_deadlines,
-    newly_missed,
-    shortest_limit_s,
-)
-from gateway.line.client import LineClient
-from gateway.line.scheduler.requests import Poll
+from gateway.families import Procedure, Profile, diagnosis, once_per_profile
+from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 from gateway.system.supervised import InThread
@@ -132,7 +122,11 @@ class KnownWatchdogs:
         CommandError, with both times, when it cannot; `end` must follow in any case.
         """
         setup = self._setups.get(name)
-        written = {} if setup is None else written_rows(setup.profile, (s.request for s in procedure.steps))
+        written = (
+            {}
+            if setup is None
+            else diagnosis.written_rows(setup.profile, (s.request for s in procedure.steps))
+        )
         if setup is None or not written:
             return
         await self._check(setup, written)
@@ -231,7 +225,7 @@ class KnownWatchdogs:
 @once_per_profile
 def setting_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that say what a starter's watchdog is."""
-    return frozenset(watchdog_codes(profile))
+    return frozenset(diagnosis.watchdog_codes(profile))
 
 
 def _rows_in(stored: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
@@ -249,31 +243,37 @@ def _shortest_s(setup: StarterSetup, rows: Rows) -> float | None:
         for code, words in rows.items()
         if code in parameters and len(words) == parameters[code].words
     }
-    return shortest_s(setup.profile, setup.variant, fitting)
+    return diagnosis.shortest_s(setup.profile, setup.variant, fitting)
 
 
 def _least(*limits_s: float | None) -> float | None:
     return min((limit_s for limit_s in limits_s if limit_s), default=None)
 
 
-def _why(missed: Missed) -> str:
+def _why(missed: capacity.Missed) -> str:
     if isinf(missed.gap_s):
         need = f"the watchdogs on this line would need {missed.load:.0%} of its time"
         return f"the deadline of a watchdog of {missed.limit_s:g} s cannot be met: {need}"
     return f"a watchdog of {missed.limit_s:g} s is missed: {missed.gap_s:.2f} s may pass between two requests"
 
 
-def _missed_on(setups: Sequence[StarterSetup], limits_s: Limits) -> dict[str, str]:
+def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
     if not setups or setups[0].timing is None:
         return {}
     polls = [poll for setup in setups for poll in polls_of(setup)]
     names = {setup.address: setup.name for setup in setups}
-    missed = missed_deadlines(polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s)
+    missed = capacity.missed_deadlines(
+        polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s
+    )
     return {names[each.unit]: _why(each) for each in missed}
 
 
 def _refusal(
-    setup: StarterSetup, on_line: Iterable[StarterSetup], *, before_s: Limits, after_s: Limits
+    setup: StarterSetup,
+    on_line: Iterable[StarterSetup],
+    *,
+    before_s: capacity.Limits,
+    after_s: capacity.Limits,
 ) -> CommandError | None:
     """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
     names = {each.address: each.name for each in on_line}
@@ -281,11 +281,13 @@ def _refusal(
     if setup.timing is None:
         return None
     allowance_s = setup.allowance_s
-    missed = newly_missed(polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
+    missed = capacity.newly_missed(
+        polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s
+    )
     if not missed:
         return None
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
-    shortest_s = shortest_limit_s(
+    shortest_s = capacity.shortest_limit_s(
         polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
     )
     name, limit_s = names[first.unit], first.limit_s

@@ -16,11 +16,8 @@ from dataclasses import dataclass, field, replace
 from math import inf
 
 from gateway.contract import EventCode, phrase
-from gateway.families.diagnosis.readiness import watchdog_codes
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import Block, plan_blocks, rows_of_points, split
-from gateway.line.client import LineClient
-from gateway.line.scheduler.line_time import FREE_PERIOD_S
+from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
+from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.starters.setup import StarterSetup, blocks_of
 from gateway.system.rate_limits import backoff_s
 
@@ -88,14 +85,14 @@ class Splits:
 class _Polled:
     """One block under way; times on the steady clock."""
 
-    block: Block
+    block: reading.Block
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost
     gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
     is_overdue: bool = False
     refusals: Refusals = field(default_factory=Refusals)
-    whole: Block | None = None  # of which this is one row, since it was refused
+    whole: reading.Block | None = None  # of which this is one row, since it was refused
 
     @property
     def is_refused(self) -> bool:
@@ -139,7 +136,7 @@ class Polling:
         self._splits: dict[str, Splits] = {}  # by block
         self._given_up_s: float | None = None  # when a row was given up last; None when all are asked for
 
-    def block(self, key: str) -> Block | None:
+    def block(self, key: str) -> reading.Block | None:
         """Return what a poll asks for; None when it is no longer ours."""
         polled = self._polled.get(key)
         return None if polled is None else polled.block
@@ -179,7 +176,7 @@ class Polling:
             self._line.remove_poll(key)
         return polled.block.codes
 
-    def is_vital(self, block: Block) -> bool:
+    def is_vital(self, block: reading.Block) -> bool:
         """Return whether a block has a row that decides state, fault or watchdog."""
         return not self._vital.isdisjoint(block.codes)
 
@@ -198,10 +195,10 @@ class Polling:
         block = self._polled.pop(key).block
         self._line.remove_poll(key)
         self._splits.setdefault(block.name, Splits()).note(now_s)
-        for single in split(block):
+        for single in reading.split(block):
             self._add(single, whole=block)
 
-    def _rejoin(self, whole: Block, now_s: float) -> None:
+    def _rejoin(self, whole: reading.Block, now_s: float) -> None:
         """Ask for a block as a whole again once each of its rows was answered alone."""
         parts = {key: polled for key, polled in self._polled.items() if polled.whole is whole}
         codes = {code for polled in parts.values() for code in polled.block.codes}
@@ -245,7 +242,7 @@ class Polling:
 
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
-        plan = plan_blocks(self._setup.profile, variant, timing=self._setup.timing)
+        plan = reading.plan_blocks(self._setup.profile, variant, timing=self._setup.timing)
         if plan != self._plan:
             self._plan = plan
             self._replace(plan)
@@ -313,10 +310,10 @@ class Polling:
         """Return the age up to which a row of the status is still current."""
         return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
 
-    def _begin(self, block: Block) -> _Polled:
+    def _begin(self, block: reading.Block) -> _Polled:
         return _Polled(block, self._every_s(block))
 
-    def _add(self, block: Block, *, whole: Block | None = None) -> None:
+    def _add(self, block: reading.Block, *, whole: reading.Block | None = None) -> None:
         key = self._setup.key_of(block)
         if key not in self._polled:
             self._polled[key] = self._begin(block)
@@ -324,7 +321,7 @@ class Polling:
             poll = self._setup.poll_of(block, every_s=self._polled[key].every_s)
             self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
 
-    def _replace(self, plan: tuple[Block, ...]) -> None:
+    def _replace(self, plan: tuple[reading.Block, ...]) -> None:
         wanted = {self._setup.key_of(block): block for block in plan}
         for key in [key for key, polled in self._polled.items() if wanted.get(key) != polled.block]:
             del self._polled[key]
@@ -332,7 +329,7 @@ class Polling:
         for block in plan:
             self._add(block)
 
-    def _every_s(self, block: Block) -> float:
+    def _every_s(self, block: reading.Block) -> float:
         every_s = self._setup.period_of(block)
         if self._is_fast and block.group != "slow":
             return min(every_s, FAST_S)
@@ -343,7 +340,10 @@ class Polling:
 def vital_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that decide state, fault or watchdog and that the starter surely has."""
     status = (name for name, point in profile.points.items() if point.group == "status")
-    codes = (*rows_of_points(profile, (*status, *_numbers(profile))), *watchdog_codes(profile))
+    codes = (
+        *reading.rows_of_points(profile, (*status, *_numbers(profile))),
+        *diagnosis.watchdog_codes(profile),
+    )
     return frozenset(code for code in codes if profile.parameters[code].is_sure)
 
 

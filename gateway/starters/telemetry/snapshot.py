@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from gateway.contract import Quality
-from gateway.families.profile.decode import Decoded
+from gateway.families import decode
 
 Value = bool | int | float | str | None
 
@@ -50,7 +50,7 @@ class Snapshot:
         """Return the raw words read last, by the manual's code, however old."""
         return self._rows
 
-    def apply(self, decoded: Mapping[str, Decoded], *, at_s: float, time_s: float) -> None:
+    def apply(self, decoded: Mapping[str, decode.Decoded], *, at_s: float, time_s: float) -> None:
         """Record points just read; a value that cannot be decoded is bad, an older one is ignored."""
         for name, new in decoded.items():
             old = self._readings[name]

@@ -8,11 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from gateway.contract import Quality, Record, StarterState
-from gateway.families.devices import device_of
-from gateway.families.profile.rows import Alarm
-from gateway.families.profile.schema import Profile, once_per_profile
-from gateway.families.profile.state import state_of
-from gateway.families.reading import rows_of_points
+from gateway.families import Alarm, Profile, device_of, once_per_profile, reading, state_of
 from gateway.starters.telemetry.decoding import flags_of
 from gateway.starters.telemetry.reporting import TICK_S, Emitter
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag
@@ -40,7 +36,9 @@ Values = Sequence[Mapping[str, Any]]  # of the seconds before an event, the olde
 @once_per_profile
 def status_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that say whether there is a fault or an alarm."""
-    return frozenset(rows_of_points(profile, (name for name in SUMMARY_FLAGS if name in profile.points)))
+    return frozenset(
+        reading.rows_of_points(profile, (name for name in SUMMARY_FLAGS if name in profile.points))
+    )
 
 
 class Status:

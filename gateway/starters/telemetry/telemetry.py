@@ -10,12 +10,8 @@ from dataclasses import replace
 from typing import assert_never
 
 from gateway.contract import EventCode, RecordWriter, phrase
-from gateway.families.devices.device import Identity
-from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading import Block
-from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Poll, Priority
+from gateway.families import Identity, Profile, Variant, reading
+from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
@@ -295,7 +291,7 @@ class StarterTelemetry:
             self.snapshot.refuse(decoded.missing)
         return decoded.points.keys()
 
-    def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
+    def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
         self._polling.note_answer(key, at_s=answer.at_s)
         if self._contact.gap:
@@ -305,7 +301,7 @@ class StarterTelemetry:
         self._record(said.rows, at_s=answer.at_s)
         self._take_decoded(said.rows, answer.at_s, said.decoded)
 
-    def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
+    def _take_refusal(self, key: str, block: reading.Block, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
         why = exception_name(refusal.code)
         if not refusal.is_lasting:

@@ -16,7 +16,7 @@ from typing import Any
 
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
 from gateway.errors import DamagedError
-from gateway.families.profile.rows import Alarm
+from gateway.families import Alarm
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 UNKNOWN = "unknown"

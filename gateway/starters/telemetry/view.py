@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from math import inf
 from typing import Protocol
 
-from gateway.families.devices.device import Identity
-from gateway.families.profile.schema import Profile, Variant
-from gateway.line.client import LineClient
-from gateway.line.scheduler.requests import Priority
+from gateway.families import Identity, Profile, Variant
+from gateway.line import LineClient, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup

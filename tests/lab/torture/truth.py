@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.contract import to_level
 from gateway.errors import GatewayError
-from gateway.families.diagnosis.identify import identify, identify_requests
+from gateway.families.diagnosis.identification import identify, identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
