@@ -166,6 +166,13 @@ def imports_across_rooms() -> dict[str, tuple[int, int]]:
     return found
 
 
+def door_names(room: str) -> list[str]:
+    """Return the names that a room's front door gives."""
+    tree = _tree(CODE / room / "__init__.py")
+    imports = (node for node in tree.body if isinstance(node, ast.ImportFrom))
+    return [alias.asname or alias.name for node in imports for alias in node.names]
+
+
 def internal_constructions() -> Counter[str]:
     """Return how often the tests construct each class of the product that a module of theirs imports."""
     own = {each.name for each in classes()}

@@ -25,7 +25,9 @@ COMMANDS = [command for name in FAMILIES for command in load_profile(name).comma
 # Where a code or a case is not written out: what it may be.
 CODES: dict[str, Collection[str]] = {
     "families/command/interlock.py": {*RULES.values(), *_STATE_CODES.values()},
-    "families/command/procedures.py": {each.refusal for command in COMMANDS for each in command.ceilings.values()},
+    "families/command/procedures.py": {
+        each.refusal for command in COMMANDS for each in command.ceilings.values()
+    },
     "starters/policy/preconditions.py": {ResultCode.NOT_AS_EXPECTED, ResultCode.STATE_CHANGED},
     "starters/identity/first_contact.py": {
         each.value for each in IdentityStatus if each is not IdentityStatus.MATCHING

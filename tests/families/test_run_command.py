@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from gateway.contract import CommandError, Note
-from gateway.families.command.procedures import build, prepare, verbs
 from gateway.families.command.interlock import check
+from gateway.families.command.procedures import build, prepare, verbs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Procedure, WriteStep
 from gateway.families.profile.rows import Parameter

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.command.procedures import build, prepare
 from gateway.families.command.interlock import check
+from gateway.families.command.procedures import build, prepare
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Read
