@@ -17,7 +17,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from gateway.contract import CommandError, ResultCode
+from gateway.contract import CommandError, EventCode, ResultCode, phrase
 from gateway.errors import PortLostError
 from gateway.families import Identity, Question, diagnosis, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
@@ -309,8 +309,9 @@ class FirstContact:
 
     def _lacking(self) -> str:
         """Return what it has refused too often for a chance; empty for nothing."""
-        lacking = sorted(what for what, count in self._refusals.items() if count >= REFUSED_ROUNDS)
-        return f"it refuses {', '.join(lacking)}" if lacking else ""
+        lacking = (part for part, count in self._refusals.items() if count >= REFUSED_ROUNDS)
+        parts = ", ".join(sorted(lacking))
+        return phrase(EventCode.IDENTITY_UNKNOWN, "refuses", parts=parts) if parts else ""
 
     def _is_without(self, function: int, outcome: Outcome) -> bool:
         if isinstance(outcome, Refused):

@@ -13,7 +13,7 @@ from functools import partial
 from math import isinf
 from typing import Any, TypeVar
 
-from gateway.contract import CommandError, Note, Reason, ResultCode
+from gateway.contract import CommandError, EventCode, Note, Reason, ResultCode, phrase
 from gateway.errors import DamagedError
 from gateway.families import Procedure, Profile, diagnosis, once_per_profile
 from gateway.line import LineClient, Poll, capacity
@@ -252,9 +252,8 @@ def _least(*limits_s: float | None) -> float | None:
 
 def _why(missed: capacity.Missed) -> str:
     if isinf(missed.gap_s):
-        need = f"the watchdogs on this line would need {missed.load:.0%} of its time"
-        return f"the deadline of a watchdog of {missed.limit_s:g} s cannot be met: {need}"
-    return f"a watchdog of {missed.limit_s:g} s is missed: {missed.gap_s:.2f} s may pass between two requests"
+        return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
+    return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
 
 
 def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:

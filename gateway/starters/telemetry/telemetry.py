@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from gateway.contract import EventCode, RecordWriter, phrase
+from gateway.contract import EventCode, RecordWriter, joined, phrase
 from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
 from gateway.modbus.codes import exception_name
@@ -371,8 +371,8 @@ class StarterTelemetry:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
             reason, before = self.availability.lost_reason, self._identity.before_silence
-            why = (reason and f"it went silent: {reason}", before and f"before: {before}")
-            return "; ".join(filter(None, why))
+            gone = phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
+            return joined(gone, before and phrase(EventCode.WENT_SILENT, "earlier", contradiction=before))
         return "it is being identified" if self._contact.withheld.is_open else self.snapshot.distrust_reason
 
     def _judge_values(self) -> None:
