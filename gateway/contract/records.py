@@ -82,6 +82,7 @@ ReadTime = BeforeValidator(_read_time)
 Measured = Annotated[float | None, _rounded(4)]
 
 _SERIALIZERS: dict[type, SchemaSerializer] = {}
+_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 
 
 def _serializer_of(record: object) -> SchemaSerializer:
@@ -138,14 +139,12 @@ class Record:
             return encoded(self.fields())
 
 
-@lru_cache
-def _adapter_of(kind: type[T]) -> TypeAdapter[T]:
-    return TypeAdapter(kind)
-
-
 def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     """Return an object from its JSON, with the names that stand in its topic; ValueError when it is none."""
-    return _adapter_of(kind).validate_python({**names, **data})
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    found: T = _ADAPTERS[kind].validate_python({**names, **data})
+    return found
 
 
 def stored(thing: object) -> dict[str, Any]:

@@ -15,8 +15,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from gateway.plugins.history.start_record import COLUMNS, StartSamples
-
+# What a sample may hold, by its key in the record; each is the point of that name, the thermal level that of
+# the family's profile.
+COLUMNS = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "thermal")
 MOST_SAMPLES = 1000  # in memory
 MOST_SHOWN = 300  # in the record: with six columns about 12 KB of JSON
 LONGEST_GAP = 0.25  # of the time computed over; more between two samples of the current, and nothing is said
@@ -122,7 +123,7 @@ class Curve:
         )
         return Sums(charge / length_s, heat, spacing, (course[1][1] ** 2, course[-2][1] ** 2))
 
-    def shown(self, zero_s: float) -> StartSamples:
+    def shown(self, zero_s: float) -> dict[str, tuple[float | None, ...]]:
         """Return the samples as they are stored and published, thinned if there are very many."""
         while len(self.at_s) > MOST_SHOWN:
             self._thin()
@@ -131,7 +132,7 @@ class Curve:
             for name, column in zip(COLUMNS, self._columns, strict=True)
             if not all(map(math.isnan, column))
         }
-        return StartSamples(tuple(round(at_s - zero_s, MS) for at_s in self.at_s), columns)
+        return {"t_s": tuple(round(at_s - zero_s, MS) for at_s in self.at_s), **columns}
 
     def _course(self, since_s: float, until_s: float) -> list[tuple[float, float]]:
         """Return the course of the current over this time, from its first to its last instant."""

@@ -72,7 +72,7 @@ class RecordCounts:
             case StartRecord():
                 self._starts[record.starter] += 1
             case TripRecord():
-                self._trips[record.starter, str(record.data.get("code", ""))] += 1
+                self._trips[record.starter, record.code] += 1
             case EventRecord():
                 if record.code == DRIFT:
                     self._drifts[record.starter] += 1
