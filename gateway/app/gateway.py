@@ -76,8 +76,8 @@ class App:
         parts.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
         await parts.plant.close()
         await parts.services.close()
-        self._history.cancel()
-        await asyncio.wait([self._history])
+        parts.history.end()
+        await self._history
         await parts.policy.identities.close()
         await parts.watchdogs.close()
         await parts.policy.published_faults.close()
@@ -122,7 +122,7 @@ class App:
         config, has_operators = site.config, bool(site.config.operators)
         parts.site = site
         ended = parts.plant.apply(changes)
-        parts.history.reconfigure(setups_in(config))
+        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
         parts.files.switch(has_operators=has_operators)
         for name in parts.policy.apply(policy_of(config), rights=rights_of(config)):
             parts.plant.starters[name].republish_state()

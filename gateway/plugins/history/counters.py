@@ -18,7 +18,7 @@ from typing import Annotated, Any
 from pydantic import Field, PlainSerializer
 
 from gateway.contract import read_stored
-from gateway.plugins.history.limits import Learnt
+from gateway.plugins.history.limits import NOTHING, Learnt
 from gateway.starters.telemetry.readings import Readings
 
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
@@ -65,7 +65,7 @@ class CountersRow:
     """What one run has stored; `is_whole`: with the sums of all earlier runs in it."""
 
     totals: Totals
-    thermal: Learnt = Learnt()
+    thermal: Learnt = NOTHING
     is_whole: bool = False
 
 

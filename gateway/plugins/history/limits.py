@@ -73,13 +73,16 @@ class Learnt:
         return Learnt((*self.taus_s, *taus_s)[-LEARNT:], (*self.heatings, *heatings)[-LEARNT:])
 
 
+NOTHING = Learnt()
+
+
 @dataclass(slots=True)
 class ThermalModel:
     """Learns how one motor heats and cools; levels are in the starter's unit, times on the steady clock."""
 
     trip_level: float  # at which the starter trips
     set_tau_s: float | None = None  # what the starter is set to
-    learnt: Learnt = Learnt()
+    learnt: Learnt = NOTHING
     _level: float | None = None
     _level_s: float = 0.0  # when it was read
     _fall: tuple[float, float] | None = None  # where the present fall began: time, level

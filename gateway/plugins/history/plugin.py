@@ -55,7 +55,7 @@ class MotorHistory:
     """The history of one motor; a bug in a part costs this part what it was just handed, no more."""
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
-        self.setup = setup
+        self.name = setup.name
         self.is_unread = False  # its rows could not be read
         self.values = MotorValues(setup, delivery, policy)
         self.starts = MotorStarts(setup, delivery)
@@ -86,7 +86,6 @@ class MotorHistory:
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine, or with other polls, under the same name: what was under way ends."""
-        self.setup = setup
         for part in (self.values, self.starts, self.trips):
             self.guarded(part.reconfigure, setup)
 
@@ -102,7 +101,7 @@ class MotorHistory:
         except Exception as error:  # a part's bug is neither the line's nor the other parts'
             part = call.__qualname__.partition(".")[0]
             if self._bugs.setdefault(part, ChangeDetector()).is_new(repr(error)):
-                log.exception("starter=%s part=%s lost a record of the history", self.setup.name, part)
+                log.exception("starter=%s part=%s lost a record of the history", self.name, part)
 
 
 class History:
@@ -127,21 +126,24 @@ class History:
         self._delivery = Delivery(records, self._store, count=self._count, publish_again=publish_again)
         self.delivered = self._delivery.delivered  # called with the key of what the broker has acknowledged
         self._is_away = False
+        self._ending = asyncio.Event()
         self._motors = {setup.name: self._new(setup) for setup in setups}
 
     async def run(self) -> None:
-        """Read and write the file until cancelled; then end every record and write what waits."""
+        """Read and write the file until `end`; then end every record and write what waits."""
         self._store.start()
         self._load(tuple(self._motors))
-        try:
-            await asyncio.Event().wait()
-        finally:
-            self._delivery.close()
-            for motor in self._motors.values():
-                motor.close()
-            if not await self._store.close(within_s=CLOSE_WITHIN_S):
-                log.error("the disk took too long: the latest starts and counters may be missing")
-            self._delivery.release()
+        await self._ending.wait()
+        self._delivery.close()
+        for motor in self._motors.values():
+            motor.close()
+        if not await self._store.close(within_s=CLOSE_WITHIN_S):
+            log.error("the disk took too long: the latest starts and counters may be missing in the history")
+        self._delivery.release()
+
+    def end(self) -> None:
+        """Have `run` end."""
+        self._ending.set()
 
     def put(self, record: Record) -> None:
         """Record what was published of a starter."""
@@ -169,16 +171,16 @@ class History:
         if motor is not None:
             motor.guarded(motor.values.note_own_rows, rows)
 
-    def reconfigure(self, setups: Iterable[StarterSetup]) -> None:
-        """Record these starters from now on."""
+    def reconfigure(self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = ()) -> None:
+        """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
         for name in [name for name in self._motors if name not in wanted]:
             self._motors[name].close()  # what that ends is counted while it is known
             del self._motors[name]
         self._delivery.release()  # before the broker forgets what is gone
-        for name, motor in self._motors.items():
-            if motor.setup != wanted[name]:
-                motor.reconfigure(wanted[name])
+        for name in changed:
+            if name in self._motors:
+                self._motors[name].reconfigure(wanted[name])
         new = {name: self._new(setup) for name, setup in wanted.items() if name not in self._motors}
         self._motors |= new
         self._load(tuple(new))

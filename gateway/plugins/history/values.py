@@ -25,7 +25,7 @@ from gateway.plugins.history.counters import (
     counted,
 )
 from gateway.plugins.history.delivery import Delivery
-from gateway.plugins.history.limits import Learnt, StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.limits import NOTHING, StartLimits, ThermalModel, pause_left_s, starts_left
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
@@ -156,7 +156,7 @@ class MotorValues:
         if not self._is_restored:
             return
         self._stored_s = self._records.clock.now_s()
-        learnt = Learnt() if self._thermal is None else self._thermal.learnt
+        learnt = NOTHING if self._thermal is None else self._thermal.learnt
         data = stored(CountersRow(self._totals, learnt, self._is_whole))
         written_s, before = self._stored
         if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
