@@ -92,7 +92,7 @@ class ScrapeCollector(Collector):
         self._counts = scrape.counted.counts
         self._has_all_points = has_all_points
         enabled = [each for each in scrape.starters.values() if each.setup.is_enabled]
-        self._starters = [(each, _labels_of(each)) for each in enabled]
+        self._starters = [(_labels_of(each), each) for each in enabled]
         self._lines = [({"line": name}, line) for name, line in scrape.lines.items() if line]
 
     def describe(self) -> Iterable[Metric]:
@@ -113,34 +113,34 @@ class ScrapeCollector(Collector):
         yield _family("build_info", [(labels, 1.0)])
         yield _histograms("loop_lag_seconds", (({"loop": name}, each) for name, each in scrape.loops.items()))
         for name, value in scrape.gauges.items():
-            if value is not None:
-                yield _family(name, [({}, value)])
+            yield _family(name, [({}, value)])
 
     def _line_metrics(self) -> Iterator[Metric]:
         for name, value_of in LINE_VALUES.items():
-            yield _family(name, _known(self._lines, value_of))
+            yield _family(name, ((labels, value_of(line)) for labels, line in self._lines))
         stops = ((labels, _delays_of(line["stop_latency_s"])) for labels, line in self._lines)
         yield _histograms("stop_latency_seconds", stops)
         yield _family("polls_total", (pair for each in self._lines for pair in _outcomes(*each)))
 
     def _starter_metrics(self) -> Iterator[Metric]:
-        scrape, starters = self._scrape, [(labels, each) for each, labels in self._starters]
+        scrape, starters = self._scrape, self._starters
         yield _family("starter_info", ((_info_labels(each), 1.0) for each in scrape.starters.values()))
-        states = ((labels, each, state) for labels, each in starters for state in STATES)
-        states_now = (({**labels, "state": state}, state == each.state) for labels, each, state in states)
-        yield _family("starter_state", states_now)
+        states = (
+            ({**labels, "state": state}, state == each.state) for labels, each in starters for state in STATES
+        )
+        yield _family("starter_state", states)
         yield _family(
             "starter_locked", ((labels, each.setup.name in scrape.locked) for labels, each in starters)
         )
         for name, value_of in STARTER_VALUES.items():
-            yield _family(name, _known(starters, value_of))
+            yield _family(name, ((labels, value_of(each)) for labels, each in starters))
         if self._has_all_points:
             yield _family("point_value", self._all_points())
 
     def _requests(self) -> Iterator[Metric]:
         """Yield what the lines say of their units."""
         asked = []
-        for starter, labels in self._starters:
+        for labels, starter in self._starters:
             unit = self._scrape.lines.get(starter.setup.line, {}).get("units", {}).get(starter.setup.address)
             if unit is not None:
                 asked.append((labels, unit))
@@ -151,44 +151,41 @@ class ScrapeCollector(Collector):
                 ({**labels, "quantile": quantile}, unit["response_time_s"][key])
                 for labels, unit in asked
                 for quantile, key in QUANTILES.items()
-                if unit["response_time_s"][key] is not None
             ),
         )
 
-    def _all_points(self) -> Iterator[tuple[Labels, float]]:
+    def _all_points(self) -> Iterator[tuple[Labels, float | None]]:
         """Yield the points of the starters, and those that the gateway adds."""
-        for starter, labels in self._starters:
+        for labels, starter in self._starters:
             readings = starter.snapshot.readings
             for point, reading in readings.items():
-                value = None if point in MOTOR_POINTS else _good(reading)
-                if value is not None:
-                    yield {**labels, "point": point, "unit": reading.unit}, value
-            for point in OWN_POINT_NAMES.difference(readings):
+                if point not in MOTOR_POINTS:
+                    yield {**labels, "point": point, "unit": reading.unit}, _good(reading)
+            for point in sorted(OWN_POINT_NAMES.difference(readings)):
                 topic = ValueRecord.topic_of(starter=starter.setup.name, point=point)
                 record = self._scrape.gateway.latest.find(topic)
-                value = _good(record) if isinstance(record, ValueRecord) else None
-                if isinstance(record, ValueRecord) and value is not None:
-                    yield {**labels, "point": point, "unit": record.unit}, value
+                if isinstance(record, ValueRecord):
+                    yield {**labels, "point": point, "unit": record.unit}, _good(record)
 
     def _counters(self) -> Iterator[Metric]:
         for name in ("starts_total", "start_drifts_total", "commands_unconfirmed_total"):
-            counts = self._counts.get(name, {})
-            # From 0 on: Prometheus sees no increase in a series that begins with 1.
-            yield _family(
-                name, [(labels, counts.get((each.setup.name,), 0)) for each, labels in self._starters]
-            )
+            yield _family(name, self._of_starters(name))
         yield _family("trips_total", self._trips())
         for name in ("commands_total", "commands_rejected_total"):
-            names = SPECS[name].labels
-            counts = self._counts.get(name, {})
-            yield _family(name, [(dict(zip(names, key, strict=True)), n) for key, n in counts.items()])
+            keys = self._counts.get(name, {}).items()
+            yield _family(name, ((dict(zip(SPECS[name].labels, key, strict=True)), n) for key, n in keys))
         times = self._scrape.counted.times
         yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times.items()))
+
+    def _of_starters(self, name: str) -> list[tuple[Labels, float]]:
+        """Return a counter of each starter, from 0 on: Prometheus sees no increase from nothing to 1."""
+        counts = self._counts.get(name, {})
+        return [(labels, counts.get((each.setup.name,), 0)) for labels, each in self._starters]
 
     def _trips(self) -> Iterator[tuple[Labels, float]]:
         """Yield the trips by each code that the family names, from 0 on, and by each that was seen."""
         seen = self._counts.get("trips_total", {})
-        for starter, labels in self._starters:
+        for labels, starter in self._starters:
             counts = dict.fromkeys(fault_codes(starter.profile), 0)
             counts |= {code: count for (name, code), count in seen.items() if name == starter.setup.name}
             for code, count in counts.items():
@@ -202,18 +199,9 @@ def fault_codes(profile: Profile) -> tuple[str, ...]:
     return (*codes, unnumbered(profile, "fault").code)
 
 
-def _known(
-    all_labels: Iterable[tuple[Labels, Any]], value_of: Callable[[Any], float | None]
-) -> Iterator[tuple[Labels, float]]:
-    for labels, each in all_labels:
-        value = value_of(each)
-        if value is not None:
-            yield labels, value
-
-
-def _family(name: str, samples: Iterable[tuple[Labels, float]]) -> Metric:
+def _family(name: str, samples: Iterable[tuple[Labels, float | None]]) -> Metric:
     full = PREFIX + name
-    return _made(name, (Sample(full, labels, float(value)) for labels, value in samples))
+    return _made(name, (Sample(full, labels, float(value)) for labels, value in samples if value is not None))
 
 
 def _histograms(name: str, all_delays: Iterable[tuple[Labels, Delays]]) -> Metric:
@@ -275,13 +263,9 @@ def _converted(starter: ShownStarter, point: str) -> float | None:
     return round(value * factors[reading.unit], DIGITS)
 
 
-def _last_reply_s(starter: ShownStarter) -> float | None:
-    readings = starter.snapshot.readings.values()
-    return max((each.time_s for each in readings if each.time_s is not None), default=None)
-
-
-def _last_good_s(starter: ShownStarter) -> float | None:
-    known = [each for each in starter.snapshot.readings.values() if each.quality is not Quality.BAD]
+def _last_s(starter: ShownStarter, *qualities: Quality) -> float | None:
+    """Return when a value that has one of these qualities was last read."""
+    known = [each for each in starter.snapshot.readings.values() if each.quality in qualities]
     return max((each.time_s for each in known if each.time_s is not None), default=None)
 
 
@@ -303,8 +287,10 @@ LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
 }
 STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
     "starter_online": lambda starter: starter.is_answering,
-    "starter_last_reply_timestamp_seconds": _last_reply_s,
-    "starter_last_good_reading_timestamp_seconds": _last_good_s,
+    "starter_last_reply_timestamp_seconds": lambda starter: _last_s(starter, *Quality),
+    "starter_last_good_reading_timestamp_seconds": lambda starter: _last_s(
+        starter, Quality.GOOD, Quality.STALE
+    ),
     "starter_fault_active": _fault,
     "starter_fault_code": _fault_code,
     **{motor.metric: partial(_converted, point=point) for point, motor in MOTOR_POINTS.items()},
