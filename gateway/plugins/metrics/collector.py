@@ -47,9 +47,10 @@ class Scrape(NamedTuple):
     starters: Mapping[str, ShownStarter]
     locked: frozenset[str]
     counted: Counted
+    has_all_points: bool
 
     @classmethod
-    def of(cls, gateway: Gateway, counted: Counted) -> Scrape:
+    def of(cls, gateway: Gateway, counted: Counted, *, has_all_points: bool) -> Scrape:
         """Gather everything, at once and without asking any line."""
         outbox, page = gateway.mqtt.statistics(), gateway.plugin("web")
         oldest_s = gateway.clock.utc_s() - outbox["oldest_s"] if outbox["depth"] else None
@@ -74,23 +75,23 @@ class Scrape(NamedTuple):
             starters,
             frozenset(name for name in starters if lock_of(name) is not None),
             counted,
+            has_all_points,
         )
 
 
-def exposition(scrape: Scrape, *, has_all_points: bool) -> bytes:
+def exposition(scrape: Scrape) -> bytes:
     """Return the text of one scrape (format 0.0.4)."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(ScrapeCollector(scrape, has_all_points=has_all_points))
+    registry.register(ScrapeCollector(scrape))
     return generate_latest(registry)
 
 
 class ScrapeCollector(Collector):
     """Yields each metric's family, one after the other, and each sample as it is written."""
 
-    def __init__(self, scrape: Scrape, *, has_all_points: bool) -> None:
+    def __init__(self, scrape: Scrape) -> None:
         self._scrape = scrape
         self._counts = scrape.counted.counts
-        self._has_all_points = has_all_points
         enabled = [each for each in scrape.starters.values() if each.setup.is_enabled]
         self._starters = [(_labels_of(each), each) for each in enabled]
         self._lines = [({"line": name}, line) for name, line in scrape.lines.items() if line]
@@ -134,7 +135,7 @@ class ScrapeCollector(Collector):
         )
         for name, value_of in STARTER_VALUES.items():
             yield _family(name, ((labels, value_of(each)) for labels, each in starters))
-        if self._has_all_points:
+        if scrape.has_all_points:
             yield _family("point_value", self._all_points())
 
     def _requests(self) -> Iterator[Metric]:
@@ -174,8 +175,8 @@ class ScrapeCollector(Collector):
         for name in ("commands_total", "commands_rejected_total"):
             keys = self._counts.get(name, {}).items()
             yield _family(name, ((dict(zip(SPECS[name].labels, key, strict=True)), n) for key, n in keys))
-        times = self._scrape.counted.times
-        yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times.items()))
+        times = self._scrape.counted.times.items()
+        yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times))
 
     def _of_starters(self, name: str) -> list[tuple[Labels, float]]:
         """Return a counter of each starter, from 0 on: Prometheus sees no increase from nothing to 1."""
@@ -263,7 +264,7 @@ def _converted(starter: ShownStarter, point: str) -> float | None:
     return round(value * factors[reading.unit], DIGITS)
 
 
-def _last_s(starter: ShownStarter, *qualities: Quality) -> float | None:
+def _last_s(starter: ShownStarter, qualities: tuple[Quality, ...]) -> float | None:
     """Return when a value that has one of these qualities was last read."""
     known = [each for each in starter.snapshot.readings.values() if each.quality in qualities]
     return max((each.time_s for each in known if each.time_s is not None), default=None)
@@ -287,10 +288,8 @@ LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
 }
 STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
     "starter_online": lambda starter: starter.is_answering,
-    "starter_last_reply_timestamp_seconds": lambda starter: _last_s(starter, *Quality),
-    "starter_last_good_reading_timestamp_seconds": lambda starter: _last_s(
-        starter, Quality.GOOD, Quality.STALE
-    ),
+    "starter_last_reply_timestamp_seconds": partial(_last_s, qualities=tuple(Quality)),
+    "starter_last_good_reading_timestamp_seconds": partial(_last_s, qualities=(Quality.GOOD, Quality.STALE)),
     "starter_fault_active": _fault,
     "starter_fault_code": _fault_code,
     **{motor.metric: partial(_converted, point=point) for point, motor in MOTOR_POINTS.items()},

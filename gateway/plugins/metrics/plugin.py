@@ -94,11 +94,9 @@ class Metrics:
         async with self._making:
             if self._clock.now_s() - self._made_s >= VALID_S:
                 made_s = self._clock.now_s()
-                scrape = self._collector.Scrape.of(self._gateway, self._counts.taken())
-                make = partial(
-                    self._collector.exposition, scrape, has_all_points=self._settings.has_all_points
-                )
-                self._text = await self._gateway.in_thread(make)
+                counted, all_points = self._counts.taken(), self._settings.has_all_points
+                scrape = self._collector.Scrape.of(self._gateway, counted, has_all_points=all_points)
+                self._text = await self._gateway.in_thread(partial(self._collector.exposition, scrape))
                 self._made_s = made_s
             return self._text
 
