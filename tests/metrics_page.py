@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.metrics.catalogue import METRICS, MetricSpec
+from gateway.plugins.metrics.catalogue import METRICS, MetricSpec
 
 PAGE = Path(__file__).parents[1] / "docs" / "metrics.md"
 BEGIN, END = "<!-- metrics: made by python -m tests.metrics_page -->\n", "<!-- end of metrics -->\n"

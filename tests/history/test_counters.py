@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.history.counters import MotorCounters, Totals, band_of
-from gateway.history.readings import Readings
+from gateway.contract import read_stored, stored
+from gateway.plugins.history.counters import MotorCounters, Totals, band_of, counted
+from gateway.starters.telemetry.readings import Readings
 
 
 def readings(at_s: float, **values: Any) -> Readings:
@@ -32,26 +33,6 @@ def test_hours_are_the_time_between_readings_of_a_motor_that_runs() -> None:
     run(counters, 701, 900)
 
     assert counters.totals.operating_s == 600.0  # up to the reading that showed the standstill
-
-
-@pytest.mark.parametrize("state", ["starting", "running", "stopping"])
-def test_a_motor_that_starts_or_stops_operates(state: str) -> None:
-    counters = MotorCounters()
-    counters.note_state(state)
-    run(counters, 0, 10)
-
-    assert counters.totals.operating_s == 10.0
-
-
-def test_time_in_which_the_starter_was_not_seen_does_not_count() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    run(counters, 0, 10)
-    counters.note_state("unknown")
-    counters.note_state("running")
-    run(counters, 20, 25)
-
-    assert counters.totals.operating_s == 15.0
 
 
 def test_a_gap_between_readings_does_not_count_even_where_the_state_stayed_known() -> None:
@@ -116,28 +97,6 @@ def test_energy_is_the_area_under_the_power() -> None:
     assert counters.totals.energy_kwh == pytest.approx(50.0)
 
 
-def test_energy_does_not_bridge_a_silence() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    counters.note_readings(readings(0.0, active_power=100.0))
-    counters.note_state("unknown")
-    counters.note_state("running")
-    counters.note_readings(readings(20.0, active_power=100.0))
-
-    assert counters.totals.energy_kwh == 0.0
-    assert counters.has_power
-
-
-def test_readings_out_of_order_take_nothing_away() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    run(counters, 0, 10, active_power=10.0)
-    before = counters.totals.to_dict()
-    counters.note_readings(readings(5.0, running=True, active_power=10.0))
-
-    assert counters.totals.to_dict() == before
-
-
 def test_trips_count_by_code_within_bounds() -> None:
     counters = MotorCounters()
     for number in range(200):
@@ -157,18 +116,22 @@ def test_totals_survive_their_json() -> None:
     counters.note_start()
     counters.note_trip("e05")
 
-    data = json.loads(json.dumps(counters.totals.to_dict()))
+    data = json.loads(json.dumps(stored(counters.totals)))
 
-    assert Totals.from_dict(data).to_dict() == counters.totals.to_dict()
+    assert stored(read_stored(Totals, data)) == data
 
 
 @pytest.mark.parametrize(
-    "data",
-    [{"operating_s": -1}, {"starts": "x"}, {"trips": []}, {"energy_kwh": float("nan")}, {"bands_s": 3}],
+    "wrong", [{"starts": -1}, {"operating_s": float("inf")}, {"trips": {"e05": "many"}}, {"bands_s": [1.0]}]
 )
-def test_what_is_no_count_is_refused(data: dict[str, Any]) -> None:
-    with pytest.raises((ValueError, TypeError, AttributeError)):
-        Totals.from_dict(data)
+def test_what_is_no_count_is_as_good_as_missing(wrong: dict[str, Any]) -> None:
+    whole = {"totals": {"starts": 3}, "is_whole": True}
+    later = {"totals": {"starts": 2}, "thermal": {"taus_s": [1200.0], "heatings": []}}
+
+    rows = list(counted([{"totals": {"starts": 9}}, whole, {"totals": wrong}, later]))
+
+    assert [row.totals.starts for row in rows] == [2, 3]
+    assert rows[0].thermal.taus_s == (1200.0,)
 
 
 @given(

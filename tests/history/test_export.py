@@ -5,7 +5,7 @@ from typing import Any
 import comtrade
 import pytest
 
-from gateway.history.export import Recording, recording_of, to_comtrade, to_csv
+from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 
 TRIP: dict[str, Any] = {
     "id": "b1-7",
@@ -57,16 +57,6 @@ def test_another_reader_finds_uneven_moments_and_the_trip_among_them() -> None:
     assert reader.frequency == 60.0
 
 
-def test_another_reader_finds_the_curve_of_a_start_in_its_comtrade() -> None:
-    reader = read(recording_of("pump-1", START, units={}))
-
-    assert reader.rec_dev_id == "start b1-9"
-    assert reader.analog_channel_ids == ["current", "power_factor"]
-    assert list(reader.analog[0]) == pytest.approx([0.0, 412.5, 410.0])
-    assert list(reader.analog[1]) == pytest.approx([0.31, 0.31, 0.33])
-    assert reader.cfg.analog_channels[0].uu == "A"
-
-
 @pytest.mark.parametrize("most", [0.0, 0.001, 99.998, 99.999, 123456.0, 9.9e9, -250.0])
 def test_no_sample_is_beyond_what_ascii_carries(most: float) -> None:
     data = {"id": "x", "time": None, "samples": {"t_s": [0.0, 1.0], "current": [most, most / 3]}}
@@ -77,13 +67,6 @@ def test_no_sample_is_beyond_what_ascii_carries(most: float) -> None:
     _, dat = to_comtrade(recording)
     assert all(abs(int(line.split(",")[2])) <= 99998 for line in dat.split())
     assert list(reader.analog[0]) == pytest.approx([most, most / 3], rel=1e-3, abs=0.0006)
-
-
-def test_names_with_commas_do_not_shift_a_field() -> None:
-    reader = read(recording_of("pump, no. 1\n", START, units={"current": "A,rms"}))
-
-    assert reader.station_name == "pump  no. 1"
-    assert reader.cfg.analog_channels[0].uu == "A rms"
 
 
 def test_csv_has_a_column_for_each_channel_and_a_row_for_each_moment() -> None:

@@ -2,7 +2,15 @@ import math
 
 import pytest
 
-from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.limits import (
+    LEAST_FALL,
+    LEAST_FALL_S,
+    LEAST_LEVEL,
+    StartLimits,
+    ThermalModel,
+    pause_left_s,
+    starts_left,
+)
 
 
 def test_starts_left_are_those_of_the_last_hour() -> None:
@@ -54,44 +62,24 @@ def test_the_time_constant_is_learnt_while_the_motor_cools() -> None:
     assert model.tau_s == pytest.approx(1200.0, rel=0.05)
 
 
-def test_the_time_to_restart_agrees_with_the_cooling_that_follows() -> None:
+@pytest.mark.parametrize(
+    ("level", "after_s", "is_standing", "tau_s"),
+    [
+        (LEAST_LEVEL * 250.0, 1200.0 * math.log(1 / LEAST_LEVEL), True, pytest.approx(1200.0)),
+        (LEAST_LEVEL * 250.0 - 0.1, 1200.0 * math.log(1 / LEAST_LEVEL), True, None),
+        (250.0 * (1 - LEAST_FALL) + 0.1, 600.0, True, None),
+        (180.0, LEAST_FALL_S - 1.0, True, None),
+        (180.0, 600.0, False, None),
+    ],
+)
+def test_a_motor_at_rest_teaches_by_a_fall_that_is_deep_and_long_and_ends_above_the_least_level(
+    level: float, after_s: float, is_standing: bool, tau_s: float | None
+) -> None:
     model = ThermalModel(trip_level=250.0)
-    end_s = cool(model, level=250.0, tau_s=1200.0, until_s=300.0)
+    model.note_level(250.0, at_s=500.0, is_standing=is_standing)
+    model.note_level(level, at_s=500.0 + after_s, is_standing=is_standing)
 
-    estimate = model.restart_in_s(end_s)
-
-    reached_s = 1200.0 * math.log(250.0 / model.restart_level)
-    assert estimate == pytest.approx(reached_s - end_s, rel=0.15)
-
-
-def test_nothing_is_estimated_before_anything_is_known() -> None:
-    model = ThermalModel(trip_level=250.0)
-    assert model.restart_in_s(0.0) is None
-
-    model.note_level(250.0, at_s=0.0, is_standing=True)
-    assert model.restart_in_s(0.0) is None
-
-
-def test_what_the_starter_is_set_to_counts_until_something_is_learnt() -> None:
-    model = ThermalModel(trip_level=100.0, set_tau_s=1000.0)
-    model.note_level(100.0, at_s=0.0, is_standing=True)
-
-    assert model.restart_in_s(0.0) == pytest.approx(1000.0 * math.log(1 / 0.7))
-
-
-def test_a_cool_motor_needs_no_wait() -> None:
-    model = ThermalModel(trip_level=250.0)
-    model.note_level(50.0, at_s=0.0, is_standing=True)
-
-    assert model.restart_in_s(0.0) == 0.0
-
-
-def test_a_motor_that_runs_teaches_nothing_of_cooling() -> None:
-    model = ThermalModel(trip_level=250.0)
-    for count in range(100):
-        model.note_level(200.0 - count, at_s=count * 10.0, is_standing=False)
-
-    assert model.tau_s is None
+    assert model.tau_s == tau_s
 
 
 def test_a_silence_breaks_a_fall() -> None:
@@ -101,17 +89,6 @@ def test_a_silence_breaks_a_fall() -> None:
     model.note_level(100.0, at_s=1000.0, is_standing=True)
 
     assert model.tau_s is None
-
-
-def test_a_start_needs_the_room_that_starts_have_needed() -> None:
-    model = ThermalModel(trip_level=250.0)
-    model.note_level(20.0, at_s=0.0, is_standing=True)
-    model.note_start()
-    model.note_level(60.0, at_s=5.0, is_standing=False)
-    model.note_started()
-    model.note_level(70.0, at_s=10.0, is_standing=False)
-
-    assert model.restart_level == 200.0
 
 
 def test_an_ssw900_set_to_thirty_minutes_whose_starts_heat_by_forty_percent() -> None:
@@ -142,7 +119,6 @@ def test_an_ssw07_that_was_seen_to_cool_from_250_to_200_percent_in_ten_minutes()
 def test_what_was_learnt_survives() -> None:
     model = ThermalModel(trip_level=250.0)
     cool(model, level=250.0, tau_s=1200.0, until_s=900.0)
-    again = ThermalModel(trip_level=250.0)
-    again.restore(model.to_dict())
+    again = ThermalModel(trip_level=250.0, learnt=model.learnt)
 
     assert again.tau_s == model.tau_s

@@ -1,10 +1,8 @@
-import sys
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.history.ring import KEEP_S, MOST, ReadingRing, ReadingTable
+from gateway.plugins.history.ring import ReadingRing
 
 
 def filled(every_s: float, until_s: float, **points: object) -> ReadingRing:
@@ -25,15 +23,6 @@ def test_a_table_has_what_was_read_in_the_minute_before_a_moment() -> None:
     assert table.points["current"] == tuple(float(at_s) for at_s in range(240, 301))
 
 
-def test_a_value_that_stands_all_the_time_is_a_constant_and_needs_two_entries() -> None:
-    ring = filled(0.1, 1000.0, running=True, current=lambda at_s: at_s)
-
-    table = ring.around(1000.0)
-
-    assert table.constant == {"running": True}
-    assert len(ring._series["running"].times) == 2
-
-
 def test_a_flag_that_went_on_shows_when() -> None:
     ring = filled(0.5, 100.0, fault=lambda at_s: at_s >= 90.0)
 
@@ -43,13 +32,6 @@ def test_a_flag_that_went_on_shows_when() -> None:
     assert seen[-10.5] is False
     assert seen[-10.0] is True
     assert ring.began_s("fault") == 90.0
-
-
-def test_a_flag_that_is_off_began_at_no_time() -> None:
-    ring = filled(1.0, 10.0, fault=False)
-
-    assert ring.began_s("fault") is None
-    assert ring.began_s("no such point") is None
 
 
 def test_a_value_that_stood_since_before_the_window_is_there_from_its_beginning() -> None:
@@ -81,27 +63,6 @@ def test_values_come_back_as_they_were_read(value: bool | int | float, kind: typ
     assert type(shown) is kind
 
 
-def test_texts_are_not_stored() -> None:
-    ring = filled(1.0, 5.0, date="2026-01-01", current=lambda at_s: at_s)
-
-    assert set(ring.around(5.0).points) == {"current"}
-
-
-def test_the_rings_of_32_starters_stay_under_two_and_a_half_megabytes() -> None:
-    numbers = {f"n{number}": lambda at_s, n=number: at_s * n for number in range(1, 13)}
-    flags = {f"f{number}": number % 2 == 0 for number in range(25)}
-    ring = filled(0.05, 2 * KEEP_S, **numbers, **flags)
-
-    series = ring._series
-    size = sys.getsizeof(series) + sum(
-        sys.getsizeof(each) + sys.getsizeof(each.times) + sys.getsizeof(each.values)
-        for each in series.values()
-    )
-
-    assert all(len(each.times) <= MOST for each in series.values())
-    assert 32 * size < 2_500_000
-
-
 @given(st.lists(st.tuples(st.floats(0.01, 9.0), st.sampled_from([0.0, 1.0, 2.5])), min_size=1, max_size=200))
 def test_whatever_is_read_a_table_says_nothing_that_was_not_read(steps: list[tuple[float, float]]) -> None:
     ring, at_s, read = ReadingRing(), 0.0, []
@@ -118,9 +79,3 @@ def test_whatever_is_read_a_table_says_nothing_that_was_not_read(steps: list[tup
         before = [seen for seen_s, seen in read if seen_s <= at_s + t_s + 0.001]
         assert value in before[-2:]  # the second last where two moments are one millisecond
     assert column[-1] == read[-1][1]
-
-
-def test_a_table_survives_its_json() -> None:
-    table = filled(1.0, 20.0, current=lambda at_s: at_s, running=True).around(20.0)
-
-    assert ReadingTable.from_dict(table.to_dict()) == table

@@ -1,25 +1,41 @@
-import json
 import random
 from typing import Any
 
 import pytest
 
-from gateway.history.ring import ReadingTable
-from gateway.history.trip_record import MOST_BYTES, TripSnapshot, fitted, size_of
-from gateway.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
+from gateway.contract import EventRecord, ReadingTable, Severity, TripRecord
+from gateway.plugins.history.trip_recorder import AFTER_S, MOST_BYTES, NOTHING, TripRecorder, fitted
 
-TIME = "2026-11-21T01:02:03.456Z"
+TIME_S = 1_795_222_923.456
 
 
-def fault(recorder: TripRecorder, now_s: float, *, seq: int = 7) -> TripSnapshot | None:
-    return recorder.note_fault(
-        id_=f"boot-{seq}",
-        boot="boot",
+def fault(recorder: TripRecorder, now_s: float, *, seq: int = 7) -> TripRecord | None:
+    event = EventRecord(
+        starter="pump",
         seq=seq,
-        time=TIME,
+        time_s=TIME_S,
+        boot="boot",
+        code="fault",
+        severity=Severity.ERROR,
         text="fault, was running",
+        data={"from": "running"},
+    )
+    return recorder.note_fault(event, now_s=now_s)
+
+
+def trip(text: str, readings: ReadingTable, at_fault: dict[str, Any]) -> TripRecord:
+    return TripRecord(
+        starter="pump",
+        id="b-1",
+        time_s=TIME_S,
+        boot="b",
+        seq=1,
+        code="f005",
+        text=text,
         state_before="running",
-        now_s=now_s,
+        readings=readings,
+        at_fault=at_fault,
+        fault_history=(),
     )
 
 
@@ -51,18 +67,6 @@ def test_a_record_has_the_minute_before_the_first_reading_that_showed_the_fault(
     assert trip.at_fault["P050"]["value"] == 251
 
 
-def test_a_record_waits_for_readings_after_the_trip() -> None:
-    recorder = TripRecorder()
-    running(recorder, 100.5, trip_s=100.0)
-    recorder.note_alarm("e05", "Motor overload", is_active=True)
-    fault(recorder, now_s=100.5)
-    recorder.add_fault_data({}, [])
-
-    assert recorder.take_due(100.5 + AFTER_S - 0.1) is None
-    assert recorder.take_due(100.5 + AFTER_S) is not None
-    assert recorder.take_due(100.5 + AFTER_S) is None
-
-
 def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
     recorder = TripRecorder()
     recorder.note_alarm("fault", "Fault", is_active=True)
@@ -75,39 +79,6 @@ def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
 
     assert trip is not None
     assert (trip.code, trip.text) == ("f005", "Motor overload")
-
-
-def test_a_starter_that_answers_nothing_more_has_its_record_all_the_same() -> None:
-    recorder = TripRecorder()
-    running(recorder, 100.5, trip_s=100.0)
-    fault(recorder, now_s=100.5)
-
-    assert recorder.take_due(100.5 + LATEST_S - 0.1) is None
-    trip = recorder.take_due(100.5 + LATEST_S)
-
-    assert trip is not None
-    assert trip.code == "fault"
-    assert trip.readings.t_s[0] == -60.0
-    assert not trip.at_fault
-
-
-def test_a_family_without_numbers_does_not_wait_for_one() -> None:
-    recorder = TripRecorder(has_numbers=False)
-    fault(recorder, now_s=10.0)
-    recorder.add_fault_data({}, [])
-
-    assert recorder.take_due(10.0 + AFTER_S) is not None
-
-
-def test_the_next_trip_finishes_the_one_before() -> None:
-    recorder = TripRecorder()
-    fault(recorder, now_s=10.0, seq=1)
-
-    first = fault(recorder, now_s=12.0, seq=2)
-
-    assert first is not None
-    assert first.id == "boot-1"
-    assert recorder.is_waiting
 
 
 def test_a_fault_that_was_cleared_does_not_name_the_next_trip() -> None:
@@ -124,35 +95,24 @@ def test_a_fault_that_was_cleared_does_not_name_the_next_trip() -> None:
     assert trip.code == "e24"
 
 
-def large(points: int, rows: int, seed: int = 1) -> TripSnapshot:
+def large(points: int, rows: int, seed: int = 1) -> TripRecord:
     chance = random.Random(seed)
     t_s = tuple(round(-60 + 62 * row / rows, 3) for row in range(rows))
     columns = {f"point_{n}": tuple(round(chance.uniform(0, 999), 1) for _ in t_s) for n in range(points)}
     rows_at_fault = {f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)}
-    return TripSnapshot(
-        "b-1", TIME, "b", 1, "f005", "Motor overload", "running", ReadingTable(t_s, columns), rows_at_fault
-    )
+    return trip("Motor overload", ReadingTable(t_s, columns, {}), rows_at_fault)
 
 
 @pytest.mark.parametrize(("points", "rows"), [(3, 60), (12, 240), (40, 1000)])
 def test_a_record_has_at_most_16_kilobytes_and_still_the_10_seconds_before(points: int, rows: int) -> None:
-    trip = fitted(large(points, rows))
+    found = fitted(large(points, rows))
 
-    assert len(json.dumps(trip.to_dict(), separators=(",", ":")).encode()) <= MOST_BYTES
-    assert trip.readings.t_s[0] <= -10.0 + 2.0
-    assert len(trip.at_fault) == 20
-    assert bool(trip.thinned) is (rows > 60)
-
-
-def test_what_is_old_is_thinned_before_what_is_near() -> None:
-    trip = fitted(large(12, 240))
-
-    near = [t_s for t_s in trip.readings.t_s if t_s >= -10.0]
-    assert near == [t_s for t_s in large(12, 240).readings.t_s if t_s >= -10.0]
+    assert len(found.payload()) <= MOST_BYTES
+    assert found.readings.t_s[0] <= -10.0 + 2.0
+    assert len(found.at_fault) == 20
+    assert bool(found.thinned) is (rows > 60)
 
 
 def test_even_a_record_of_long_texts_fits() -> None:
     rows: dict[str, Any] = {f"D{n}": {"value": n, "unit": "A", "name": "é" * 400} for n in range(100)}
-    trip = TripSnapshot("b-1", TIME, "b", 1, "f005", "x" * 40_000, "running", at_fault=rows)
-
-    assert size_of(fitted(trip)) <= MOST_BYTES
+    assert len(fitted(trip("x" * 40_000, NOTHING, rows)).payload()) <= MOST_BYTES

@@ -14,13 +14,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.app.history.part import Surroundings
-from gateway.app.history.starts import StartHistory
+from gateway.plugins.history.service.part import Surroundings
+from gateway.plugins.history.service.starts import StartHistory
+from gateway.plugins.history.trip_record import TripSnapshot
+
+from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.history.ring import ReadingTable
-from gateway.history.trip_record import TripSnapshot
-from gateway.records import EventRecord, Record, RecordWriter, rfc3339
+from gateway.plugins.history.ring import ReadingTable
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow

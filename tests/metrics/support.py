@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from gateway.metrics.catalogue import PREFIX
-from gateway.metrics.scrape import ScrapedGateway, ScrapedLine, ScrapedStarter
-from gateway.records import Quality
+from gateway.plugins.metrics.catalogue import PREFIX
+from gateway.plugins.metrics.scrape import ScrapedGateway, ScrapedLine, ScrapedStarter
+from gateway.contract import Quality
 from gateway.starters.telemetry.snapshot import Reading
 from gateway.system.stalls import DelayCounts
 

@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.metrics.catalogue import MOTOR_POINTS, SPECS
-from gateway.metrics.collector import exposition
-from gateway.metrics.counts import Counted, RecordCounts
-from gateway.metrics.scrape import ScrapedGateway, ScrapedLine
-from gateway.records import Quality, ValueRecord
+from gateway.plugins.metrics.catalogue import MOTOR_POINTS, SPECS
+from gateway.plugins.metrics.collector import exposition
+from gateway.plugins.metrics.counts import Counted, RecordCounts
+from gateway.plugins.metrics.scrape import ScrapedGateway
+from gateway.contract import Quality
 from gateway.starters.telemetry.decoding import unit_of
 from gateway.starters.telemetry.snapshot import Reading
-from tests.metrics.support import LINE, NOW_S, OUTBOX, Scrape, good, scraped_gateway, scraped_starter
+from tests.metrics.support import NOW_S, Scrape, good, scraped_gateway, scraped_starter
 
 NOTHING = RecordCounts(frozenset(), has_own_values=False).taken()
 
@@ -29,13 +29,6 @@ def of_starter(**changes: Any) -> Scrape:
     return scrape(scraped_gateway(scraped_starter(**changes)))
 
 
-def test_what_runs_is_a_gauge_of_one() -> None:
-    found = scrape()
-
-    assert found.one("build_info", gateway="mcc1", version="9.9", contract="1") == 1.0
-    assert found.one("start_timestamp_seconds") == NOW_S - 60.0
-
-
 def test_a_histogram_sums_up_its_buckets_and_ends_with_infinity() -> None:
     found = scrape()
 
@@ -43,30 +36,6 @@ def test_a_histogram_sums_up_its_buckets_and_ends_with_infinity() -> None:
     assert [found.one("loop_lag_seconds_bucket", le=le) for le in ("0.001", "0.01", "+Inf")] == [0, 1, 1]
     assert found.one("loop_lag_seconds_count") == 1.0
     assert found.one("loop_lag_seconds_sum") == 0.005
-
-
-def test_the_waits_of_stops_are_those_that_the_line_has_measured() -> None:
-    found = scrape()
-
-    bounds = ("0.01", "0.025", "0.05", "+Inf")
-    assert [found.one("stop_latency_seconds_bucket", line="pumps", le=le) for le in bounds] == [1, 2, 3, 3]
-    assert found.one("stop_latency_seconds_count") == 3.0
-    assert found.one("line_stop_latency_bound_seconds", line="pumps") == 0.25
-    assert found.one("line_stop_latency_worst_seconds", line="pumps") == 0.04
-
-
-def test_before_the_first_stop_there_is_no_worst() -> None:
-    stops = {**LINE["stop_latency_s"], "worst": None}  # type: ignore[dict-item]
-    line = ScrapedLine("pumps", {**LINE, "stop_latency_s": stops})
-
-    assert scrape(scraped_gateway(lines=(line,))).all("line_stop_latency_worst_seconds") == []
-
-
-def test_an_empty_outbox_has_no_oldest_message() -> None:
-    waiting = {**OUTBOX, "depth": 2, "oldest_s": 30.0}
-
-    assert scrape().all("outbox_oldest_timestamp_seconds") == []
-    assert scrape(scraped_gateway(outbox=waiting)).one("outbox_oldest_timestamp_seconds") == NOW_S - 30.0
 
 
 def test_without_a_page_there_is_no_count_of_open_pages() -> None:
@@ -107,20 +76,6 @@ def test_a_value_that_is_not_good_is_left_out_and_the_time_of_the_last_good_one_
     assert found.one("starter_last_reply_timestamp_seconds") == NOW_S - 90.0
 
 
-def test_a_starter_that_was_never_read_has_no_time() -> None:
-    found = of_starter(readings={"current": Reading(None, "A", Quality.BAD)})
-
-    assert found.all("starter_last_reply_timestamp_seconds") == []
-    assert found.all("starter_last_good_reading_timestamp_seconds") == []
-
-
-def test_values_come_in_base_units() -> None:
-    found = of_starter(readings={"active_power": good(12.3, "kW"), "heatsink_temperature": good(41, "°C")})
-
-    assert found.one("motor_active_power_watts") == 12300.0
-    assert found.one("motor_heatsink_celsius") == 41.0
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_unit_of_every_familys_point_can_be_converted(family: str) -> None:
     profile = load_profile(family)
@@ -138,20 +93,6 @@ def test_a_faults_number_is_there_only_while_there_is_a_fault() -> None:
     assert of_starter(readings=number).all("starter_fault_active") == []
 
 
-def test_of_a_disabled_starter_only_what_it_is_is_there() -> None:
-    found = of_starter(is_enabled=False, is_online=False)
-
-    assert found.one("starter_info", starter="pump-1", model="SSW-07 85A", firmware="") == 1.0
-    assert [name for name in found.samples if name.startswith("starter_")] == ["starter_info"]
-
-
-def test_counters_of_starters_begin_with_0_so_that_the_first_increase_is_seen() -> None:
-    found = of_starter()
-
-    names = ("starts_total", "start_drifts_total", "commands_unconfirmed_total")
-    assert [found.one(name, starter="pump-1", line="pumps") for name in names] == [0.0, 0.0, 0.0]
-
-
 def test_each_fault_that_the_family_names_has_its_trips_from_0_on_and_another_from_its_first() -> None:
     counted = Counted({}, {}, {}, {}, {}, {("pump-1", "e05"): 2, ("pump-1", "e99"): 1}, {}, {})
 
@@ -159,44 +100,6 @@ def test_each_fault_that_the_family_names_has_its_trips_from_0_on_and_another_fr
 
     trips = {labels["code"]: count for labels, count in found.samples["trips_total"]}
     assert trips == {"e05": 2.0, "e19": 0.0, "fault": 0.0, "e99": 1.0}
-
-
-def test_what_was_counted_of_a_starter_that_has_gone_is_left_out() -> None:
-    counted = Counted({}, {}, {}, {"gone": 1}, {"gone": 2, "pump-1": 3}, {("gone", "e05"): 1}, {}, {})
-
-    found = scrape(scraped_gateway(scraped_starter()), counted)
-
-    assert found.one("starts_total") == 3.0
-    assert found.all("trips_total") == []
-
-
-def test_other_points_come_only_on_request_as_numbers_with_their_unit() -> None:
-    readings = {
-        "current": good(1.0, "A"),
-        "torque_pct": good(55.5, "%"),
-        "remote": good(True),
-        "text": good("abc"),
-        "endless": good(float("inf")),
-        "stale": Reading(1.0, "", Quality.STALE, time_s=0.0),
-        "hours_total": good(7.0, "h"),
-    }
-    own = {
-        ("pump-1", "hours_total"): ValueRecord("pump-1", "hours_total", 9.0, "h", Quality.GOOD, 0.0, 1),
-        ("pump-1", "energy_kwh"): ValueRecord("pump-1", "energy_kwh", 2.5, "kWh", Quality.GOOD, 0.0, 1),
-        ("gone", "energy_kwh"): ValueRecord("gone", "energy_kwh", 2.5, "kWh", Quality.GOOD, 0.0, 1),
-    }
-    counted = Counted({}, {}, {}, {}, {}, {}, {}, own)
-    gateway = scraped_gateway(scraped_starter(readings=readings))
-
-    found = scrape(gateway, counted, has_all_points=True)
-
-    assert scrape(gateway, counted).all("point_value") == []
-    assert {(each["point"], each["unit"]): value for each, value in found.samples["point_value"]} == {
-        ("torque_pct", "%"): 55.5,
-        ("remote", ""): 1.0,
-        ("hours_total", "h"): 7.0,  # the starter's own wins
-        ("energy_kwh", "kWh"): 2.5,
-    }
 
 
 def test_names_that_hold_quotes_and_newlines_stay_within_their_label() -> None:

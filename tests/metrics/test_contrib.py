@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.metrics.catalogue import PREFIX, SPECS
+from gateway.plugins.metrics.catalogue import PREFIX, SPECS
 from tests.metrics.contrib import (
     PROMETHEUS,
     RULES,

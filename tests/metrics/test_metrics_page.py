@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.metrics.catalogue import PREFIX
+from gateway.plugins.metrics.catalogue import PREFIX
 from tests.metrics_page import PAGE, page
 
 

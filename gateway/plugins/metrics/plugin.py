@@ -129,10 +129,9 @@ class Metrics:
             return
         if trouble:
             away = f"the metrics' file cannot be written: {trouble}"
-            self._gateway.publish_event("metrics_away", Severity.WARNING, away, {})
+            self._gateway.publish_event("metrics_away", Severity.WARNING, away)
         else:
-            back = "the metrics' file is written again"
-            self._gateway.publish_event("metrics_back", Severity.INFO, back, {})
+            self._gateway.publish_event("metrics_back", Severity.INFO, "the metrics' file is written again")
 
     def _remove(self) -> None:
         path, self._path = self._path, None
