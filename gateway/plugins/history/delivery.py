@@ -68,9 +68,10 @@ class Delivery:
         starter, _, id_ = record.key.partition(":")
         self.store(starter, UNDELIVERED, id_, record.fields(), limit=MOST_COPIES)
         self._count(record)
-        loop, release = asyncio.get_running_loop(), partial(self._release, self._number)
+        release = partial(self._release, self._number)
+        loop = asyncio.get_running_loop()  # by its next step the caller has handed over what it stores
+        loop.call_soon(loop.call_later, HELD_AT_MOST_S, release)
         loop.call_soon(self._store.when_stored, release)
-        loop.call_later(HELD_AT_MOST_S, release)
 
     def store(
         self,
