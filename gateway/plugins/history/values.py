@@ -50,17 +50,13 @@ class MotorValues:
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
         self._delivery = delivery
-        self._records = delivery.records
         self._policy = policy
         self._totals = Totals()
         self._is_restored = False
         self._is_whole = False  # the sums have those of all earlier runs in them
-        self._stored_s = self._records.clock.now_s()
+        self._stored_s = self._delivery.records.clock.now_s()
         self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
-        self._good: tuple[float | None, Mapping[str, Value]] = (
-            None,
-            {},
-        )  # latest good values, and when
+        self._good: tuple[float | None, Mapping[str, Value]] = (None, {})  # when, and the values
         self._looked_s = -math.inf
         self._left: int | None = None  # starts, at the last look
         self.reconfigure(setup)
@@ -95,23 +91,23 @@ class MotorValues:
             case StateRecord():
                 self._note_state(record.state)
                 if not self._counters.is_seen:
-                    self._publish(self._records.clock.now_s())
+                    self._publish(self._delivery.records.clock.now_s())
             case StartRecord():
                 self._counters.note_start()
                 self._store()
-                self._publish(self._records.clock.now_s())
+                self._publish(self._delivery.records.clock.now_s())
             case TripRecord():
                 self._counters.note_trip(record.code)
                 self._store()
             case InfoRecord():
                 self._counters.rated_a = record.rated_current_a
-                self._publish(self._records.clock.now_s())
+                self._publish(self._delivery.records.clock.now_s())
             case _:
                 pass
 
     def note_own_rows(self, rows: Mapping[str, float]) -> None:
         """Record what the starter itself has counted, and its settings; by code, just read."""
-        now_s, names = self._records.clock.now_s(), self._setup.profile.history
+        now_s, names = self._delivery.records.clock.now_s(), self._setup.profile.history
         self._own |= {code: (now_s, value) for code, value in rows.items()}
         if names.thermal in rows:
             self._note_level(rows[names.thermal], now_s)
@@ -155,7 +151,7 @@ class MotorValues:
         """
         if not self._is_restored:
             return
-        self._stored_s = self._records.clock.now_s()
+        self._stored_s = self._delivery.records.clock.now_s()
         learnt = NOTHING if self._thermal is None else self._thermal.learnt
         data = stored(CountersRow(self._totals, learnt, self._is_whole))
         written_s, before = self._stored
@@ -163,19 +159,22 @@ class MotorValues:
             return
         self._stored = (self._stored_s, data)
         limit = 1 if self._is_whole else MOST_RUNS
-        self._delivery.store(self._setup.name, KIND, self._records.boot, data, limit=limit)
+        self._delivery.store(self._setup.name, KIND, self._delivery.records.boot, data, limit=limit)
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
         """Publish what is due; good values only while the starter is seen and earlier sums are known."""
         self._looked_s = now_s
         is_good = self._counters.is_seen and self._is_restored
         if is_good:
-            self._good = (self._records.clock.utc_s(now_s) if utc_s is None else utc_s, self._values(now_s))
+            self._good = (
+                self._delivery.records.clock.utc_s(now_s) if utc_s is None else utc_s,
+                self._values(now_s),
+            )
         good_utc_s, good = self._good
         for point in self._pace.take_due(good, is_good=is_good, now_s=now_s):
             value = good.get(point.name)
-            seq = self._records.sequence.take()
-            self._records.put(
+            seq = self._delivery.records.sequence.take()
+            self._delivery.records.put(
                 ValueRecord(
                     starter=self._setup.name,
                     point=point.name,
@@ -184,7 +183,7 @@ class MotorValues:
                     quality=Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE,
                     time_s=None if value is None else good_utc_s,
                     seq=seq,
-                    boot=self._records.boot,
+                    boot=self._delivery.records.boot,
                 )
             )
 
@@ -241,7 +240,7 @@ class MotorValues:
         before, self._left = self._left, left
         if left == 1 and before is not None and before > 1:
             text = "one start is left in this hour: after it the motor must wait"
-            self._records.event(self._setup.name, ONE_LEFT, Severity.WARNING, text)
+            self._delivery.records.event(self._setup.name, ONE_LEFT, Severity.WARNING, text)
 
 
 def _hours(seconds: float | None) -> float | None:
