@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.contract import CommandError
-from gateway.errors import DamagedError
+from gateway.contract import CommandError, StartRecord, read_stored
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile
 from gateway.plugins.history.baseline import Baseline
-from gateway.plugins.history.counters import Totals
-from gateway.plugins.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.counters import Totals, counted
 from gateway.storage.history_table import HistoryRow
+
+Samples = Mapping[str, tuple[float | None, ...]]  # of a start: columns of the same length, t_s among them
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})
 TRENDS = ("acceleration_s", "peak_a", "i2t_a2s")
@@ -67,10 +67,10 @@ class HealthReport:
     identity: dict[str, str] = field(default_factory=dict)  # by label, in order
     totals: Totals = field(default_factory=Totals)
     live: dict[str, float | int | str] = field(default_factory=dict)  # own points, as last published
-    starts: list[StartSummary] = field(default_factory=list)  # the oldest first
-    curves: list[tuple[str, StartSamples]] = field(default_factory=list)  # by id, the oldest first
+    starts: list[StartRecord] = field(default_factory=list)  # the oldest first
+    curves: list[tuple[str, Samples]] = field(default_factory=list)  # by id, the oldest first
     baseline: Baseline | None = None
-    baseline_curve: StartSamples | None = None
+    baseline_curve: Samples | None = None
     drift: str = ""  # in words, while it is raised
     months: list[MonthMeans] = field(default_factory=list)
     trips: list[Mapping[str, Any]] = field(default_factory=list)  # as stored, the newest first
@@ -84,7 +84,7 @@ class HealthReport:
         return next((each.rated_a for each in reversed(self.starts) if each.rated_a), None)
 
     @property
-    def last(self) -> StartSummary | None:
+    def last(self) -> StartRecord | None:
         """The latest start."""
         return self.starts[-1] if self.starts else None
 
@@ -99,7 +99,7 @@ def add_rows(report: HealthReport, rows: Sequence[HistoryRow]) -> None:
     for row in rows:
         try:
             _add_row(report, row)
-        except (DamagedError, KeyError, TypeError, ValueError, AttributeError):
+        except (KeyError, TypeError, ValueError, AttributeError):
             damaged += 1
     report.totals = totals_of(rows)
     report.trips.reverse()
@@ -112,14 +112,14 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
     data = row.data
     match row.kind:
         case "start":
-            report.starts.append(StartSummary.from_dict(data))
+            report.starts.append(read_stored(StartRecord, data, starter=row.starter))
         case "curve":
-            report.curves.append((row.id, StartSamples.from_dict(data)))
+            report.curves.append((row.id, _samples_of(data)))
         case "baseline":
-            report.baseline = Baseline.from_dict(data)
-            report.drift = str(data.get("text", "")) if data.get("is_raised") else ""
+            report.baseline = read_stored(Baseline, data)
+            report.drift = report.baseline.text if report.baseline.is_raised else ""
         case "baseline_curve":
-            report.baseline_curve = StartSamples.from_dict(data)
+            report.baseline_curve = _samples_of(data)
         case "month":
             means = {name: float(each["mean"]) for name, each in data["means"].items()}
             outcomes = {str(name): int(count) for name, count in data["outcomes"].items()}
@@ -130,16 +130,22 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
             pass  # counters are summed up apart
 
 
+def _samples_of(data: Mapping[str, Any]) -> Samples:
+    """Return the columns of a stored curve; KeyError, TypeError or ValueError when it is none."""
+    columns = {
+        name: tuple(None if value is None else float(value) for value in column)
+        for name, column in data.items()
+    }
+    if {len(column) for column in columns.values()} != {len(columns["t_s"])}:
+        raise ValueError("the columns of a curve differ in length")
+    return columns
+
+
 def totals_of(rows: Iterable[HistoryRow]) -> Totals:
     """Return the sums of the newest row that has all before it in it, and of those since."""
     totals = Totals()
-    for row in reversed([row for row in rows if row.kind == "counters"]):
-        try:
-            totals.add(Totals.from_dict(row.data.get("totals", {})))
-        except (ValueError, TypeError, AttributeError):
-            continue
-        if row.data.get("is_whole"):
-            break
+    for row in counted(row.data for row in rows if row.kind == "counters"):
+        totals.add(row.totals)
     return totals
 
 

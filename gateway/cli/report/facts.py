@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gateway.cli.report.content import TRENDS, HealthReport
+from gateway.cli.report.content import TRENDS, HealthReport, Samples
 from gateway.cli.report.labels import Translate
+from gateway.contract import StartRecord, rfc3339
 from gateway.plugins.history.baseline import LAST, LIMIT_PCT
-from gateway.plugins.history.start_record import StartSamples, StartSummary
 
 MOST_STARTS, MOST_TRIPS, MOST_SETTINGS, MOST_MONTHS = 10, 10, 12, 12
 UNKNOWN = "-"
@@ -120,7 +120,7 @@ def starts(report: HealthReport, t: Translate) -> TextTable:
     """Return the last starts, the newest first."""
     rows = [
         (
-            moment(str(start.to_dict()["time"])),
+            moment(str(rfc3339(start.time_s))),
             t(start.outcome.value.replace("_", " ")),
             *(_with_error(name, start) for name in _SHOWN),
             start.cause.client or start.cause.source.value,
@@ -201,7 +201,7 @@ def shown(name: str, amount: float | None) -> str:
     return f"{scaled:,.0f}".replace(",", "\xa0") if abs(scaled) >= 100 else f"{scaled:#.3g}"
 
 
-def _with_error(name: str, start: StartSummary) -> str:
+def _with_error(name: str, start: StartRecord) -> str:
     """Return a quantity of a start, with what it is known to plus or minus where the record says that."""
     text = shown(name, getattr(start, name))
     if name == "acceleration_s" and start.acceleration_s is not None and start.resolution_s:
@@ -211,10 +211,10 @@ def _with_error(name: str, start: StartSummary) -> str:
     return text
 
 
-def current_of(curve: StartSamples) -> list[tuple[float, float]]:
+def current_of(curve: Samples) -> list[tuple[float, float]]:
     """Return the current of a start by its time, where it was read."""
-    pairs = zip(curve.t_s, curve.columns.get("current", ()), strict=False)
-    return [(t_s, current) for t_s, current in pairs if current is not None]
+    pairs = zip(curve["t_s"], curve.get("current", ()), strict=False)
+    return [(t_s, current) for t_s, current in pairs if t_s is not None and current is not None]
 
 
 def value(name: str, amount: float | None) -> str:

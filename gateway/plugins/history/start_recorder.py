@@ -20,20 +20,12 @@ from __future__ import annotations
 
 import enum
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.families.profile.schema import Profile, once_per_profile
-from gateway.plugins.history.start_curve import Curve, crossings, i2t_error_pct_of, rate_hz_of
-from gateway.plugins.history.start_record import (
-    COLUMNS,
-    Cause,
-    StartOutcome,
-    StartSamples,
-    StartSource,
-    StartSummary,
-)
+from gateway.plugins.history.start_curve import COLUMNS, Curve, crossings, i2t_error_pct_of, rate_hz_of
 from gateway.starters.telemetry.readings import Readings
 
 BEFORE_S = 1.0  # samples begin so long before the start
@@ -44,6 +36,7 @@ LARGEST = 10.0  # times the rated current, which is also as far as S1.1.4 goes [
 FITS_S = 10.0  # from the write of a start until the motor is seen to start (verify, 5 s, and a poll)
 THERMAL_VALID_S = 120.0  # a thermal level of the motor at rest
 MOST_COMMANDS = 4
+MOST_BEFORE = 32  # samples that are remembered of the time before a start
 
 AT_REST = frozenset({"ready", "not_ready", "fault"})
 _NOT_A_START = ("jog", "braking", "reversing")  # on, but not by a start
@@ -79,8 +72,7 @@ class StartCommand:
 class FinishedStart:
     """A start that is over."""
 
-    summary: StartSummary
-    curve: StartSamples
+    record: StartRecord
     was_found: bool = False  # under way at the first reading of all: an earlier run may have recorded it
 
 
@@ -116,7 +108,8 @@ class _Start:
 class StartRecorder:
     """The starts of one motor, from its readings; gives each record when it is over."""
 
-    def __init__(self, points: StartPoints, *, boot: str, take_seq: Callable[[], int]) -> None:
+    def __init__(self, starter: str, points: StartPoints, *, boot: str, take_seq: Callable[[], int]) -> None:
+        self._starter = starter
         self._points = points
         self._boot = boot
         self._take_seq = take_seq
@@ -126,10 +119,9 @@ class StartRecorder:
         self._remote: bool | None = None
         self._was_full = False
         self._thermal: tuple[float, float] | None = None  # time, level
-        self._before: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=32)
         self._commands: list[StartCommand] = []
         self._start: _Start | None = None
-        self._curve = Curve()
+        self._curve = Curve()  # of the start under way; before it, of the latest samples
         self._last_s = -math.inf
         self.rated_a: float | None = None
 
@@ -277,9 +269,6 @@ class StartRecorder:
             remote=None if was_found else self._remote,  # who gave it was not seen
             was_found=was_found,
         )
-        self._curve = Curve()
-        for at_s, values in self._before:
-            self._curve.add(at_s, values)
         self._rest_since_s = None
         return start
 
@@ -293,10 +282,10 @@ class StartRecorder:
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
             self._thermal = (readings.at_s, thermal)
-        if self._start is None:
-            self._before.append((readings.at_s, row))
-        elif not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
+        if not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
             self._curve.add(readings.at_s, row)
+        if self._start is None and len(self._curve.at_s) > MOST_BEFORE:
+            self._curve.cut_before(self._curve.at_s[1])
 
     def _finish(self, outcome: StartOutcome, phase: _Phase) -> FinishedStart:
         start, curve = self._start, self._curve
@@ -312,7 +301,8 @@ class StartRecorder:
         curve.cut_before(zero_s - BEFORE_S)
         largest_a = LARGEST * self.rated_a if self.rated_a else math.inf
         outliers = curve.drop_outliers(zero_s, largest_a=largest_a)
-        summary = StartSummary(
+        record = StartRecord(
+            starter=self._starter,
             id=f"{self._boot}-{seq}",
             time_s=zero_s + start.utc_offset_s,
             boot=self._boot,
@@ -324,18 +314,17 @@ class StartRecorder:
             heating_pct=_rise(start.thermal_before, curve.latest("thermal")),
             outliers=outliers,
         )
-        summary = self._measured(summary, start, curve, zero_s, resolution_s)
+        record = self._measured(record, start, curve, zero_s, resolution_s)
         self._start, self._curve, self._phase = None, Curve(), phase
-        self._before.clear()
         self._commands.clear()
         if phase is not _Phase.REST:
             self._rest_since_s = None
-        return FinishedStart(summary, curve.shown(zero_s), start.was_found)
+        return FinishedStart(replace(record, samples=curve.shown(zero_s)), start.was_found)
 
     def _measured(
-        self, summary: StartSummary, start: _Start, curve: Curve, zero_s: float, resolution_s: float
-    ) -> StartSummary:
-        """Return the summary with what the samples say of the start."""
+        self, record: StartRecord, start: _Start, curve: Curve, zero_s: float, resolution_s: float
+    ) -> StartRecord:
+        """Return the record with what the samples say of the start."""
         end_s, end_resolution_s = _instant(start.ended)
         acceleration_s, within_s = end_s - zero_s, resolution_s + end_resolution_s
         if math.isnan(within_s) and start.began is None and self.rated_a:
@@ -345,14 +334,14 @@ class StartRecorder:
                 rate_hz = rate_hz_of(curve.currents(*crossed), *crossed) or math.nan
                 acceleration_s, within_s = end_s - zero_s, 1 / rate_hz
                 resolution_s = end_resolution_s = within_s / 2
-        is_known = summary.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
+        is_known = record.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
         until_s = end_s if is_known else self._last_s
         samples = curve.currents(zero_s, until_s)
-        was_cut = summary.outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
+        was_cut = record.outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
         has_all = is_known or (was_cut and not math.isnan(resolution_s))
         sums = curve.sums(zero_s, until_s) if has_all else None
         return replace(
-            summary,
+            record,
             acceleration_s=acceleration_s if is_known else None,
             resolution_s=within_s if is_known else None,
             peak_a=max((value for _, value in samples), default=None),
