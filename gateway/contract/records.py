@@ -523,9 +523,12 @@ class StartRecord(Record):
     drift: Annotated[Mapping[str, QuantityChange], _if_any("against the baseline, by quantity")] = field(
         default_factory=dict
     )
-    samples: Annotated[Mapping[str, tuple[float | None, ...]], _if_any("columns of the same length")] = field(
-        default_factory=dict
-    )
+    samples: Annotated[
+        Mapping[str, tuple[float | None, ...]],
+        _if_any(
+            "columns of the same length, by point; `t_s`: time from the start, s; null: not in the reply"
+        ),
+    ] = field(default_factory=dict)
 
     @property
     def key(self) -> str:

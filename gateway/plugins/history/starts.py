@@ -189,8 +189,9 @@ class MotorStarts:
     def _report(self, verdict: TrendVerdict, start: StartRecord) -> None:
         drift = start.fields().get("drift", {})
         if verdict.raised:
-            changes, code = verdict.raised, EventCode.START_DRIFT
-            self._records.event(self._starter, code, start=start.id, drift=drift, changes=changes)
+            self._records.event(
+                self._starter, EventCode.START_DRIFT, start=start.id, drift=drift, changes=verdict.raised
+            )
             self._put_alarm()
         elif verdict.is_over:
             self._records.event(self._starter, EventCode.START_DRIFT_OVER, start=start.id, drift=drift)
