@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache, lru_cache
@@ -30,7 +30,7 @@ from gateway.contract.json_text import encoded, with_decimals
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import to_level
-from gateway.contract.values import PointInfo, ResultValues
+from gateway.contract.values import PointInfo, ResultValues, StartSamples
 from gateway.contract.vocabulary import (
     CONTRACT_VERSION,
     Phase,
@@ -112,12 +112,10 @@ def _if_any(description: str) -> Any:
 
 
 def _rounded(digits: int) -> PlainSerializer:
-    return PlainSerializer(
-        lambda number: None if number is None else round(number, digits), return_type=float | None
-    )
+    return PlainSerializer(lambda number: round(number, digits), return_type=float)
 
 
-Measured = Annotated[float | None, _rounded(4)]
+Measured = Annotated[float, _rounded(4)]
 
 
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
@@ -206,9 +204,10 @@ def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     return found
 
 
-def stored(thing: object) -> dict[str, Any]:
-    """Return an object as `read_stored` reads it."""
-    fields: dict[str, Any] = _adapter_of(type(thing)).serializer.to_python(thing, by_alias=True)
+def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
+    """Return an object as `read_stored` reads it, but some of its fields."""
+    serializer = _adapter_of(type(thing)).serializer
+    fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
     return fields
 
 
@@ -480,8 +479,8 @@ class Cause:
     """Who gave a start."""
 
     source: Annotated[StartSource, Field(description="where it came from")] = StartSource.UNKNOWN
-    client: Annotated[str | None, _maybe("of a command of the gateway")] = None
-    command_id: Annotated[str | None, _maybe("of a command of the gateway")] = None
+    client: Annotated[str | None, _maybe("of a command through the gateway")] = None
+    command_id: Annotated[str | None, _maybe("of a command through the gateway")] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -506,28 +505,27 @@ class StartRecord(Record):
     boot: Boot
     seq: Seq
     cause: Annotated[Cause, Field(description="who gave the start")] = Cause()
-    outcome: Annotated[StartOutcome, Field(description="how it ended; given_up: out of sight")]
-    standstill_s: Annotated[Measured, _maybe("at rest before, as far as it was seen, s")] = None
-    rate_hz: Annotated[Measured, _maybe("samples of the current a second, while it accelerated")] = None
-    rated_a: Annotated[Measured, _maybe("rated current, A")] = None
-    acceleration_s: Annotated[Measured, _maybe("acceleration time, s")] = None
-    resolution_s: Annotated[Measured, _maybe("plus or minus, of the acceleration time, s")] = None
-    peak_a: Annotated[Measured, _maybe("highest current, A")] = None
-    mean_a: Annotated[Measured, _maybe("mean current while it accelerated, A")] = None
-    i2t_a2s: Annotated[Measured, _maybe("integral of the squared current, A²s")] = None
-    i2t_error_pct: Annotated[Measured, _maybe("plus or minus, of the I2t, %")] = None
-    lowest_v: Annotated[Measured, _maybe("lowest line voltage, V")] = None
-    heating_pct: Annotated[Measured, _maybe("rise of the thermal level, %")] = None
-    outliers: Annotated[int, _if_any("readings of the current that cannot be, and were left out")] = 0
+    outcome: Annotated[StartOutcome, Field(description="its end; given_up: the gateway lost sight of it")]
+    standstill_s: Annotated[Measured | None, _maybe("at rest before, as far as it was seen, s")] = None
+    rate_hz: Annotated[Measured | None, _maybe("samples of the current by their time, Hz")] = None
+    rated_a: Annotated[Measured | None, _maybe("rated current, A")] = None
+    acceleration_s: Annotated[Measured | None, _maybe("acceleration time, s")] = None
+    resolution_s: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, s")] = None
+    peak_a: Annotated[Measured | None, _maybe("highest current, A")] = None
+    mean_a: Annotated[Measured | None, _maybe("mean current while it accelerated, A")] = None
+    i2t_a2s: Annotated[Measured | None, _maybe("integral of the squared current, A²s")] = None
+    i2t_error_pct: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, %")] = None
+    lowest_v: Annotated[Measured | None, _maybe("lowest line voltage, V")] = None
+    heating_pct: Annotated[Measured | None, _maybe("rise of the thermal level, %")] = None
+    outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
     is_baseline: Annotated[bool, Field(description="whether later starts are compared with it")] = False
-    drift: Annotated[Mapping[str, QuantityChange], _if_any("against the baseline, by quantity")] = field(
-        default_factory=dict
-    )
+    drift: Annotated[
+        Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
+    ] = field(default_factory=dict)
     samples: Annotated[
         Mapping[str, tuple[float | None, ...]],
-        _if_any(
-            "columns of the same length, by point; `t_s`: time from the start, s; null: not in the reply"
-        ),
+        _described_by(StartSamples),
+        Field(description="columns of the same length; null where a reply did not hold it"),
     ] = field(default_factory=dict)
 
     @property
@@ -544,8 +542,10 @@ class ReadingTable:
     """
 
     t_s: Annotated[tuple[float, ...], Field(description="time from the trip, s")]
-    points: Annotated[Mapping[str, tuple[Number | None, ...]], Field(description="columns, by point")]
-    constant: Annotated[Mapping[str, Number], Field(description="points that did not change")]
+    points: Annotated[
+        Mapping[str, tuple[Number | None, ...]], Field(description="columns of the same length, by point")
+    ]
+    constant: Annotated[Mapping[str, Number], Field(description="points that did not change, by point")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -559,13 +559,13 @@ class TripRecord(Record):
     time_s: Annotated[PossibleTime, _time("time", "the first reading that showed it")]
     boot: Boot
     seq: Seq
-    code: Annotated[str, Field(description="of the fault; `fault` where the starter gives no number")]
-    text: Annotated[str, Field(description="what the manual calls it")]
+    code: Annotated[str, Field(description="code of the fault, in lower case; `fault`: it has no number")]
+    text: Annotated[str, Field(description="its name in the manual")]
     state_before: Annotated[str | None, Field(description="null: found at the first reading")]
-    readings: Annotated[ReadingTable, Field(description="what was read before it")]
-    at_fault: Annotated[Mapping[str, Row], Field(description="what the starter stored at the fault, by code")]
+    readings: Annotated[ReadingTable, Field(description="the readings before it")]
+    at_fault: Annotated[Mapping[str, Row], Field(description="stored by the starter at the fault, by code")]
     fault_history: Annotated[tuple[Row, ...], Field(description="the starter's own list, the newest first")]
-    thinned: Annotated[str, _maybe("what was left out so that it has at most 16 KB")] = ""
+    thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
 
     @property
     def key(self) -> str:

@@ -224,7 +224,7 @@ def _kind(schema: Mapping[str, Any]) -> str:
     if "additionalProperties" in schema:
         word += " by key"
     if "type" in inner and "properties" not in inner:
-        word += f" of {_kind(inner)}"
+        word += f" of {_kind(inner).replace(', or ', ' or ')}"
     return f"{word}, or null" if null else word
 
 

@@ -191,7 +191,7 @@ class History:
         motor = self._motors.get(starter)
         if motor is None:
             raise CommandError(ResultCode.NO_START, "none")
-        return motor.starts.choose_baseline(id_, client=client).fields()
+        return motor.starts.choose_baseline(id_, client=client)
 
     async def stored(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what the file has of these kinds of one starter, the oldest first; StoreError."""

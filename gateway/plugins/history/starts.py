@@ -119,8 +119,8 @@ class MotorStarts:
         """End the start under way."""
         self._finish(self._recorder.lose())
 
-    def choose_baseline(self, id_: str | None, *, client: str) -> StartRecord:
-        """Compare later starts with this one (None: the last good one); CommandError when it cannot be."""
+    def choose_baseline(self, id_: str | None, *, client: str) -> Mapping[str, Any]:
+        """Compare later starts with this one (None: the last good one) and return it; CommandError."""
         if self._early is not None or self._is_unread:
             raise CommandError(ResultCode.HISTORY_UNAVAILABLE)
         candidates = [start for start in reversed(self._latest) if id_ in (None, start.id)]
@@ -130,7 +130,7 @@ class MotorStarts:
         for start in sorted(candidates, key=lambda start: len(values_of(start) or ()), reverse=True):
             if self._trend.set_baseline(start, client=client):
                 self._mark_baseline(start)
-                return replace(start, is_baseline=True)
+                return _summary(replace(start, is_baseline=True))
         raise CommandError(ResultCode.NO_START, "last" if id_ is None else "chosen")
 
     def _recorder_of(self, setup: StarterSetup) -> StartRecorder:
@@ -161,7 +161,7 @@ class MotorStarts:
         self._delivery.publish(record)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
-        self._store(START, start.id, start.fields(), limit=SUMMARIES, is_urgent=True)
+        self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)
         self._report(verdict, start)
         if self._trend.baseline is not before:
             self._store_baseline()
@@ -187,7 +187,7 @@ class MotorStarts:
             self._delivery.store(self._starter, kind, id_, data, limit=limit, is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, start: StartRecord) -> None:
-        drift = start.fields().get("drift", {})
+        drift = _summary(start).get("drift", {})
         if verdict.raised:
             self._records.event(
                 self._starter, EventCode.START_DRIFT, start=start.id, drift=drift, changes=verdict.raised
@@ -223,7 +223,7 @@ class MotorStarts:
             marked = replace(start, is_baseline=start.id == chosen.id)
             if marked != start:
                 self._latest[index] = marked
-                self._store(START, marked.id, marked.fields(), limit=SUMMARIES)
+                self._store(START, marked.id, _summary(marked), limit=SUMMARIES)
         self._put_alarm()
         self._store_baseline()
 
@@ -245,3 +245,8 @@ class MotorStarts:
         except ValueError as error:
             log.warning("starter=%s %s %s is lost: %s", self._starter, row.kind, row.id, error)
             return None
+
+
+def _summary(start: StartRecord) -> Mapping[str, Any]:
+    """Return what is stored of a start besides its curve."""
+    return stored(start, without={"samples"})
