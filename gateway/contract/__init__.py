@@ -3,7 +3,7 @@
 A record is its payload; `docs/reference` and asyncapi.yaml are generated from here.
 """
 
-from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, SequenceNumbers, Sink
+from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, Sink
 from gateway.contract.events import EVENTS, Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded
 from gateway.contract.latest import Latest
@@ -16,7 +16,6 @@ from gateway.contract.records import (
     ForgetRecord,
     FreshRecord,
     GatewayRecord,
-    HistoryItem,
     HistoryRecord,
     InfoRecord,
     LineRecord,
@@ -36,13 +35,11 @@ from gateway.contract.records import (
     TripRecord,
     ValueRecord,
     history_item,
-    json_schema,
     read_record,
     read_stored,
     stored,
 )
 from gateway.contract.request import (
-    DEFAULT_TTL_S,
     MAX_PAYLOAD_BYTES,
     MAX_TTL_S,
     CommandBody,
@@ -62,7 +59,6 @@ from gateway.contract.results import (
 )
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (
-    LEVEL,
     LINE,
     CommandAddress,
     Malformed,
@@ -72,6 +68,7 @@ from gateway.contract.topics import (
     shortened,
     to_level,
 )
+from gateway.contract.values import StartSamples
 from gateway.contract.vocabulary import (
     ACCEPT,
     BASELINE,
@@ -95,9 +92,7 @@ __all__ = [
     "BASELINE",
     "CANCEL",
     "CONTRACT_VERSION",
-    "DEFAULT_TTL_S",
     "EVENTS",
-    "LEVEL",
     "LINE",
     "LOCK",
     "MAX_PAYLOAD_BYTES",
@@ -121,7 +116,6 @@ __all__ = [
     "ForgetRecord",
     "FreshRecord",
     "GatewayRecord",
-    "HistoryItem",
     "HistoryRecord",
     "InfoRecord",
     "Latest",
@@ -145,11 +139,11 @@ __all__ = [
     "ResultCode",
     "ResultRecord",
     "RetainedTopic",
-    "SequenceNumbers",
     "Severity",
     "Sink",
     "StartOutcome",
     "StartRecord",
+    "StartSamples",
     "StartSource",
     "StarterState",
     "StateRecord",
@@ -162,7 +156,6 @@ __all__ = [
     "history_item",
     "is_level",
     "joined",
-    "json_schema",
     "meaning_of",
     "phrase",
     "read_body",

@@ -444,18 +444,6 @@ class AuditRecord(Record):
     boot: Boot = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ReadyMade(Record):
-    """A record whose JSON is one mapping, described where it is made."""
-
-    BESIDE = "data"
-    data: Annotated[Mapping[str, Any], _beside("the whole payload")]
-
-    def payload(self) -> bytes:
-        """Return the mapping as JSON."""
-        return encoded(self.data)
-
-
 class StartOutcome(enum.StrEnum):
     """How a start ended."""
 
@@ -574,13 +562,18 @@ class TripRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineRecord(_ReadyMade):
+class LineRecord(Record):
     """The statistics of a line, every 30 s and on change."""
 
     TOPIC = "gateway/line/{line}"
     QOS = 0
+    BESIDE = "data"
     line: InTopic
     data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
+
+    def payload(self) -> bytes:
+        """Return the statistics as JSON."""
+        return encoded(self.data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

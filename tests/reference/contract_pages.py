@@ -29,8 +29,8 @@ from gateway.contract import (
     StatusRecord,
     TripRecord,
     ValueRecord,
-    json_schema,
 )
+from gateway.contract.records import json_schema
 
 MADE = "Made by `make docs` from gateway/contract, which the tests compare with a run."
 HEAD = f"""\

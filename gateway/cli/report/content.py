@@ -6,33 +6,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.contract import CommandError, StartRecord, read_stored
+from gateway.contract import CommandError, StartRecord, StartSamples, read_stored
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile
-from gateway.plugins.history.baseline import Baseline
+from gateway.plugins.history.baseline import Baseline, Month
 from gateway.plugins.history.counters import Totals, counted
 from gateway.storage.history_table import HistoryRow
-
-Samples = Mapping[str, tuple[float | None, ...]]  # of a start: columns of the same length, t_s among them
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})
 TRENDS = ("acceleration_s", "peak_a", "i2t_a2s")
 _OWN_POINTS = ("hours_total", "energy_kwh", "starts_left", "pause_left_s", "standstill_s", "restart_in_s")
-
-
-@dataclass(frozen=True, slots=True)
-class MonthMeans:
-    """The starts of one month: how they ended, and the means of those that reached full voltage."""
-
-    name: str  # 2026-11
-    outcomes: Mapping[str, int]
-    means: Mapping[str, float]
-
-    @property
-    def starts(self) -> int:
-        """All starts of the month."""
-        return sum(self.outcomes.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +52,11 @@ class HealthReport:
     totals: Totals = field(default_factory=Totals)
     live: dict[str, float | int | str] = field(default_factory=dict)  # own points, as last published
     starts: list[StartRecord] = field(default_factory=list)  # the oldest first
-    curves: list[tuple[str, Samples]] = field(default_factory=list)  # by id, the oldest first
+    curves: list[StartSamples] = field(default_factory=list)  # the oldest first
     baseline: Baseline | None = None
-    baseline_curve: Samples | None = None
+    baseline_curve: StartSamples | None = None
     drift: str = ""  # in words, while it is raised
-    months: list[MonthMeans] = field(default_factory=list)
+    months: list[Month] = field(default_factory=list)
     trips: list[Mapping[str, Any]] = field(default_factory=list)  # as stored, the newest first
     settings: list[Setting] = field(default_factory=list)  # the newest first
     line: LineQuality | None = None
@@ -99,11 +83,11 @@ def add_rows(report: HealthReport, rows: Sequence[HistoryRow]) -> None:
     for row in rows:
         try:
             _add_row(report, row)
-        except (KeyError, TypeError, ValueError, AttributeError):
+        except ValueError:
             damaged += 1
     report.totals = totals_of(rows)
     report.trips.reverse()
-    report.months.sort(key=lambda month: month.name)
+    report.months.sort(key=lambda month: month.month)
     if damaged:
         report.notes.append(f"{damaged} damaged records are left out")
 
@@ -114,31 +98,18 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
         case "start":
             report.starts.append(read_stored(StartRecord, data, starter=row.starter))
         case "curve":
-            report.curves.append((row.id, _samples_of(data)))
+            report.curves.append(read_stored(StartSamples, data))
         case "baseline":
             report.baseline = read_stored(Baseline, data)
             report.drift = report.baseline.text if report.baseline.is_raised else ""
         case "baseline_curve":
-            report.baseline_curve = _samples_of(data)
+            report.baseline_curve = read_stored(StartSamples, data)
         case "month":
-            means = {name: float(each["mean"]) for name, each in data["means"].items()}
-            outcomes = {str(name): int(count) for name, count in data["outcomes"].items()}
-            report.months.append(MonthMeans(str(data["month"]), outcomes, means))
+            report.months.append(read_stored(Month, data))
         case "trip":
             report.trips.append(data)
         case _:
             pass  # counters are summed up apart
-
-
-def _samples_of(data: Mapping[str, Any]) -> Samples:
-    """Return the columns of a stored curve; KeyError, TypeError or ValueError when it is none."""
-    columns = {
-        name: tuple(None if value is None else float(value) for value in column)
-        for name, column in data.items()
-    }
-    if {len(column) for column in columns.values()} != {len(columns["t_s"])}:
-        raise ValueError("the columns of a curve differ in length")
-    return columns
 
 
 def totals_of(rows: Iterable[HistoryRow]) -> Totals:

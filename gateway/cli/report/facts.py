@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gateway.cli.report.content import TRENDS, HealthReport, Samples
+from gateway.cli.report.content import TRENDS, HealthReport
 from gateway.cli.report.labels import Translate
-from gateway.contract import StartRecord, rfc3339
+from gateway.contract import StartRecord, StartSamples, rfc3339
 from gateway.plugins.history.baseline import LAST, LIMIT_PCT
 
 MOST_STARTS, MOST_TRIPS, MOST_SETTINGS, MOST_MONTHS = 10, 10, 12, 12
@@ -134,7 +134,7 @@ def starts(report: HealthReport, t: Translate) -> TextTable:
 def months(report: HealthReport, t: Translate) -> TextTable:
     """Return the means by month, the oldest first."""
     rows = [
-        (month.name, str(month.starts), *(shown(name, month.means.get(name)) for name in _SHOWN))
+        (month.month, str(month.starts), *(shown(name, month.mean(name)) for name in _SHOWN))
         for month in report.months[-MOST_MONTHS:]
     ]
     return _without_unknown(TextTable((t("month"), t("starts"), *_heads(t)), rows, frozenset(range(1, 7))))
@@ -211,10 +211,10 @@ def _with_error(name: str, start: StartRecord) -> str:
     return text
 
 
-def current_of(curve: Samples) -> list[tuple[float, float]]:
+def current_of(curve: StartSamples) -> list[tuple[float, float]]:
     """Return the current of a start by its time, where it was read."""
     pairs = zip(curve["t_s"], curve.get("current", ()), strict=False)
-    return [(t_s, current) for t_s, current in pairs if t_s is not None and current is not None]
+    return [(t_s, current) for t_s, current in pairs if current is not None]
 
 
 def value(name: str, amount: float | None) -> str:

@@ -87,8 +87,9 @@ class Trend:
 
     def __init__(self) -> None:
         self.baseline: Baseline | None = None
-        self._first: list[tuple[str, Values]] = []  # good starts before there is a baseline
-        self._recent: list[tuple[str, Values]] = []  # good ones since the baseline
+        self._recent: list[
+            tuple[str, Values]
+        ] = []  # good starts, since the baseline if there is one
         self._in_row = 0  # starts that contradict `is_raised`
         self._beyond: frozenset[str] = frozenset()  # quantities beyond their limits after the latest start
 
@@ -123,25 +124,21 @@ class Trend:
         self.baseline = replace(
             before, values=values, starts=(chosen.id,), typical=chosen.id, client=client, is_raised=False
         )
-        self._recent = _since(self.baseline, [*self._first, *self._recent])
-        self._first, self._in_row, self._beyond = [], 0, frozenset()
+        self._recent = _since(self.baseline, self._recent)
+        self._in_row, self._beyond = 0, frozenset()
         return True
 
     def _add(self, id_: str, values: Values) -> None:
         """Count a good start; the first ones make the baseline."""
-        if self.baseline is not None:
-            self._recent = [*self._recent, (id_, values)][-SCATTER_OF:]
+        self._recent = [*self._recent, (id_, values)][-SCATTER_OF:]
+        if self.baseline is not None or len(self._recent) < FIRST:
             return
-        self._first.append((id_, values))
-        if len(self._first) < FIRST:
-            return
-        medians = {name: _median([each for _, each in self._first], name) for name in QUANTITIES}
-        values = {name: value for name, value in medians.items() if value is not None}
-        usual_s = values["acceleration_s"]
-        typical = min(self._first, key=lambda each: abs(each[1]["acceleration_s"] - usual_s))[0]
-        self.baseline = Baseline(values, tuple(id_ for id_, _ in self._first), typical)
-        self._recent = [*self._recent, *self._first][-SCATTER_OF:]  # they show the scatter
-        self._first = []
+        medians = {name: _median([each for _, each in self._recent], name) for name in QUANTITIES}
+        usual = {name: value for name, value in medians.items() if value is not None}
+        typical, _ = min(
+            self._recent, key=lambda each: abs(each[1]["acceleration_s"] - usual["acceleration_s"])
+        )
+        self.baseline = Baseline(usual, tuple(id_ for id_, _ in self._recent), typical)
 
     def _judged(self, baseline: Baseline, now_s: float) -> TrendVerdict:
         """Compare the last starts with the baseline, and raise or end a drift."""
@@ -227,6 +224,16 @@ class Month:
     month: str  # 2026-11, UTC
     outcomes: dict[StartOutcome, int] = field(default_factory=dict)
     means: dict[str, Mean] = field(default_factory=dict)
+
+    @property
+    def starts(self) -> int:
+        """Return how many starts there were."""
+        return sum(self.outcomes.values())
+
+    def mean(self, quantity: str) -> float | None:
+        """Return the mean of a quantity; None where it is not known."""
+        known = self.means.get(quantity)
+        return None if known is None else known.mean
 
     def add(self, start: StartRecord) -> None:
         """Count a start."""

@@ -52,8 +52,8 @@ SETTINGS = 100  # of each starter
 KINDS = (UNDELIVERED, *MotorValues.kinds, *MotorStarts.kinds)
 
 
-class MotorHistory:
-    """The history of one motor; a bug in a part costs this part what it was just handed, no more."""
+class MotorParts:
+    """The parts of one motor's history; a bug in a part costs this part what it was just handed, no more."""
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
         self.name = setup.name
@@ -197,8 +197,8 @@ class History:
         """Return what the file has of these kinds of one starter, the oldest first; StoreError."""
         return (await self._store.load([starter], kinds)).get(starter, [])
 
-    def _new(self, setup: StarterSetup) -> MotorHistory:
-        return MotorHistory(setup, self._delivery, self._policy)
+    def _new(self, setup: StarterSetup) -> MotorParts:
+        return MotorParts(setup, self._delivery, self._policy)
 
     def _count(self, record: StartRecord | TripRecord) -> None:
         motor = self._motors[record.starter]

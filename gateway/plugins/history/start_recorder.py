@@ -78,15 +78,11 @@ class FinishedStart:
 
 class _Phase(enum.Enum):
     UNSEEN = "unseen"  # nothing is known yet
-    REST = "rest"
-    ANNOUNCED = "announced"  # the start was accepted, the motor does not accelerate yet
-    ACCELERATING = "accelerating"
+    REST = "rest"  # or it was when the starter was lost
+    STARTING = "starting"  # the start was accepted; `_Start.began` says whether the motor accelerates
     AFTER = "after"  # at full voltage, still recorded
-    ON = "on"
-    STOPPING = "stopping"
-    LOST_AT_REST = "lost_at_rest"
-    LOST_STARTING = "lost_starting"
-    LOST_ON = "lost_on"
+    ON = "on"  # or stopping, or it was when the starter was lost
+    LOST = "lost"  # during a start, which was given up
 
 
 @dataclass(slots=True)
@@ -151,18 +147,13 @@ class StartRecorder:
     def lose(self) -> FinishedStart | None:
         """Record that the starter is not read any more; return the start that is over by it."""
         match self._phase:
-            case _Phase.ANNOUNCED | _Phase.ACCELERATING:
-                return self._finish(StartOutcome.GIVEN_UP, _Phase.LOST_STARTING)
+            case _Phase.STARTING:
+                return self._finish(StartOutcome.GIVEN_UP, _Phase.LOST)
             case _Phase.AFTER:
-                return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.LOST_ON)
-            case _Phase.REST | _Phase.LOST_AT_REST:
-                self._phase = _Phase.LOST_AT_REST
-            case _Phase.UNSEEN | _Phase.LOST_STARTING:
-                pass
+                return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON)
             case _:
-                self._phase = _Phase.LOST_ON
-        self._rest_since_s = None
-        return None
+                self._rest_since_s = None  # it may have been started meanwhile
+                return None
 
     def _follow(self, readings: Readings) -> FinishedStart | None:
         if readings.state == "unknown":
@@ -180,29 +171,28 @@ class StartRecorder:
         elif readings.state == "running":
             finished = self._run(readings)
         elif readings.state == "stopping":
-            finished = self._leave(StartOutcome.STOPPED, _Phase.STOPPING)
+            finished = self._leave(StartOutcome.STOPPED, _Phase.ON)
         else:
             finished = self._rest(readings)
         self._motion_s = readings.at_s
         return finished
 
     def _accelerate(self, readings: Readings) -> FinishedStart | None:
-        if self._phase is _Phase.LOST_STARTING:
+        if self._phase is _Phase.LOST:
             return None  # the start whose record was given up; one that was on was started anew meanwhile
         is_full = _is_full(readings.values)
         is_accelerating = not self._points.has_acceleration or readings.values.get("accelerating") is True
         start = self._start
         if start is None:
             start = self._begin(readings)
-            self._phase, self._was_full = _Phase.ANNOUNCED, is_full
+            self._phase, self._was_full = _Phase.STARTING, is_full
         elif self._phase is _Phase.AFTER:
             if is_full or start.began is None:
                 return self._stay(start, readings)
-            start.ended, self._phase = None, _Phase.ACCELERATING  # it was not over
-        if is_accelerating and self._phase is _Phase.ANNOUNCED:
+            start.ended, self._phase = None, _Phase.STARTING  # it was not over
+        if is_accelerating and start.began is None:
             start.began = (self._earliest(start), readings.at_s)
-            self._phase = _Phase.ACCELERATING
-        elif is_full and not self._was_full and self._phase is _Phase.ACCELERATING:
+        elif is_full and not self._was_full and start.began is not None:
             self._reach_full_voltage(start, readings.at_s)
         self._was_full = is_full
         return None
@@ -217,7 +207,7 @@ class StartRecorder:
         if any(readings.values.get(name) is True for name in _NOT_A_START):
             return self._leave(StartOutcome.STOPPED, _Phase.ON)
         start = self._start
-        if start is None and self._phase in (_Phase.REST, _Phase.LOST_AT_REST):
+        if start is None and self._phase is _Phase.REST:
             self._reach_full_voltage(self._begin(readings), readings.at_s)
         elif start is not None and self._phase is not _Phase.AFTER:
             self._reach_full_voltage(start, readings.at_s)
@@ -245,7 +235,7 @@ class StartRecorder:
     def _rest(self, readings: Readings) -> FinishedStart | None:
         is_fault = readings.state == "fault"
         outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
-        if self._phase is not _Phase.REST:
+        if self._phase is not _Phase.REST or self._rest_since_s is None:
             self._rest_since_s = readings.at_s
         return self._leave(outcome, _Phase.REST)
 
