@@ -87,9 +87,7 @@ class Trend:
 
     def __init__(self) -> None:
         self.baseline: Baseline | None = None
-        self._recent: list[
-            tuple[str, Values]
-        ] = []  # good starts, since the baseline if there is one
+        self._recent: list[tuple[str, Values]] = []  # good starts, since the baseline if there is one
         self._in_row = 0  # starts that contradict `is_raised`
         self._beyond: frozenset[str] = frozenset()  # quantities beyond their limits after the latest start
 
