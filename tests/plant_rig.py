@@ -24,7 +24,7 @@ from gateway.contract import (
     StateRecord,
     ValueRecord,
 )
-from gateway.plugins.history.service import HistoryService
+from gateway.plugins.history.plugin import History
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -78,7 +78,7 @@ class RunningPlant:
     forgotten: list[str] = field(default_factory=list)
     plant: Plant = field(init=False)
     services: StarterServices = field(init=False)
-    history: HistoryService = field(init=False)
+    history: History = field(init=False)
     file: MemoryFile = field(default_factory=MemoryFile)  # of the history
     records: RecordWriter = field(init=False)  # which everything shares
 
@@ -130,7 +130,7 @@ class RunningPlant:
         config = site(*changes)
         changes_made = changes_of(self.config, config)
         ended = self.plant.apply(changes_made)
-        self.history.follow(setups(config), changed=changes_made.starters_gone)
+        self.history.reconfigure(setups(config), changed=changes_made.starters_gone)
         self.config = config
         await ended
 
@@ -182,12 +182,12 @@ async def running(
     rights = rights_of(here.config)
     names = [setup.name for setup in setups(here.config)]
     policy = Policy(policy_of(here.config), names, rights=rights, records=records)
-    here.history = HistoryService(
+    here.history = History(
         Path("unused"),
         setups(here.config),
-        boot="boot",
         publish_event=here.publish_event,
-        make_file=lambda _path, _on_news: here.file,
+        policy=policy,
+        make_file=lambda _path, _on_news: here.file,  # type: ignore[arg-type,return-value] # what is asked of it
         records=records,
     )
     past = here.history if has_past else None
@@ -207,12 +207,13 @@ async def running(
     )
     host = LocalHost(plant.handle)
     plant.build(host, here.config.lines, here)  # type: ignore[arg-type] # all that is asked of it
-    here.history.start()
+    recording = asyncio.create_task(here.history.run())
     await plant.start()
     services.start()
     await asyncio.sleep(settled_s)
     yield here
     await host.stop()
-    await here.history.close()
+    here.history.end()
+    await recording
     await plant.close()
     await services.close()

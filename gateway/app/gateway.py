@@ -54,7 +54,7 @@ class App:
         parts.state_dir.start(
             __version__, on_recalled=parts.dispatcher.recall, on_undelivered=parts.uplink.publish_again
         )
-        parts.history.start()
+        self._history = asyncio.create_task(parts.history.run())
         await parts.plant.start()
         parts.uplink.disk_sync.start()
         parts.services.start()
@@ -76,7 +76,8 @@ class App:
         parts.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
         await parts.plant.close()
         await parts.services.close()
-        await parts.history.close()
+        parts.history.end()
+        await self._history
         await parts.policy.identities.close()
         await parts.watchdogs.close()
         await parts.policy.published_faults.close()
@@ -119,7 +120,7 @@ class App:
         config, has_operators = site.config, bool(site.config.operators)
         parts.site = site
         ended = parts.plant.apply(changes)
-        parts.history.follow(setups_in(config), changed=changes.starters_gone)
+        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
         parts.files.switch(has_operators=has_operators)
         for name in parts.policy.apply(policy_of(config), rights=rights_of(config)):
             parts.plant.starters[name].republish_state()

@@ -31,7 +31,7 @@ from gateway.contract import (
 )
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands
-from gateway.plugins.history.service import HistoryService
+from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
@@ -188,11 +188,10 @@ class Parts:
             make_opener=lambda table: self._io.make_opener(table.port, timing_of(table)),
         )
 
-    def _build_history(self) -> HistoryService:
-        return HistoryService(
+    def _build_history(self) -> History:
+        return History(
             self.site.state_dir,
             setups_in(self.site.config),
-            boot=self._boot.run,
             records=self._records,
             publish_event=self.publish_event,
             policy=self.policy,

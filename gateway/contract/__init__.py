@@ -3,7 +3,7 @@
 A record is its payload; `docs/reference` and asyncapi.yaml are generated from here.
 """
 
-from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, SequenceNumbers, Sink
+from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, Sink
 from gateway.contract.events import EVENTS, Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded
 from gateway.contract.latest import Latest
@@ -11,11 +11,11 @@ from gateway.contract.records import (
     AlarmRecord,
     AuditRecord,
     AvailabilityRecord,
+    Cause,
     EventRecord,
     ForgetRecord,
     FreshRecord,
     GatewayRecord,
-    HistoryItem,
     HistoryRecord,
     InfoRecord,
     LineRecord,
@@ -23,19 +23,23 @@ from gateway.contract.records import (
     Operator,
     OutboxRecord,
     Presence,
+    QuantityChange,
+    ReadingTable,
     Record,
     ResultRecord,
+    StartOutcome,
     StartRecord,
+    StartSource,
     StateRecord,
     StatusRecord,
     TripRecord,
     ValueRecord,
     history_item,
-    json_schema,
     read_record,
+    read_stored,
+    stored,
 )
 from gateway.contract.request import (
-    DEFAULT_TTL_S,
     MAX_PAYLOAD_BYTES,
     MAX_TTL_S,
     CommandBody,
@@ -55,7 +59,6 @@ from gateway.contract.results import (
 )
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (
-    LEVEL,
     LINE,
     CommandAddress,
     Malformed,
@@ -65,6 +68,7 @@ from gateway.contract.topics import (
     shortened,
     to_level,
 )
+from gateway.contract.values import StartSamples
 from gateway.contract.vocabulary import (
     ACCEPT,
     BASELINE,

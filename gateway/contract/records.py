@@ -10,11 +10,13 @@ of one run (`boot`). The reference and asyncapi.yaml are generated from these ty
 
 from __future__ import annotations
 
+import enum
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache, lru_cache
+from operator import not_
 from string import Formatter
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -28,7 +30,7 @@ from gateway.contract.json_text import encoded, with_decimals
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import to_level
-from gateway.contract.values import PointInfo, ResultValues
+from gateway.contract.values import PointInfo, ResultValues, StartSamples
 from gateway.contract.vocabulary import (
     CONTRACT_VERSION,
     Phase,
@@ -38,6 +40,10 @@ from gateway.contract.vocabulary import (
     rfc3339,
 )
 
+Number = bool | int | float
+Row = Mapping[str, Any]
+R = TypeVar("R", bound="Record")
+T = TypeVar("T")
 InTopic = Annotated[str, Field(exclude=True)]
 Hidden = Annotated[Any, Field(exclude=True)]
 
@@ -100,6 +106,18 @@ def _described_by(kind: Any) -> PlainSerializer:
     return PlainSerializer(lambda made: made, return_type=kind)
 
 
+def _if_any(description: str) -> Any:
+    """Describe a field that is absent from the JSON where it is 0 or empty."""
+    return Field(description=description, exclude_if=not_)
+
+
+def _rounded(digits: int) -> PlainSerializer:
+    return PlainSerializer(lambda number: round(number, digits), return_type=float)
+
+
+Measured = Annotated[float, _rounded(4)]
+
+
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 _OWN_NAMES: dict[type[Record], frozenset[str]] = {}
 
@@ -153,8 +171,7 @@ class Record:
 
     def fields(self) -> dict[str, Any]:
         """Return what the payload says, by its keys."""
-        said: dict[str, Any] = _adapter_of(type(self)).serializer.to_python(self, by_alias=True)
-        return said
+        return stored(self)
 
     def payload(self) -> bytes:
         """Return the record as JSON."""
@@ -170,9 +187,6 @@ class Record:
         return payload
 
 
-R = TypeVar("R", bound=Record)
-
-
 def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     """Return the record of a payload, given the names in its topic; ValueError when it is none.
 
@@ -181,8 +195,20 @@ def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     found = read_object(payload)
     own = {key: found.pop(key) for key in _own_names_of(kind) & found.keys()}
     beside = {kind.BESIDE: found} if kind.BESIDE else {}
-    record: R = _adapter_of(kind).validate_python({**own, **beside, **names})
-    return record
+    return read_stored(kind, {**own, **beside}, **names)
+
+
+def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
+    """Return an object from its JSON, with the names that stand in its topic; ValueError when it is none."""
+    found: T = _adapter_of(kind).validate_python({**data, **names})
+    return found
+
+
+def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
+    """Return an object as `read_stored` reads it, but some of its fields."""
+    serializer = _adapter_of(type(thing)).serializer
+    fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
+    return fields
 
 
 class _Schema(GenerateJsonSchema):
@@ -418,27 +444,77 @@ class AuditRecord(Record):
     boot: Boot = ""
 
 
+class StartOutcome(enum.StrEnum):
+    """How a start ended."""
+
+    FULL_VOLTAGE = "full_voltage"  # also bypass
+    TRIPPED = "tripped"
+    STOPPED = "stopped"
+    GIVEN_UP = "given_up"
+
+
+class StartSource(enum.StrEnum):
+    """Who gave a start."""
+
+    COMMAND = "command"  # a client of the gateway
+    LOCAL = "local"  # keypad or inputs, as the starter shows it
+    REMOTE = "remote"  # the serial line or another remote source, but not the gateway
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Who gave a start."""
+
+    source: Annotated[StartSource, Field(description="where it came from")] = StartSource.UNKNOWN
+    client: Annotated[str | None, _maybe("of a command through the gateway")] = None
+    command_id: Annotated[str | None, _maybe("of a command through the gateway")] = None
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityChange:
+    """How a quantity of the last starts compares with the baseline."""
+
+    baseline: Annotated[float, _rounded(4), Field(description="at the baseline")]
+    median: Annotated[float, _rounded(4), Field(description="of the last starts")]
+    change_pct: Annotated[float, _rounded(1), Field(description="by how much it has changed, %")]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _ReadyMade(Record):
-    """A record whose JSON is one mapping, described where it is made."""
-
-    BESIDE = "data"
-    data: Annotated[Mapping[str, Any], _beside("the whole payload")]
-
-    def payload(self) -> bytes:
-        """Return the mapping as JSON."""
-        return encoded(self.data)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartRecord(_ReadyMade):
+class StartRecord(Record):
     """One start of a motor with its samples, once it is over; after a kill perhaps once more, by its `id`."""
 
     TOPIC = "starter/{starter}/start"
     RETAIN = False
     IS_DROPPABLE = True
     starter: InTopic
-    id: InTopic
+    id: Annotated[str, Field(description="names the start")]
+    time_s: Annotated[Time, _time("time", "when the motor began to accelerate")]
+    boot: Boot
+    seq: Seq
+    cause: Annotated[Cause, Field(description="who gave the start")] = Cause()
+    outcome: Annotated[StartOutcome, Field(description="its end; given_up: the gateway lost sight of it")]
+    standstill_s: Annotated[Measured | None, _maybe("at rest before, as far as it was seen, s")] = None
+    rate_hz: Annotated[Measured | None, _maybe("samples of the current by their time, Hz")] = None
+    rated_a: Annotated[Measured | None, _maybe("rated current, A")] = None
+    acceleration_s: Annotated[Measured | None, _maybe("acceleration time, s")] = None
+    resolution_s: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, s")] = None
+    peak_a: Annotated[Measured | None, _maybe("highest current, A")] = None
+    mean_a: Annotated[Measured | None, _maybe("mean current while it accelerated, A")] = None
+    i2t_a2s: Annotated[Measured | None, _maybe("integral of the squared current, A²s")] = None
+    i2t_error_pct: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, %")] = None
+    lowest_v: Annotated[Measured | None, _maybe("lowest line voltage, V")] = None
+    heating_pct: Annotated[Measured | None, _maybe("rise of the thermal level, %")] = None
+    outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
+    is_baseline: Annotated[bool, Field(description="whether later starts are compared with it")] = False
+    drift: Annotated[
+        Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
+    ] = field(default_factory=dict)
+    samples: Annotated[
+        Mapping[str, tuple[float | None, ...]],
+        _described_by(StartSamples),
+        Field(description="columns of the same length; null where a reply did not hold it"),
+    ] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -446,14 +522,38 @@ class StartRecord(_ReadyMade):
         return f"{self.starter}:start/{self.id}"
 
 
+@dataclass(frozen=True, slots=True)
+class ReadingTable:
+    """Readings by moment.
+
+    Between two equal values a null means the same value: repeated readings of it are not stored.
+    """
+
+    t_s: Annotated[tuple[float, ...], Field(description="time from the trip, s")]
+    points: Annotated[
+        Mapping[str, tuple[Number | None, ...]], Field(description="columns of the same length, by point")
+    ]
+    constant: Annotated[Mapping[str, Number], Field(description="points that did not change, by point")]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TripRecord(_ReadyMade):
+class TripRecord(Record):
     """One trip: what was read before it, and what the starter says of it."""
 
     TOPIC = "starter/{starter}/trip"
     RETAIN = False
     starter: InTopic
-    id: InTopic
+    id: Annotated[str, Field(description="names the trip")]
+    time_s: Annotated[PossibleTime, _time("time", "the first reading that showed it")]
+    boot: Boot
+    seq: Seq
+    code: Annotated[str, Field(description="code of the fault, in lower case; `fault`: it has no number")]
+    text: Annotated[str, Field(description="its name in the manual")]
+    state_before: Annotated[str | None, Field(description="null: found at the first reading")]
+    readings: Annotated[ReadingTable, Field(description="the readings before it")]
+    at_fault: Annotated[Mapping[str, Row], Field(description="stored by the starter at the fault, by code")]
+    fault_history: Annotated[tuple[Row, ...], Field(description="the starter's own list, the newest first")]
+    thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
 
     @property
     def key(self) -> str:
@@ -462,13 +562,18 @@ class TripRecord(_ReadyMade):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineRecord(_ReadyMade):
+class LineRecord(Record):
     """The statistics of a line, every 30 s and on change."""
 
     TOPIC = "gateway/line/{line}"
     QOS = 0
+    BESIDE = "data"
     line: InTopic
     data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
+
+    def payload(self) -> bytes:
+        """Return the statistics as JSON."""
+        return encoded(self.data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -551,7 +656,7 @@ class GatewayRecord(Record):
     )
     groups: Annotated[
         Mapping[str, tuple[str, ...]],
-        Field(description="members of each group, by its name", exclude_if=lambda groups: not groups),
+        _if_any("members of each group, by its name"),
     ] = field(default_factory=dict)
 
 

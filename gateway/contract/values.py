@@ -1,4 +1,4 @@
-"""Objects inside of records: a point in `info`, and the values that a result carries besides its fields."""
+"""Objects inside of records: a point in `info`, the samples of a start, the further fields of a result."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _Unit = Annotated[str, Field(description="its unit; empty for none")]
 _Label = Annotated[str | None, Field(description="the name of the value in the manual, of an enum")]
 _Raw = Annotated[list[int], Field(description="the words as they were read")]
 _Reason = Annotated[str, Field(description="why there is no value")]
+_Column = Annotated[tuple[float | None, ...], Field(description="the point of this name")]
 _Seen = Annotated[str | None, Field(description="accept: as the accepted device reports it")]
 
 
@@ -28,6 +29,18 @@ class PointInfo(TypedDict):
     type: Annotated[str, Field(description="bool, int, float, enum or text")]
     enum: Annotated[Mapping[str, str] | None, Field(description="the names of its values")]
     deadband: Annotated[float | None, Field(description="a smaller change is not published")]
+
+
+class StartSamples(TypedDict):
+    """What was read during a start: columns of the same length."""
+
+    t_s: Annotated[tuple[float, ...], Field(description="time from the start, s")]
+    current: NotRequired[_Column]
+    line_voltage: NotRequired[_Column]
+    output_voltage: NotRequired[_Column]
+    torque_pct: NotRequired[_Column]
+    power_factor: NotRequired[_Column]
+    thermal: NotRequired[_Column]
 
 
 class ReadValue(TypedDict):

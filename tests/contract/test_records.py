@@ -28,13 +28,12 @@ from gateway.contract import (
     Record,
     ResultRecord,
     Severity,
-    StartRecord,
     StateRecord,
     StatusRecord,
-    TripRecord,
     ValueRecord,
     history_item,
 )
+from tests.contract.examples import START, TRIP
 
 VALUE = ValueRecord(
     starter="pump", point="P003", value=12.0, unit="A", quality=Quality.GOOD, time_s=1.5, seq=7, boot="b"
@@ -176,14 +175,18 @@ ROWS = [
         '"id":"1","operator":"Al","reason":null,"boot":"b"}',
     ),
     (
-        StartRecord(starter="pump", id="b-7", data={"id": "b-7", "samples": {"t_s": [-1.0, 0.5]}}),
+        START,
         "starter/pump/start",
-        '{"id":"b-7","samples":{"t_s":[-1.0,0.5]}}',
+        '{"id":"b-11","time":"1970-01-01T00:00:00.000Z","boot":"b","seq":11,'
+        '"cause":{"source":"command","client":"alice","command_id":"1"},"outcome":"full_voltage",'
+        '"acceleration_s":8.1235,"is_baseline":false,"samples":{"t_s":[-1.0,0.5],"current":[null,310.0]}}',
     ),
     (
-        TripRecord(starter="pump", id="b-8", data={"id": "b-8", "code": "e05"}),
+        TRIP,
         "starter/pump/trip",
-        '{"id":"b-8","code":"e05"}',
+        '{"id":"b-12","time":"1970-01-01T00:00:00.000Z","boot":"b","seq":12,"code":"e05","text":"Overload",'
+        '"state_before":null,"readings":{"t_s":[-1.0,0.0],"points":{"fault":[false,true]},'
+        '"constant":{"current":310.0}},"at_fault":{"P060":{"value":3}},"fault_history":[]}',
     ),
     (
         OutboxRecord(depth=2, oldest_s=1.0, bytes=300, dropped=0, refused=1, reconnects=4),

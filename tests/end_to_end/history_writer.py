@@ -9,10 +9,11 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from gateway.config.convert import setups_of
+from gateway.config.convert import policy_of, rights_of, setups_of
 from gateway.config.load import parse
 from gateway.contract import EventRecord, Record, RecordWriter, StartRecord
-from gateway.plugins.history.service import HistoryService
+from gateway.plugins.history.plugin import History
+from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.readings import Readings
 from gateway.system.clock import SystemClock
 from tests.history.support import AnalyticStart, ReadMotor
@@ -27,7 +28,7 @@ class Stored:
 
     def __init__(self) -> None:
         self.published: list[tuple[str, str]] = []  # and not named yet
-        self.history: HistoryService | None = None
+        self.history: History | None = None
 
     def put(self, record: Record) -> None:
         if self.history is not None:
@@ -51,22 +52,23 @@ async def write(folder: Path, run: str) -> None:
     config = parse(SITE, "site.toml")
     setups = [setup for line in config.lines for setup in setups_of(line)]
 
-    records = RecordWriter(sink, SystemClock())
-    service = HistoryService(
+    records = RecordWriter(sink, SystemClock(), boot=run)
+    history = History(
         folder,
         setups,
-        boot=run,
         records=records,
+        policy=Policy(policy_of(config), STARTERS, rights=rights_of(config), records=records),
         publish_event=partial(records.event, ""),
     )
-    sink.history = service
-    service.start()
-    await service.loaded()
+    sink.history = history
+    running = asyncio.create_task(history.run())
+    await asyncio.sleep(0)  # it begins
     for number in itertools.count():
+        assert not running.done()
         starter = STARTERS[number % len(STARTERS)]
         for readings in replies(number // len(STARTERS)):
-            service.take_readings(starter, readings)
-        await service.flushed()
+            history.take_readings(starter, readings)
+        await history.stored("", ())  # what was put up to now is on the disk
         lines = [f"{starter} {id_}\n" for starter, id_ in sink.published]
         os.write(1, "".join(lines).encode())  # one piece that no kill can cut
         sink.published.clear()

@@ -7,8 +7,8 @@ import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from gateway.contract import StartRecord
 from gateway.families.profile.load import load_profile
-from gateway.plugins.history.start_record import StartSamples, StartSummary
 from gateway.plugins.history.start_recorder import FinishedStart, StartPoints, StartRecorder
 from gateway.starters.telemetry.readings import Readings, Value
 
@@ -111,7 +111,7 @@ class ReadMotor:
 
 
 def recorder(points: StartPoints = POINTS) -> StartRecorder:
-    made = StartRecorder(points, boot="boot", take_seq=itertools.count(1).__next__)
+    made = StartRecorder("pump", points, boot="boot", take_seq=itertools.count(1).__next__)
     made.rated_a = RATED_A
     return made
 
@@ -134,6 +134,6 @@ def records(
     return found
 
 
-def sole(found: list[FinishedStart]) -> tuple[StartSummary, StartSamples]:
+def sole(found: list[FinishedStart]) -> StartRecord:
     (finished,) = found
-    return finished.summary, finished.curve
+    return finished.record

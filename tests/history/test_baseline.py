@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from gateway.contract import StartOutcome, StartRecord, read_stored, stored
 from gateway.plugins.history.baseline import FIRST, LAST, Month, Trend, TrendVerdict, month_of
-from gateway.plugins.history.start_record import StartOutcome, StartSummary
 
 
-def start(number: int, slower: float = 1.0, **other: Any) -> StartSummary:
+def start(number: int, slower: float = 1.0, **other: Any) -> StartRecord:
     known = {
         "acceleration_s": 8.0 * slower,
         "resolution_s": 0.2,
@@ -20,13 +20,22 @@ def start(number: int, slower: float = 1.0, **other: Any) -> StartSummary:
         "peak_a": 350.0,
         "heating_pct": 10.0,
     }
-    return StartSummary(
-        f"b-{number}", 1e9 + number, "b", number, **{"outcome": StartOutcome.FULL_VOLTAGE, **known, **other}
+    return StartRecord(
+        starter="pump",
+        id=f"b-{number}",
+        time_s=1e9 + number,
+        boot="b",
+        seq=number,
+        **{"outcome": StartOutcome.FULL_VOLTAGE, **known, **other},
     )
 
 
 def verdicts(trend: Trend, slower: Callable[[int], float], numbers: range) -> list[TrendVerdict]:
     return [trend.add(start(number, slower(number))) for number in numbers]
+
+
+def raised_now(trend: Trend) -> bool:
+    return trend.baseline is not None and trend.baseline.is_raised
 
 
 def raised(found: list[TrendVerdict]) -> list[int]:
@@ -76,7 +85,7 @@ def test_a_motor_without_current_transformer_drifts_in_its_acceleration_time_alo
     assert trend.baseline is not None
     assert trend.baseline.values == {"acceleration_s": 8.0}
     restored = Trend()
-    restored.restore([start(number, **without) for number in range(FIRST)], trend.to_dict())
+    restored.restore([start(number, **without) for number in range(FIRST)], trend.baseline)
 
     found = [restored.add(start(number, 1.25, **without)) for number in range(FIRST, 20)]
 
@@ -95,7 +104,7 @@ def test_fifty_ever_slower_starts_raise_a_drift_once_and_say_what_grew() -> None
 
         assert len(raised(found)) == 1
         assert 15 <= raised(found)[0] <= 40
-        assert trend.is_raised
+        assert raised_now(trend)
         text = next(verdict.raised for verdict in found if verdict.raised)
         assert text.startswith(("acceleration time grew by ", "I2t grew by "))
         assert "peak" not in text
@@ -156,11 +165,11 @@ def test_a_chosen_baseline_ends_a_drift_and_only_starts_from_it_on_count() -> No
     trend = Trend()
     verdicts(trend, lambda _: 1.0, range(FIRST))
     verdicts(trend, lambda _: 1.3, range(5, 30))
-    assert trend.is_raised
+    assert raised_now(trend)
 
     assert trend.set_baseline(start(29, 1.3), client="alice")
 
-    assert not trend.is_raised
+    assert not raised_now(trend)
     assert trend.baseline is not None
     assert (trend.baseline.client, trend.baseline.starts) == ("alice", ("b-29",))
     assert raised(verdicts(trend, lambda _: 1.3, range(30, 100))) == []
@@ -174,23 +183,22 @@ def test_a_restart_changes_nothing(cut: int) -> None:
     expected = [through.add(each) for each in everything]
     found = [first.add(each) for each in everything[:cut]]
 
-    second.restore(everything[:cut], first.to_dict())
+    second.restore(everything[:cut], first.baseline)
     found += [second.add(each) for each in everything[cut:]]
 
     assert [verdict.raised for verdict in found] == [verdict.raised for verdict in expected]
     assert second.baseline == through.baseline
-    assert second.to_dict() == through.to_dict()
 
 
 def test_a_month_has_the_means_of_its_starts_and_goes_on_after_a_restart() -> None:
     first = Month("2026-11")
     first.add(start(1, 1.0))
     first.add(start(2, 1.5, heating_pct=None))
-    second = Month("2026-11", first.to_dict())
+    second = read_stored(Month, stored(first))
     second.add(start(3, 2.0, heating_pct=40.0))
     second.add(start(4, outcome=StartOutcome.TRIPPED, acceleration_s=None))
 
-    month = second.to_dict()
+    month = stored(second)
 
     assert month["month"] == "2026-11"
     assert month["outcomes"] == {"full_voltage": 3, "tripped": 1}

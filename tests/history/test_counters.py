@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.plugins.history.counters import MotorCounters, Totals, band_of
+from gateway.contract import read_stored, stored
+from gateway.plugins.history.counters import MotorCounters, Totals, band_of, counted
 from gateway.starters.telemetry.readings import Readings
 
 
@@ -115,9 +116,22 @@ def test_totals_survive_their_json() -> None:
     counters.note_start()
     counters.note_trip("e05")
 
-    data = json.loads(json.dumps(counters.totals.to_dict()))
+    data = json.loads(json.dumps(stored(counters.totals)))
 
-    assert Totals.from_dict(data).to_dict() == counters.totals.to_dict()
+    assert stored(read_stored(Totals, data)) == data
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"starts": -1}, {"operating_s": float("inf")}, {"trips": {"e05": "many"}}, {"bands_s": [1.0]}]
+)
+def test_what_is_no_count_is_as_good_as_missing(wrong: dict[str, Any]) -> None:
+    whole = {"totals": {"starts": 3}, "is_whole": True}
+    later = {"totals": {"starts": 2}, "thermal": {"taus_s": [1200.0], "heatings": []}}
+
+    rows = list(counted([{"totals": {"starts": 9}}, whole, {"totals": wrong}, later]))
+
+    assert [row.totals.starts for row in rows] == [2, 3]
+    assert rows[0].thermal.taus_s == (1200.0,)
 
 
 @given(

@@ -119,7 +119,6 @@ def test_an_ssw07_that_was_seen_to_cool_from_250_to_200_percent_in_ten_minutes()
 def test_what_was_learnt_survives() -> None:
     model = ThermalModel(trip_level=250.0)
     cool(model, level=250.0, tau_s=1200.0, until_s=900.0)
-    again = ThermalModel(trip_level=250.0)
-    again.restore(model.to_dict())
+    again = ThermalModel(trip_level=250.0, learnt=model.learnt)
 
     assert again.tau_s == model.tau_s

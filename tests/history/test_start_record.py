@@ -7,18 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import DamagedError
-from gateway.plugins.history.start_record import (
-    Cause,
-    QuantityChange,
-    StartOutcome,
-    StartSamples,
-    StartSource,
-    StartSummary,
-    start_to_dict,
-)
+from gateway.contract import Cause, QuantityChange, StartOutcome, StartRecord, StartSource, read_stored
 
-SUMMARY = StartSummary(
+START = StartRecord(
+    starter="pump",
     id="0123abcd-71",
     time_s=1_795_222_923.456,
     boot="0123abcd",
@@ -39,29 +31,30 @@ SUMMARY = StartSummary(
     outliers=2,
     is_baseline=True,
     drift={"acceleration_s": QuantityChange(9.0, 11.0, 22.2)},
+    samples={"t_s": (-1.0, 0.25, 0.5), "current": (0.0, 120.0, None), "thermal": (None, 20.0, None)},
 )
-CURVE = StartSamples((-1.0, 0.25, 0.5), {"current": (0.0, 120.0, None), "thermal": (None, 20.0, None)})
 
 
 def test_a_start_survives_json() -> None:
-    data = json.loads(json.dumps(start_to_dict(SUMMARY, CURVE)))
+    data = json.loads(START.payload())
 
-    assert StartSummary.from_dict(data) == SUMMARY
-    assert StartSamples.from_dict(data["samples"]) == CURVE
+    assert json.loads(json.dumps(START.fields())) == data
+    assert read_stored(StartRecord, data, starter="pump") == START
     assert data["time"] == "2026-11-21T01:02:03.456Z"
     assert data["cause"] == {"source": "command", "client": "alice", "command_id": "c1"}
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"outcome": "exploded"}, {"time": "yesterday"}, {"cause": 7}, {"peak_a": "high"}, {"drift": {"x": {}}}],
+    [
+        {"outcome": "exploded"},
+        {"time": "yesterday"},
+        {"cause": 7},
+        {"peak_a": "high"},
+        {"drift": {"x": {}}},
+        {"samples": {"t_s": ["x"]}},
+    ],
 )
 def test_what_is_no_record_is_an_error(wrong: dict[str, Any]) -> None:
-    with pytest.raises(DamagedError, match="no record of a start"):
-        StartSummary.from_dict({**SUMMARY.to_dict(), **wrong})
-
-
-@pytest.mark.parametrize("wrong", [{}, {"t_s": ["x"]}, {"t_s": [1.0], "current": [1.0, 2.0]}, {"t_s": 5}])
-def test_what_are_no_samples_is_an_error(wrong: dict[str, Any]) -> None:
-    with pytest.raises(DamagedError, match="no samples of a start"):
-        StartSamples.from_dict(wrong)
+    with pytest.raises(ValueError, match="validation error"):
+        read_stored(StartRecord, {**START.fields(), **wrong}, starter="pump")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from gateway.contract import Cause, StartOutcome, StartSource
 from gateway.plugins.history.start_curve import crossings
-from gateway.plugins.history.start_record import Cause, StartOutcome, StartSource
 from gateway.plugins.history.start_recorder import (
     LONGEST_S,
     FinishedStart,
@@ -43,7 +43,7 @@ def one_reply(at_s: float, state: str, **values: Value) -> Readings:
 
 def feed(one: StartRecorder, *replies: Readings) -> list[StartOutcome]:
     found = [one.take(reply) for reply in replies]
-    return [each.summary.outcome for each in found if each is not None]
+    return [each.record.outcome for each in found if each is not None]
 
 
 @pytest.mark.parametrize("fast_s", [0.1, 0.25, 0.4])
@@ -55,7 +55,7 @@ def test_a_start_of_ours_agrees_with_the_analytic_curve_within_three_percent(
         start = AnalyticStart(begin_s=20.0 + 0.137 * seed, ramp_s=ramp_s)
         motor = ReadMotor(start, fast_s=fast_s, seed=seed, noise=0.004, is_ours=True)
 
-        summary, _ = sole(records(motor, before=written(start.begin_s)))
+        summary = sole(records(motor, before=written(start.begin_s)))
 
         assert summary.outcome is StartOutcome.FULL_VOLTAGE
         assert summary.acceleration_s is not None
@@ -76,7 +76,7 @@ def test_a_start_that_the_starter_has_refused_is_not_ours() -> None:
     one.note_command(StartCommand("bob", "c2", 20.29))
     one.forget_command("bob", "c2")
 
-    summary, _ = sole(records(ReadMotor(AnalyticStart(begin_s=20.3)), one=one))
+    summary = sole(records(ReadMotor(AnalyticStart(begin_s=20.3)), one=one))
 
     assert summary.cause == Cause(StartSource.COMMAND, "alice", "c1")
 
@@ -84,7 +84,7 @@ def test_a_start_that_the_starter_has_refused_is_not_ours() -> None:
 def test_a_gap_in_the_samples_leaves_out_what_cannot_be_computed() -> None:
     motor = ReadMotor(AnalyticStart(begin_s=20.3), lost=(22.0, 26.0), is_ours=True)
 
-    summary, _ = sole(records(motor, before=written(20.28)))
+    summary = sole(records(motor, before=written(20.28)))
 
     assert summary.outcome is StartOutcome.FULL_VOLTAGE
     assert summary.acceleration_s == pytest.approx(8.0, rel=WITHIN)
@@ -112,8 +112,8 @@ def test_what_the_state_never_showed_is_found_by_the_current() -> None:
 
     above_s = (2.5 * RATED_A - 150.0) / 300.0 * 0.2
     below_s = 2.0 - (2.5 * RATED_A - 80.0) / 370.0 * 0.3
-    assert finished.summary.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
-    assert finished.summary.outcome is StartOutcome.FULL_VOLTAGE
+    assert finished.record.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
+    assert finished.record.outcome is StartOutcome.FULL_VOLTAGE
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None
     one = recorder()
     motor = ReadMotor(AnalyticStart(begin_s=-2.0))
 
-    summary, _ = sole(records(motor, one=one))
+    summary = sole(records(motor, one=one))
 
     assert (summary.outcome, summary.acceleration_s) == (StartOutcome.FULL_VOLTAGE, None)
     assert summary.standstill_s is None
@@ -155,7 +155,7 @@ def test_the_time_before_a_start_that_was_announced_is_no_acceleration() -> None
 
     found = [each for each in map(one.take, replies) if each is not None]
 
-    summary, _ = sole(found)
+    summary = sole(found)
     assert summary.acceleration_s == pytest.approx(5.0)
     assert summary.time_s == pytest.approx(UTC_S + 4.875)
 
@@ -164,11 +164,11 @@ def test_a_long_start_at_a_high_rate_stays_small_and_true() -> None:
     start = AnalyticStart(begin_s=5.0, ramp_s=200.0)
     motor = ReadMotor(start, fast_s=0.02, is_ours=True)
 
-    summary, curve = sole(records(motor, until_s=260.0, before=written(5.0)))
+    summary = sole(records(motor, until_s=260.0, before=written(5.0)))
 
-    assert len(curve.t_s) <= 300
+    assert len(summary.samples["t_s"]) <= 300
     assert summary.i2t_a2s == pytest.approx(start.i2t_a2s(), rel=WITHIN)
-    assert summary.peak_a == max(value for value in curve.columns["current"] if value is not None)
+    assert summary.peak_a == max(value for value in summary.samples["current"] if value is not None)
 
 
 def test_the_heating_is_the_rise_of_the_thermal_level() -> None:
@@ -176,10 +176,10 @@ def test_the_heating_is_the_rise_of_the_thermal_level() -> None:
     feed(one, one_reply(0.0, "ready", p050=12), one_reply(0.5, "starting", p050=12))
     feed(one, one_reply(5.0, "running"), one_reply(7.0, "running", p050=31))
 
-    summary, curve = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
+    summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
 
     assert summary.heating_pct == 19.0
-    assert curve.columns["thermal"][-1] == 31.0
+    assert summary.samples["thermal"][-1] == 31.0
 
 
 def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
@@ -189,7 +189,7 @@ def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
     feed(one, one_reply(0.5, "starting", line_voltage=392.0), one_reply(1.0, "starting", line_voltage=371.0))
     feed(one, one_reply(5.0, "running", line_voltage=399.0), one_reply(7.0, "running", line_voltage=200.0))
 
-    summary, _ = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
+    summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
 
     assert summary.lowest_v == 371.0
 
@@ -215,23 +215,23 @@ def test_a_current_that_cannot_be_is_counted_and_enters_nothing(wrong: dict[int,
     one = recorder()
     one.note_command(StartCommand("alice", "c1", start.begin_s))
 
-    summary, curve = sole(read_wrongly(one, motor, wrong))
+    summary = sole(read_wrongly(one, motor, wrong))
 
     assert summary.outliers == len(wrong)
     assert summary.peak_a == pytest.approx(start.peak_a)
     assert summary.i2t_a2s == pytest.approx(start.i2t_a2s(), rel=WITHIN)
     assert summary.mean_a == pytest.approx(start.mean_a(), rel=WITHIN)
-    assert max(value for value in curve.columns["current"] if value is not None) == pytest.approx(350.0)
+    assert max(value for value in summary.samples["current"] if value is not None) == pytest.approx(350.0)
 
 
 def test_a_kick_start_and_the_current_that_trips_the_starter_are_real() -> None:
     start = AnalyticStart(begin_s=20.3)
-    kicked, _ = sole(read_wrongly(recorder(), ReadMotor(start), {0: 700.0}))
+    kicked = sole(read_wrongly(recorder(), ReadMotor(start), {0: 700.0}))
     motor = ReadMotor(start, cut_s=24.0, cut_state="fault")
     fed = sum(
         "current" in each.values and start.begin_s <= each.at_s < 24.0 for each in motor.replies(0.0, 60.0)
     )
-    tripped, _ = sole(
+    tripped = sole(
         read_wrongly(recorder(), ReadMotor(start, cut_s=24.0, cut_state="fault"), {fed - 1: 980.0})
     )
 
@@ -247,7 +247,7 @@ def test_the_i2t_is_as_exact_as_the_record_says(fast_s: float, ramp_s: float) ->
         start = AnalyticStart(begin_s=20.0 + 0.137 * seed, ramp_s=ramp_s)
         motor = ReadMotor(start, fast_s=fast_s, seed=seed, is_ours=seed % 2 == 0)
 
-        summary, _ = sole(records(motor, before=written(start.begin_s) if motor.is_ours else lambda *_: None))
+        summary = sole(records(motor, before=written(start.begin_s) if motor.is_ours else lambda *_: None))
 
         if summary.i2t_a2s is None:
             assert fast_s >= ramp_s / 5, "too few samples"
@@ -270,7 +270,7 @@ def test_the_rate_is_that_of_the_samples_that_are_there() -> None:
 
     for number, expected in ((3, 0.75), (1, 0.25), (0, None)):
         taken = map(recorder().take, [*replies, *current[:number], *end])
-        summary, _ = sole([each for each in taken if each is not None])
+        summary = sole([each for each in taken if each is not None])
         assert summary.acceleration_s == pytest.approx(start.ramp_s)
         assert summary.rate_hz == (None if expected is None else pytest.approx(expected, rel=0.01))
 
@@ -304,7 +304,7 @@ def test_what_is_a_start_and_how_it_ended(replies: str, outcomes: list[str]) -> 
             flags = {name: value == "1"} if name else {}
             found.append(one.lose() if state == "lost" else one.take(one_reply(at_s, state, **flags)))
 
-    assert [each.summary.outcome for each in found if each is not None] == outcomes
+    assert [each.record.outcome for each in found if each is not None] == outcomes
 
 
 @pytest.mark.parametrize(("remote", "source"), [(True, "remote"), (False, "local"), (None, "unknown")])
@@ -318,16 +318,16 @@ def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | No
     lost = one.lose()
 
     assert lost is not None
-    assert lost.summary.cause.source == source
-    assert lost.summary.standstill_s == pytest.approx(87.0)
-    assert (lost.summary.acceleration_s, lost.summary.peak_a, lost.curve.t_s) == (None, None, ())
+    assert lost.record.cause.source == source
+    assert lost.record.standstill_s == pytest.approx(87.0)
+    assert (lost.record.acceleration_s, lost.record.peak_a, lost.record.samples["t_s"]) == (None, None, ())
 
 
 @pytest.mark.parametrize("state", ["fault", "stopping"])
 def test_a_start_that_is_cut_has_its_peak_and_heat_but_no_acceleration_time(state: str) -> None:
     motor = ReadMotor(AnalyticStart(begin_s=20.3), cut_s=24.0, cut_state=state, is_ours=True)
 
-    summary, _ = sole(records(motor, before=written(20.28)))
+    summary = sole(records(motor, before=written(20.28)))
 
     assert (summary.acceleration_s, summary.peak_a) == (None, pytest.approx(350.0))
     assert summary.i2t_a2s == pytest.approx(350.0**2 * 3.4, rel=0.15)

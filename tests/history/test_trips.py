@@ -1,25 +1,41 @@
-import json
 import random
 from typing import Any
 
 import pytest
 
-from gateway.plugins.history.ring import ReadingTable
-from gateway.plugins.history.trip_record import MOST_BYTES, TripSnapshot, fitted, size_of
-from gateway.plugins.history.trip_recorder import AFTER_S, TripRecorder
+from gateway.contract import EventRecord, ReadingTable, Severity, TripRecord
+from gateway.plugins.history.trip_recorder import AFTER_S, MOST_BYTES, NOTHING, TripRecorder, fitted
 
-TIME = "2026-11-21T01:02:03.456Z"
+TIME_S = 1_795_222_923.456
 
 
-def fault(recorder: TripRecorder, now_s: float, *, seq: int = 7) -> TripSnapshot | None:
-    return recorder.note_fault(
-        id_=f"boot-{seq}",
-        boot="boot",
+def fault(recorder: TripRecorder, now_s: float, *, seq: int = 7) -> TripRecord | None:
+    event = EventRecord(
+        starter="pump",
         seq=seq,
-        time=TIME,
+        time_s=TIME_S,
+        boot="boot",
+        code="fault",
+        severity=Severity.ERROR,
         text="fault, was running",
+        data={"from": "running"},
+    )
+    return recorder.note_fault(event, now_s=now_s)
+
+
+def trip(text: str, readings: ReadingTable, at_fault: dict[str, Any]) -> TripRecord:
+    return TripRecord(
+        starter="pump",
+        id="b-1",
+        time_s=TIME_S,
+        boot="b",
+        seq=1,
+        code="f005",
+        text=text,
         state_before="running",
-        now_s=now_s,
+        readings=readings,
+        at_fault=at_fault,
+        fault_history=(),
     )
 
 
@@ -79,28 +95,24 @@ def test_a_fault_that_was_cleared_does_not_name_the_next_trip() -> None:
     assert trip.code == "e24"
 
 
-def large(points: int, rows: int, seed: int = 1) -> TripSnapshot:
+def large(points: int, rows: int, seed: int = 1) -> TripRecord:
     chance = random.Random(seed)
     t_s = tuple(round(-60 + 62 * row / rows, 3) for row in range(rows))
     columns = {f"point_{n}": tuple(round(chance.uniform(0, 999), 1) for _ in t_s) for n in range(points)}
     rows_at_fault = {f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)}
-    return TripSnapshot(
-        "b-1", TIME, "b", 1, "f005", "Motor overload", "running", ReadingTable(t_s, columns), rows_at_fault
-    )
+    return trip("Motor overload", ReadingTable(t_s, columns, {}), rows_at_fault)
 
 
 @pytest.mark.parametrize(("points", "rows"), [(3, 60), (12, 240), (40, 1000)])
 def test_a_record_has_at_most_16_kilobytes_and_still_the_10_seconds_before(points: int, rows: int) -> None:
-    trip = fitted(large(points, rows))
+    found = fitted(large(points, rows))
 
-    assert len(json.dumps(trip.to_dict(), separators=(",", ":")).encode()) <= MOST_BYTES
-    assert trip.readings.t_s[0] <= -10.0 + 2.0
-    assert len(trip.at_fault) == 20
-    assert bool(trip.thinned) is (rows > 60)
+    assert len(found.payload()) <= MOST_BYTES
+    assert found.readings.t_s[0] <= -10.0 + 2.0
+    assert len(found.at_fault) == 20
+    assert bool(found.thinned) is (rows > 60)
 
 
 def test_even_a_record_of_long_texts_fits() -> None:
     rows: dict[str, Any] = {f"D{n}": {"value": n, "unit": "A", "name": "é" * 400} for n in range(100)}
-    trip = TripSnapshot("b-1", TIME, "b", 1, "f005", "x" * 40_000, "running", at_fault=rows)
-
-    assert size_of(fitted(trip)) <= MOST_BYTES
+    assert len(fitted(trip("x" * 40_000, NOTHING, rows)).payload()) <= MOST_BYTES

@@ -14,13 +14,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
+from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.plugins.history.ring import ReadingTable
-from gateway.plugins.history.service.part import Surroundings
-from gateway.plugins.history.service.starts import StartHistory
-from gateway.plugins.history.trip_record import TripSnapshot
+from gateway.plugins.history.delivery import Delivery
+from gateway.plugins.history.starts import MotorStarts
+from gateway.plugins.history.trip_recorder import NOTHING
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
@@ -79,10 +78,12 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
     """Let the motor live its year and return what the gateway would have stored."""
     chance = random.Random(seed)
     clock, memory, records = YearClock(), MemoryFile(), _Records()
-    here = Surroundings("8c41d07e", RecordWriter(records, clock), memory)
+    writer: Any = RecordWriter(records, clock, boot="8c41d07e")
+    store: Any = memory
+    delivery = Delivery(writer, store, count=lambda _: None, publish_again=lambda _: None)
     profile = load_profile("ssw07")
     setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0))
-    history = StartHistory(setup, here)
+    history = MotorStarts(setup, delivery)
     history.restore(())
     starts, hours = 0, 0.0
     for day in range(days):
@@ -116,10 +117,20 @@ def _trips() -> list[HistoryRow]:
     ):
         time_s = BEGAN_S + day * DAY_S + 47_000.0 + 911 * number
         id_ = f"8c41d07e-t{number}"
-        trip = TripSnapshot(
-            id_, rfc3339(time_s), "8c41d07e", number, code, text, "running", ReadingTable.of([])
+        trip = TripRecord(
+            starter=STARTER,
+            id=id_,
+            time_s=time_s,
+            boot="8c41d07e",
+            seq=number,
+            code=code,
+            text=text,
+            state_before="running",
+            readings=NOTHING,
+            at_fault={},
+            fault_history=(),
         )
-        found.append(HistoryRow(STARTER, "trip", id_, time_s, trip.to_dict(), 100))
+        found.append(HistoryRow(STARTER, "trip", id_, time_s, trip.fields(), 100))
     return found
 
 

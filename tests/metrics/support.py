@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from gateway.contract import Quality
+from gateway.contract import Latest, Quality
+from gateway.families.profile.load import load_profile
 from gateway.plugins.metrics.catalogue import PREFIX
-from gateway.plugins.metrics.scrape import ScrapedGateway, ScrapedLine, ScrapedStarter
+from gateway.plugins.metrics.collector import Scrape as Gathered
+from gateway.plugins.metrics.counts import Counted
 from gateway.starters.telemetry.snapshot import Reading
-from gateway.system.stalls import DelayCounts
-
-T = TypeVar("T")
+from gateway.system.stalls import LagMeter
 
 NOW_S = 1_760_000_000.0
+NOTHING = Counted({}, {})
 OUTBOX = {"depth": 0, "oldest_s": 0.0, "bytes": 0, "dropped": 0, "refused": 0, "reconnects": 0}
 UNIT = {
     "answered": 90,
@@ -43,54 +45,48 @@ LINE = {
 }
 
 
-async def here(work: Callable[[], T], /) -> T:
-    """Do what else a thread does."""
-    return work()
-
-
 def good(value: Any, unit: str = "", *, time_s: float = NOW_S) -> Reading:
     return Reading(value, unit, Quality.GOOD, at_s=1.0, time_s=time_s)
 
 
-def scraped_starter(name: str = "pump-1", **changes: Any) -> ScrapedStarter:
-    return ScrapedStarter(
-        **{
-            "name": name,
-            "line": "pumps",
-            "address": 1,
-            "family": "ssw07",
-            "model": "SSW-07 85A",
-            "firmware": None,
-            "is_enabled": True,
-            "is_online": True,
-            "is_locked": False,
-            "state": "running",
-            "readings": {},
-            **changes,
-        }
+def starter(name: str = "pump-1", **changes: Any) -> Any:
+    """Return a starter as plugins see it."""
+    said = {
+        "address": 1,
+        "model": "SSW-07 85A",
+        "state": "running",
+        "readings": {},
+        "profile": load_profile("ssw07"),
+        **changes,
+    }
+    return SimpleNamespace(
+        setup=SimpleNamespace(name=name, line="pumps", address=said["address"], is_enabled=True),
+        variant=SimpleNamespace(model=said["model"], firmware=None),
+        profile=said["profile"],
+        state=said["state"],
+        is_answering=True,
+        snapshot=SimpleNamespace(readings=said["readings"]),
     )
 
 
-def scraped_gateway(*starters: ScrapedStarter, **changes: Any) -> ScrapedGateway:
-    lag = DelayCounts((0.001, 0.01))
-    lag.note(0.005)
-    return ScrapedGateway(
-        **{
-            "name": "mcc1",
-            "version": "9.9",
-            "contract": 1,
-            "now_s": NOW_S,
-            "started_s": NOW_S - 60.0,
-            "is_connected": True,
-            "outbox": OUTBOX,
-            "is_clock_synchronised": True,
-            "streams": 2,
-            "loops": {"gateway": lag.taken()},
-            "lines": (ScrapedLine("pumps", LINE),),
-            "starters": starters,
-            **changes,
-        }
+def gathered(*starters: Any, counted: Counted = NOTHING, streams: int | None = 2) -> Gathered:
+    """Return what a scrape gathers of a gateway with these starters."""
+    lag = LagMeter()
+    lag.delays.note(0.005)
+    gateway: Any = SimpleNamespace(
+        name="mcc1",
+        started_s=NOW_S - 60.0,
+        clock=SimpleNamespace(utc_s=lambda: NOW_S),
+        clock_doubt=lambda: None,
+        mqtt=SimpleNamespace(statistics=lambda: OUTBOX, is_connected=lambda: True),
+        plugin=lambda _: None if streams is None else SimpleNamespace(streams=streams),
+        loops={"gateway": lag},
+        lines=lambda: {"pumps": SimpleNamespace(statistics=lambda: LINE)},
+        starters={each.setup.name: each for each in starters},
+        policy=SimpleNamespace(motor_history=SimpleNamespace(lock_of=lambda _: None)),
+        latest=Latest(),
     )
+    return Gathered.of(gateway, counted, has_all_points=False)
 
 
 class Scrape:

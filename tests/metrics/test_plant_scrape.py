@@ -16,7 +16,7 @@ from tests.scenarios.plugins.doors import samples
 BROKEN = (
     "gateway.plugins.metrics.counts.RecordCounts.put",
     "gateway.plugins.metrics.collector.ScrapeCollector.collect",
-    "gateway.plugins.metrics.service.MetricsService.reconfigure",
+    "gateway.plugins.metrics.plugin.Metrics.reconfigure",
 )
 
 
@@ -78,7 +78,11 @@ def test_without_its_package_it_says_so_once_and_everything_else_goes_on(
     for name in [
         each for each in sys.modules if each.startswith(("prometheus_client", "gateway.plugins.metrics."))
     ]:
-        if name not in ("gateway.plugins.metrics.scrape", "gateway.plugins.metrics.catalogue"):
+        if name not in (
+            "gateway.plugins.metrics.plugin",
+            "gateway.plugins.metrics.counts",
+            "gateway.plugins.metrics.catalogue",
+        ):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
 

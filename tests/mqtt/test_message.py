@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from gateway.contract import Record, StartRecord, TripRecord
+from gateway.contract import Record
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.schema import Variant
@@ -14,13 +14,14 @@ from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
 from gateway.mqtt.message import message_of
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.description import info_of
+from tests.contract.examples import START, TRIP
 
 
 @pytest.mark.parametrize(
     ("record", "key", "is_droppable"),
     [
-        (StartRecord(starter="pump-1", id="r-7", data={}), "pump-1:start/r-7", True),
-        (TripRecord(starter="pump-1", id="r-8", data={}), "pump-1:trip/r-8", False),
+        (START, "pump:start/b-11", True),
+        (TRIP, "pump:trip/b-12", False),
     ],
 )
 def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox_is_full(

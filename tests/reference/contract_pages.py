@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from pydantic import TypeAdapter
 
 from gateway.contract import (
     CONTRACT_VERSION,
@@ -30,9 +29,8 @@ from gateway.contract import (
     StatusRecord,
     TripRecord,
     ValueRecord,
-    json_schema,
 )
-from tests.reference.start_and_trip import Start, Trip
+from gateway.contract.records import json_schema
 
 MADE = "Made by `make docs` from gateway/contract, which the tests compare with a run."
 HEAD = f"""\
@@ -226,7 +224,7 @@ def _kind(schema: Mapping[str, Any]) -> str:
     if "additionalProperties" in schema:
         word += " by key"
     if "type" in inner and "properties" not in inner:
-        word += f" of {_kind(inner)}"
+        word += f" of {_kind(inner).replace(', or ', ' or ')}"
     return f"{word}, or null" if null else word
 
 
@@ -266,8 +264,7 @@ def _without_null(schema: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _topic(name: str, kind: type[Record]) -> Topic:
-    made = {StartRecord: Start, TripRecord: Trip}.get(kind)
-    found = TypeAdapter(made).json_schema(mode="serialization") if made else json_schema(kind)
+    found = json_schema(kind)
     address = "gateway/event" if name == "gatewayEvent" else kind.TOPIC
     schema = _flat(found, found.get("$defs", {}))
     schema.pop("description", None)

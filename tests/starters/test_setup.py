@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.contract import SequenceNumbers
+from gateway.contract.bus import SequenceNumbers
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant

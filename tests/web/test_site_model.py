@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -21,6 +22,7 @@ from gateway.contract import (
     ValueRecord,
 )
 from gateway.plugins.web.site_model import MOST_COMMANDS, MOST_MESSAGES, SiteModel
+from tests.contract.examples import START
 from tests.web.support import web_settings
 
 
@@ -112,7 +114,7 @@ def test_a_client_that_has_missed_messages_gets_none_and_is_sent_the_whole_again
 def test_results_and_starts_are_sent_as_they_come_and_results_in_a_starters_snapshot() -> None:
     model = Shown()
     seen = model.now.happened
-    start = StartRecord(starter="pump-1", id="s", data={})
+    start = replace(START, starter="pump-1")
     model.take(result(Phase.ACCEPTED), result(Phase.ACCEPTED, starter="pump-2"), start)
 
     assert model.messages("pump-1", seen) == [

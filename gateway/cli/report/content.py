@@ -6,31 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.contract import CommandError
-from gateway.errors import DamagedError
+from gateway.contract import CommandError, StartRecord, StartSamples, read_stored
 from gateway.families import Parameter, Profile, parameters
-from gateway.plugins.history.baseline import Baseline
-from gateway.plugins.history.counters import Totals
-from gateway.plugins.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.baseline import Baseline, Month
+from gateway.plugins.history.counters import Totals, counted
 from gateway.storage.history_table import HistoryRow
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})
 TRENDS = ("acceleration_s", "peak_a", "i2t_a2s")
 _OWN_POINTS = ("hours_total", "energy_kwh", "starts_left", "pause_left_s", "standstill_s", "restart_in_s")
-
-
-@dataclass(frozen=True, slots=True)
-class MonthMeans:
-    """The starts of one month: how they ended, and the means of those that reached full voltage."""
-
-    name: str  # 2026-11
-    outcomes: Mapping[str, int]
-    means: Mapping[str, float]
-
-    @property
-    def starts(self) -> int:
-        """All starts of the month."""
-        return sum(self.outcomes.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +49,12 @@ class HealthReport:
     identity: dict[str, str] = field(default_factory=dict)  # by label, in order
     totals: Totals = field(default_factory=Totals)
     live: dict[str, float | int | str] = field(default_factory=dict)  # own points, as last published
-    starts: list[StartSummary] = field(default_factory=list)  # the oldest first
-    curves: list[tuple[str, StartSamples]] = field(default_factory=list)  # by id, the oldest first
+    starts: list[StartRecord] = field(default_factory=list)  # the oldest first
+    curves: list[StartSamples] = field(default_factory=list)  # the oldest first
     baseline: Baseline | None = None
     baseline_curve: StartSamples | None = None
     drift: str = ""  # in words, while it is raised
-    months: list[MonthMeans] = field(default_factory=list)
+    months: list[Month] = field(default_factory=list)
     trips: list[Mapping[str, Any]] = field(default_factory=list)  # as stored, the newest first
     settings: list[Setting] = field(default_factory=list)  # the newest first
     line: LineQuality | None = None
@@ -82,7 +66,7 @@ class HealthReport:
         return next((each.rated_a for each in reversed(self.starts) if each.rated_a), None)
 
     @property
-    def last(self) -> StartSummary | None:
+    def last(self) -> StartRecord | None:
         """The latest start."""
         return self.starts[-1] if self.starts else None
 
@@ -97,11 +81,11 @@ def add_rows(report: HealthReport, rows: Sequence[HistoryRow]) -> None:
     for row in rows:
         try:
             _add_row(report, row)
-        except (DamagedError, KeyError, TypeError, ValueError, AttributeError):
+        except ValueError:
             damaged += 1
     report.totals = totals_of(rows)
     report.trips.reverse()
-    report.months.sort(key=lambda month: month.name)
+    report.months.sort(key=lambda month: month.month)
     if damaged:
         report.notes.append(f"{damaged} damaged records are left out")
 
@@ -110,18 +94,16 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
     data = row.data
     match row.kind:
         case "start":
-            report.starts.append(StartSummary.from_dict(data))
+            report.starts.append(read_stored(StartRecord, data, starter=row.starter))
         case "curve":
-            report.curves.append((row.id, StartSamples.from_dict(data)))
+            report.curves.append(read_stored(StartSamples, data))
         case "baseline":
-            report.baseline = Baseline.from_dict(data)
-            report.drift = str(data.get("text", "")) if data.get("is_raised") else ""
+            report.baseline = read_stored(Baseline, data)
+            report.drift = report.baseline.text if report.baseline.is_raised else ""
         case "baseline_curve":
-            report.baseline_curve = StartSamples.from_dict(data)
+            report.baseline_curve = read_stored(StartSamples, data)
         case "month":
-            means = {name: float(each["mean"]) for name, each in data["means"].items()}
-            outcomes = {str(name): int(count) for name, count in data["outcomes"].items()}
-            report.months.append(MonthMeans(str(data["month"]), outcomes, means))
+            report.months.append(read_stored(Month, data))
         case "trip":
             report.trips.append(data)
         case _:
@@ -131,13 +113,8 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
 def totals_of(rows: Iterable[HistoryRow]) -> Totals:
     """Return the sums of the newest row that has all before it in it, and of those since."""
     totals = Totals()
-    for row in reversed([row for row in rows if row.kind == "counters"]):
-        try:
-            totals.add(Totals.from_dict(row.data.get("totals", {})))
-        except (ValueError, TypeError, AttributeError):
-            continue
-        if row.data.get("is_whole"):
-            break
+    for row in counted(row.data for row in rows if row.kind == "counters"):
+        totals.add(row.totals)
     return totals
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from gateway.cli.report.content import TRENDS, HealthReport
 from gateway.cli.report.labels import Translate
+from gateway.contract import StartRecord, StartSamples, rfc3339
 from gateway.plugins.history.baseline import LAST, LIMIT_PCT
-from gateway.plugins.history.start_record import StartSamples, StartSummary
 
 MOST_STARTS, MOST_TRIPS, MOST_SETTINGS, MOST_MONTHS = 10, 10, 12, 12
 UNKNOWN = "-"
@@ -120,7 +120,7 @@ def starts(report: HealthReport, t: Translate) -> TextTable:
     """Return the last starts, the newest first."""
     rows = [
         (
-            moment(str(start.to_dict()["time"])),
+            moment(str(rfc3339(start.time_s))),
             t(start.outcome.value.replace("_", " ")),
             *(_with_error(name, start) for name in _SHOWN),
             start.cause.client or start.cause.source.value,
@@ -134,7 +134,7 @@ def starts(report: HealthReport, t: Translate) -> TextTable:
 def months(report: HealthReport, t: Translate) -> TextTable:
     """Return the means by month, the oldest first."""
     rows = [
-        (month.name, str(month.starts), *(shown(name, month.means.get(name)) for name in _SHOWN))
+        (month.month, str(month.starts), *(shown(name, month.mean(name)) for name in _SHOWN))
         for month in report.months[-MOST_MONTHS:]
     ]
     return _without_unknown(TextTable((t("month"), t("starts"), *_heads(t)), rows, frozenset(range(1, 7))))
@@ -201,7 +201,7 @@ def shown(name: str, amount: float | None) -> str:
     return f"{scaled:,.0f}".replace(",", "\xa0") if abs(scaled) >= 100 else f"{scaled:#.3g}"
 
 
-def _with_error(name: str, start: StartSummary) -> str:
+def _with_error(name: str, start: StartRecord) -> str:
     """Return a quantity of a start, with what it is known to plus or minus where the record says that."""
     text = shown(name, getattr(start, name))
     if name == "acceleration_s" and start.acceleration_s is not None and start.resolution_s:
@@ -213,7 +213,7 @@ def _with_error(name: str, start: StartSummary) -> str:
 
 def current_of(curve: StartSamples) -> list[tuple[float, float]]:
     """Return the current of a start by its time, where it was read."""
-    pairs = zip(curve.t_s, curve.columns.get("current", ()), strict=False)
+    pairs = zip(curve["t_s"], curve.get("current", ()), strict=False)
     return [(t_s, current) for t_s, current in pairs if current is not None]
 
 

@@ -111,8 +111,8 @@ def _beside_tiles(report: HealthReport, t: Translate) -> list[tuple[str, str]]:
 
 
 def _curves(report: HealthReport, t: Translate) -> str:
-    earlier = [curve for _, curve in report.curves[:-1]]
-    latest = report.curves[-1][1] if report.curves else None
+    earlier = report.curves[:-1]
+    latest = report.curves[-1] if report.curves else None
     if latest is None and report.baseline_curve is None:
         return _block(t("Start curves"), f"<p>{_e(t('none recorded'))}</p>")
     usual = report.baseline_curve
@@ -134,11 +134,11 @@ def _trends(report: HealthReport, t: Translate) -> str:
     months = report.months[-18:]
     if not months:
         return ""
-    names = [month.name[2:] for month in months]
+    names = [month.month[2:] for month in months]
     plots = []
     for quantity in TRENDS:
         unit, size = facts.UNITS[quantity]
-        means = [(float(at), month.means.get(quantity)) for at, month in enumerate(months)]
+        means = [(float(at), month.mean(quantity)) for at, month in enumerate(months)]
         points = [(at, mean / size) for at, mean in means if mean is not None]
         typical = report.typical(quantity)
         usual = None if typical is None else typical / size

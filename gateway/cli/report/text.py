@@ -48,7 +48,7 @@ def _starts(report: HealthReport, t: Translate) -> Iterator[str]:
 
 
 def _curve(report: HealthReport, t: Translate) -> Iterator[str]:
-    latest = report.curves[-1][1] if report.curves else None
+    latest = report.curves[-1] if report.curves else None
     drawn = [(curve, mark) for curve, mark in ((report.baseline_curve, "."), (latest, "#")) if curve]
     points = [(*point, mark) for curve, mark in drawn for point in facts.current_of(curve)]
     if len(points) < 2:
@@ -74,7 +74,7 @@ def _months(report: HealthReport, t: Translate) -> list[str]:
         return [t("none recorded")]
     found = _table(facts.months(report, t))
     shown = report.months[-facts.MOST_MONTHS :]
-    bars = [(facts.quantity(name, t), _spark([month.means.get(name) for month in shown])) for name in TRENDS]
+    bars = [(facts.quantity(name, t), _spark([month.mean(name) for month in shown])) for name in TRENDS]
     return [*found, "", *_pairs(bars)]
 
 

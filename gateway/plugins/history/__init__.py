@@ -1,6 +1,6 @@
-"""What happened to a motor: pure recorders that make records of its starts and trips, and count.
+"""What happened to a motor: records of its starts and trips, counters and limits.
 
-Start reading at `start_recorder.py` (readings in, a finished record out) and `baseline.py` (is it still as it
-was), at `trip_recorder.py` (what came before a trip), and at `counters.py` (what adds up).
-`gateway.plugins.history.service` feeds them and stores what they give.
+Start reading at `plugin.py`, which feeds, stores and publishes. The rules are pure: `start_recorder.py` and
+`trip_recorder.py` (readings in, a finished record out), `baseline.py` (does the motor start as it did),
+`counters.py` (what adds up) and `limits.py` (what must be waited for).
 """

@@ -18,14 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from statistics import median
-from typing import Any
 
-from gateway.errors import DamagedError
-from gateway.plugins.history.start_record import QuantityChange, StartOutcome, StartSummary
+from gateway.contract import QuantityChange, StartOutcome, StartRecord
 
 FIRST = 5  # good starts that make the baseline
 LAST = 9  # starts whose median is compared with it
@@ -44,7 +42,7 @@ _MEANS = (*QUANTITIES, "mean_a", "lowest_v", "heating_pct")  # of a month
 Values = Mapping[str, float]  # those of QUANTITIES that are known, always the acceleration time
 
 
-def values_of(start: StartSummary) -> Values | None:
+def values_of(start: StartRecord) -> Values | None:
     """Return what of a start is compared; None when it is not good enough for that."""
     acceleration_s, heat, peak_a = start.acceleration_s, start.i2t_a2s, start.peak_a
     if start.outcome is not StartOutcome.FULL_VOLTAGE or acceleration_s is None or acceleration_s <= 0:
@@ -65,22 +63,13 @@ class Baseline:
     starts: tuple[str, ...]  # ids of the starts that it was made of
     typical: str  # of these the one whose acceleration time is the nearest: its curve is shown
     client: str | None = None  # who has set it; None: the first good starts
+    is_raised: bool = False  # a drift against it
+    text: str = ""  # of the drift that was raised last
+    alarm_count: int = 0  # drifts of this motor
+    raised_s: float | None = None  # when the latest was, UTC
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return its JSON object."""
-        return asdict(self)
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Baseline:
-        """Return the baseline of a JSON object; DamagedError when it is none."""
-        try:
-            stored = {"acceleration_s": data["values"]["acceleration_s"], **data["values"]}
-            values = {name: float(stored[name]) for name in QUANTITIES if name in stored}
-            starts = tuple(str(each) for each in data["starts"])
-            client = data["client"]
-            return cls(values, starts, str(data["typical"]), client and str(client))
-        except (KeyError, TypeError, ValueError) as error:
-            raise DamagedError(f"this is no baseline: {error!r}") from error
+NOTHING = Baseline({}, (), "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,40 +87,30 @@ class Trend:
 
     def __init__(self) -> None:
         self.baseline: Baseline | None = None
-        self.is_raised = False
-        self.text = ""  # of the drift that was raised last
-        self._first: list[tuple[str, Values]] = []  # good starts before there is a baseline
-        self._recent: list[tuple[str, Values]] = []  # good ones since the baseline
+        self._recent: list[tuple[str, Values]] = []  # good starts, since the baseline if there is one
         self._in_row = 0  # starts that contradict `is_raised`
         self._beyond: frozenset[str] = frozenset()  # quantities beyond their limits after the latest start
 
-    def restore(self, starts: Iterable[StartSummary], stored: Mapping[str, Any] | None) -> None:
-        """Go on from the starts of earlier runs, the oldest first, and what `to_dict` gave; DamagedError."""
+    def restore(self, starts: Iterable[StartRecord], stored: Baseline | None) -> None:
+        """Go on from the starts of earlier runs, the oldest first, and from their baseline."""
         known = [(each.id, values) for each in starts if (values := values_of(each)) is not None]
+        self.baseline = stored
         if stored is None:
             for id_, values in known:
                 self._add(id_, values)
-            return
-        self.baseline = Baseline.from_dict(stored)
-        self.is_raised, self.text = bool(stored.get("is_raised")), str(stored.get("text", ""))
-        self._begin_after(known)
+        else:
+            self._recent = _since(stored, known)
 
-    def to_dict(self) -> dict[str, Any] | None:
-        """Return the JSON object of the baseline and the drift; None before there is a baseline."""
-        if self.baseline is None:
-            return None
-        return {**self.baseline.to_dict(), "is_raised": self.is_raised, "text": self.text}
-
-    def add(self, start: StartSummary) -> TrendVerdict:
-        """Count a start that is over."""
+    def add(self, start: StartRecord, *, now_s: float = 0.0) -> TrendVerdict:
+        """Count a start that is over now, UTC."""
         values = values_of(start)
         if values is None:
             return TrendVerdict()
         baseline = self.baseline
         self._add(start.id, values)
-        return TrendVerdict(is_baseline=True) if baseline is None else self._judged(baseline)
+        return TrendVerdict(is_baseline=True) if baseline is None else self._judged(baseline, now_s)
 
-    def set_baseline(self, chosen: StartSummary, *, client: str) -> bool:
+    def set_baseline(self, chosen: StartRecord, *, client: str) -> bool:
         """Compare with this start from now on; False when it is not good enough.
 
         Only this start and those after it count; a drift that was raised is over.
@@ -139,37 +118,27 @@ class Trend:
         values = values_of(chosen)
         if values is None:
             return False
-        known = [*self._first, *self._recent]
-        self.baseline = Baseline(values, (chosen.id,), chosen.id, client)
-        self._first, self.is_raised, self._in_row, self._beyond = [], False, 0, frozenset()
-        self._begin_after(known)
+        before = self.baseline or NOTHING
+        self.baseline = replace(
+            before, values=values, starts=(chosen.id,), typical=chosen.id, client=client, is_raised=False
+        )
+        self._recent = _since(self.baseline, self._recent)
+        self._in_row, self._beyond = 0, frozenset()
         return True
 
     def _add(self, id_: str, values: Values) -> None:
         """Count a good start; the first ones make the baseline."""
-        if self.baseline is not None:
-            self._recent = [*self._recent, (id_, values)][-SCATTER_OF:]
+        self._recent = [*self._recent, (id_, values)][-SCATTER_OF:]
+        if self.baseline is not None or len(self._recent) < FIRST:
             return
-        self._first.append((id_, values))
-        if len(self._first) < FIRST:
-            return
-        medians = {name: _median([each for _, each in self._first], name) for name in QUANTITIES}
-        values = {name: value for name, value in medians.items() if value is not None}
-        usual_s = values["acceleration_s"]
-        typical = min(self._first, key=lambda each: abs(each[1]["acceleration_s"] - usual_s))[0]
-        self.baseline = Baseline(values, tuple(id_ for id_, _ in self._first), typical)
-        self._recent = [*self._recent, *self._first][-SCATTER_OF:]  # they show the scatter
-        self._first = []
+        medians = {name: _median([each for _, each in self._recent], name) for name in QUANTITIES}
+        usual = {name: value for name, value in medians.items() if value is not None}
+        typical, _ = min(
+            self._recent, key=lambda each: abs(each[1]["acceleration_s"] - usual["acceleration_s"])
+        )
+        self.baseline = Baseline(usual, tuple(id_ for id_, _ in self._recent), typical)
 
-    def _begin_after(self, known: Sequence[tuple[str, Values]]) -> None:
-        """Count the starts from the baseline's first on."""
-        if self.baseline is None:
-            return
-        ids = [id_ for id_, _ in known]
-        first = next((ids.index(id_) for id_ in self.baseline.starts if id_ in ids), 0)
-        self._recent = list(known[first:][-SCATTER_OF:])
-
-    def _judged(self, baseline: Baseline) -> TrendVerdict:
+    def _judged(self, baseline: Baseline, now_s: float) -> TrendVerdict:
         """Compare the last starts with the baseline, and raise or end a drift."""
         later = [values for id_, values in self._recent if id_ not in baseline.starts]
         if len(later) < LAST:
@@ -183,23 +152,35 @@ class Trend:
             limit = max(LIMIT_PCT / 100 * usual, SCATTERS * scatter)
             drift[name] = QuantityChange(usual, now, 100 * (now - usual) / usual)
             ratios[name] = abs(now - usual) / limit
-        return self._decided(drift, ratios)
+        return self._decided(baseline, drift, ratios, now_s)
 
-    def _decided(self, drift: dict[str, QuantityChange], ratios: dict[str, float]) -> TrendVerdict:
+    def _decided(
+        self, baseline: Baseline, drift: dict[str, QuantityChange], ratios: dict[str, float], now_s: float
+    ) -> TrendVerdict:
         beyond = frozenset(name for name, ratio in ratios.items() if ratio > 1)
-        if self.is_raised:
+        if baseline.is_raised:
             is_contrary = all(ratio < OVER_BELOW for ratio in ratios.values())
         else:
             is_contrary = bool(beyond & self._beyond) if self._in_row else bool(beyond)
-        self._in_row = self._in_row + 1 if is_contrary else int(bool(beyond) and not self.is_raised)
+        self._in_row = self._in_row + 1 if is_contrary else int(bool(beyond) and not baseline.is_raised)
         self._beyond = beyond
         if self._in_row < IN_ROW:
             return TrendVerdict(drift=drift)
-        self.is_raised, self._in_row = not self.is_raised, 0
-        if not self.is_raised:
+        self._in_row = 0
+        if baseline.is_raised:
+            self.baseline = replace(baseline, is_raised=False)
             return TrendVerdict(drift=drift, is_over=True)
-        self.text = "; ".join(_in_words(name, drift[name]) for name in QUANTITIES if name in beyond)
-        return TrendVerdict(drift=drift, raised=self.text)
+        text = "; ".join(_in_words(name, drift[name]) for name in QUANTITIES if name in beyond)
+        count = baseline.alarm_count + 1
+        self.baseline = replace(baseline, is_raised=True, text=text, alarm_count=count, raised_s=now_s)
+        return TrendVerdict(drift=drift, raised=text)
+
+
+def _since(baseline: Baseline, known: Sequence[tuple[str, Values]]) -> list[tuple[str, Values]]:
+    """Return the starts from the baseline's first on."""
+    ids = [id_ for id_, _ in known]
+    first = next((ids.index(id_) for id_ in baseline.starts if id_ in ids), 0)
+    return list(known[first:][-SCATTER_OF:])
 
 
 def _median(starts: Sequence[Values], name: str) -> float | None:
@@ -226,38 +207,43 @@ def _brief(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
+@dataclass(slots=True)
+class Mean:
+    """The mean of a quantity."""
+
+    count: int = 0
+    mean: float = 0.0
+
+
+@dataclass(slots=True)
 class Month:
-    """The means of one month's starts."""
+    """The means of one month's starts that reached full voltage, and how all of them ended."""
 
-    def __init__(self, name: str, stored: Mapping[str, Any] | None = None) -> None:
-        """Begin, or go on from what `to_dict` gave; DamagedError."""
-        self.name = name  # 2026-11, UTC
-        self._outcomes: dict[str, int] = dict.fromkeys(StartOutcome, 0)
-        self._means: dict[str, tuple[int, float]] = {}
-        try:
-            for outcome, count in (stored or {}).get("outcomes", {}).items():
-                self._outcomes[StartOutcome(outcome)] = int(count)
-            for quantity, known in (stored or {}).get("means", {}).items():
-                self._means[str(quantity)] = int(known["count"]), float(known["mean"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DamagedError(f"these are no means of a month: {error!r}") from error
+    month: str  # 2026-11, UTC
+    outcomes: dict[StartOutcome, int] = field(default_factory=dict)
+    means: dict[str, Mean] = field(default_factory=dict)
 
-    def add(self, start: StartSummary) -> None:
+    @property
+    def starts(self) -> int:
+        """Return how many starts there were."""
+        return sum(self.outcomes.values())
+
+    def mean(self, quantity: str) -> float | None:
+        """Return the mean of a quantity; None where it is not known."""
+        known = self.means.get(quantity)
+        return None if known is None else known.mean
+
+    def add(self, start: StartRecord) -> None:
         """Count a start."""
-        self._outcomes[start.outcome] += 1
+        self.outcomes[start.outcome] = self.outcomes.get(start.outcome, 0) + 1
         if start.outcome is not StartOutcome.FULL_VOLTAGE:
             return
         for quantity in _MEANS:
             value = getattr(start, quantity)
             if value is not None:
-                count, mean = self._means.get(quantity, (0, 0.0))
-                self._means[quantity] = count + 1, mean + (value - mean) / (count + 1)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return its JSON object."""
-        means = {name: {"count": count, "mean": mean} for name, (count, mean) in self._means.items()}
-        outcomes = {str(outcome): count for outcome, count in self._outcomes.items() if count}
-        return {"month": self.name, "outcomes": outcomes, "means": means}
+                known = self.means.setdefault(quantity, Mean())
+                known.count += 1
+                known.mean += (value - known.mean) / known.count
 
 
 def month_of(time_s: float) -> str:

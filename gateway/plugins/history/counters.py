@@ -11,10 +11,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import Field, PlainSerializer
+
+from gateway.contract import read_stored
+from gateway.plugins.history.limits import NOTHING, Learnt
 from gateway.starters.telemetry.readings import Readings
 
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
@@ -28,46 +32,53 @@ MOST_CODES = 64  # trips by code: fewer faults than a family has
 HOUR_S = 3600.0
 
 
+def _rounded(digits: int) -> PlainSerializer:
+    return PlainSerializer(lambda amount: round(amount, digits))
+
+
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False), _rounded(1)]
+Count = Annotated[int, Field(ge=0)]
+
+
 @dataclass(slots=True)
 class Totals:
-    """The sums themselves; what is stored. Times in seconds."""
+    """The sums themselves, as they are stored. Times in seconds."""
 
-    operating_s: float = 0.0
-    bands_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(BANDS_PCT, 0.0))
-    energy_kwh: float = 0.0
-    starts: int = 0
+    operating_s: Seconds = 0.0
+    bands_s: dict[str, Seconds] = field(default_factory=lambda: dict.fromkeys(BANDS_PCT, 0.0))
+    energy_kwh: Annotated[float, Field(ge=0, allow_inf_nan=False), _rounded(4)] = 0.0
+    starts: Count = 0
     trips: Counter[str] = field(default_factory=Counter)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what is stored, and what `report` reads."""
-        return {
-            "operating_s": round(self.operating_s, 1),
-            "bands_s": {name: round(sum_s, 1) for name, sum_s in self.bands_s.items()},
-            "energy_kwh": round(self.energy_kwh, 4),
-            "starts": self.starts,
-            "trips": dict(self.trips),
-        }
 
     def add(self, other: Totals) -> None:
         """Add what was counted before."""
         self.operating_s += other.operating_s
-        for name, sum_s in other.bands_s.items():
-            self.bands_s[name] += sum_s
+        for name in self.bands_s:
+            self.bands_s[name] += other.bands_s.get(name, 0.0)
         self.energy_kwh += other.energy_kwh
         self.starts += other.starts
         self.trips += other.trips
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Totals:
-        """Return what `to_dict` gave; ValueError, TypeError or AttributeError when it is something else."""
-        bands = data.get("bands_s", {})
-        return cls(
-            operating_s=_amount(data.get("operating_s", 0.0)),
-            bands_s={name: _amount(bands.get(name, 0.0)) for name in BANDS_PCT},
-            energy_kwh=_amount(data.get("energy_kwh", 0.0)),
-            starts=int(_amount(data.get("starts", 0))),
-            trips=Counter({str(code): int(_amount(n)) for code, n in data.get("trips", {}).items()}),
-        )
+
+@dataclass(slots=True)
+class CountersRow:
+    """What one run has stored; `is_whole`: with the sums of all earlier runs in it."""
+
+    totals: Totals
+    thermal: Learnt = NOTHING
+    is_whole: bool = False
+
+
+def counted(rows: Iterable[Mapping[str, Any]]) -> Iterator[CountersRow]:
+    """Yield of some rows, the oldest first, the newest that has all before it, and those since."""
+    for data in reversed(list(rows)):
+        try:
+            row = read_stored(CountersRow, data)
+        except ValueError:
+            continue  # what is no count is as good as missing
+        yield row
+        if row.is_whole:
+            break
 
 
 class MotorCounters:
@@ -79,7 +90,7 @@ class MotorCounters:
         self.rated_a: float | None = None  # of the motor or the starter, where nothing gives per cent
         self.has_power = False  # whether power was ever read
         self.has_load = False  # whether the load was ever known
-        self._state = "unknown"
+        self.state = "unknown"
         self._status_s: float | None = None  # of the last reading of the status
         self._power: tuple[float, float] | None = None  # time and kW
         self._load: tuple[float, float] | None = None  # time and per cent
@@ -87,16 +98,16 @@ class MotorCounters:
     @property
     def is_seen(self) -> bool:
         """Return whether the state is known now."""
-        return self._state in OPERATING | STANDING
+        return self.state in OPERATING | STANDING
 
     @property
     def is_operating(self) -> bool:
         """Return whether the motor is being started, runs or is being stopped."""
-        return self._state in OPERATING
+        return self.state in OPERATING
 
     def note_state(self, state: str) -> None:
         """Record the state from now on; a state that is not known means that nothing is seen any more."""
-        self._state = state
+        self.state = state
         if not self.is_seen:
             self._status_s = self._power = self._load = None
 
@@ -150,10 +161,3 @@ class MotorCounters:
 def band_of(load_pct: float) -> str:
     """Return the load band; a limit belongs to the band above it, as in a log of a motor relay."""
     return next(name for name, below in BANDS_PCT.items() if load_pct < below or below == math.inf)
-
-
-def _amount(value: Any) -> float:
-    number = float(value)
-    if not math.isfinite(number) or number < 0:
-        raise ValueError(f"{value!r} is no count")
-    return number

@@ -9,10 +9,12 @@ much as the worst of the last starts has added, and `START_HEATING` of the trip 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import Annotated
+
+from pydantic import Field
 
 HOUR_S = 3600.0
 START_HEATING = 0.3  # of the trip level: ours; a start at class 10 takes about that
@@ -56,14 +58,31 @@ def pause_left_s(
     return max(waits_s)
 
 
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """The last time constants of a motor's cooling, and the heatings of its last starts."""
+
+    taus_s: tuple[Positive, ...] = ()
+    heatings: tuple[Positive, ...] = ()
+
+    def with_more(self, taus_s: Sequence[float] = (), heatings: Sequence[float] = ()) -> Learnt:
+        """Return this with what was learnt later."""
+        return Learnt((*self.taus_s, *taus_s)[-LEARNT:], (*self.heatings, *heatings)[-LEARNT:])
+
+
+NOTHING = Learnt()
+
+
 @dataclass(slots=True)
 class ThermalModel:
     """Learns how one motor heats and cools; levels are in the starter's unit, times on the steady clock."""
 
     trip_level: float  # at which the starter trips
     set_tau_s: float | None = None  # what the starter is set to
-    _taus_s: tuple[float, ...] = ()  # the last of them
-    _heatings: tuple[float, ...] = ()
+    learnt: Learnt = NOTHING
     _level: float | None = None
     _level_s: float = 0.0  # when it was read
     _fall: tuple[float, float] | None = None  # where the present fall began: time, level
@@ -73,12 +92,12 @@ class ThermalModel:
     @property
     def tau_s(self) -> float | None:
         """Return the time constant of cooling; None while it is not known."""
-        return median(self._taus_s) if self._taus_s else self.set_tau_s
+        return median(self.learnt.taus_s) if self.learnt.taus_s else self.set_tau_s
 
     @property
     def restart_level(self) -> float:
         """Return from which level on a start has room for its heating."""
-        heating = max(self._heatings, default=START_HEATING * self.trip_level)
+        heating = max(self.learnt.heatings, default=START_HEATING * self.trip_level)
         return max(self.trip_level - heating, LEAST_LEVEL * self.trip_level)
 
     def note_level(self, level: float, *, at_s: float, is_standing: bool) -> None:
@@ -101,7 +120,7 @@ class ThermalModel:
         if level <= high * (1 - LEAST_FALL) and at_s - began_s >= LEAST_FALL_S:
             tau_s = (at_s - began_s) / math.log(high / level)
             if TAU_S[0] <= tau_s <= TAU_S[1]:
-                self._taus_s = (*self._taus_s, tau_s)[-LEARNT:]
+                self.learnt = self.learnt.with_more(taus_s=[tau_s])
             self._fall = (at_s, level)
 
     def note_start(self) -> None:
@@ -131,17 +150,4 @@ class ThermalModel:
     def _note_heating(self, level: float) -> None:
         before, self._before_start, self._is_started = self._before_start, None, False
         if before is not None and level > before:
-            self._heatings = (*self._heatings, level - before)[-LEARNT:]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what the next run should know."""
-        return {"taus_s": list(self._taus_s), "heatings": list(self._heatings)}
-
-    def restore(self, data: Mapping[str, Any]) -> None:
-        """Take what an earlier run has learnt; ValueError or TypeError when it is not that."""
-        self._taus_s = (*self._taus_s, *_numbers(data.get("taus_s", ())))[-LEARNT:]
-        self._heatings = (*self._heatings, *_numbers(data.get("heatings", ())))[-LEARNT:]
-
-
-def _numbers(values: Iterable[Any]) -> list[float]:
-    return [number for number in map(float, values) if math.isfinite(number) and number > 0]
+            self.learnt = self.learnt.with_more(heatings=[level - before])

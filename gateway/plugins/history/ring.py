@@ -12,8 +12,9 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+from gateway.contract import ReadingTable
 
 BEFORE_S = 60.0  # what a record shows of the time before it
 KEEP_S = BEFORE_S + 30.0  # a record is finished that much later at most
@@ -89,18 +90,6 @@ class ReadingRing:
                 series = self._series[name] = _PointReadings(type(value))
             series.add(at_s, value)
 
-    def last(self, point: str, *, before_s: float) -> Number | None:
-        """Return the last reading of a point before a moment, however old; None when there is none."""
-        series = self._series.get(point)
-        if series is None:
-            return None
-        found = None
-        for at_s, value in zip(series.times, series.values, strict=True):
-            if at_s >= before_s:
-                break
-            found = series.shown(value)
-        return found
-
     def began_s(self, point: str) -> float | None:
         """Return when a flag that is on now was read as on for the first time; None when it is off."""
         series = self._series.get(point)
@@ -119,7 +108,7 @@ class ReadingRing:
         for name, series in self._series.items():
             for at_s, value in self._window(series, moment_s - before_s):
                 found.setdefault(round(at_s - moment_s, 3), {})[name] = series.shown(value)
-        return ReadingTable.of(sorted(found.items()))
+        return table_of(sorted(found.items()))
 
     @staticmethod
     def _window(series: _PointReadings, since_s: float) -> Iterator[tuple[float, float]]:
@@ -135,53 +124,21 @@ class ReadingRing:
             yield at_s, value
 
 
-@dataclass(frozen=True, slots=True)
-class ReadingTable:
-    """Readings by moment: `points` has a value for each of `t_s`, None where the point was not read then.
+def table_of(moments: list[tuple[float, dict[str, Number]]]) -> ReadingTable:
+    """Return the table of some moments in order of time; a point that never changed is a constant."""
+    names = sorted({name for _, values in moments for name in values})
+    seen = {name: {values[name] for _, values in moments if name in values} for name in names}
+    constant = {name: values.pop() for name, values in seen.items() if len(values) == 1}
+    varying = [name for name in names if name not in constant]
+    shown = [(t_s, values) for t_s, values in moments if not values.keys().isdisjoint(varying)]
+    if not shown and moments:
+        shown = [moments[0], moments[-1]] if len(moments) > 1 else moments
+    columns = {name: tuple(values.get(name) for _, values in shown) for name in varying}
+    return ReadingTable(tuple(t_s for t_s, _ in shown), columns, constant)
 
-    A point whose value was the same in all of them stands in `constant` alone. Between two equal values a
-    None means the same value: repeated readings of it are not stored.
-    """
 
-    t_s: tuple[float, ...] = ()
-    points: Mapping[str, tuple[Number | None, ...]] = field(default_factory=dict)
-    constant: Mapping[str, Number] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, moments: list[tuple[float, dict[str, Number]]]) -> ReadingTable:
-        """Return the table of some moments in order of time."""
-        names = sorted({name for _, values in moments for name in values})
-        seen = {name: {values[name] for _, values in moments if name in values} for name in names}
-        constant = {name: values.pop() for name, values in seen.items() if len(values) == 1}
-        varying = [name for name in names if name not in constant]
-        shown = [(t_s, values) for t_s, values in moments if not values.keys().isdisjoint(varying)]
-        if not shown and moments:
-            shown = [moments[0], moments[-1]] if len(moments) > 1 else moments
-        return cls(
-            tuple(t_s for t_s, _ in shown),
-            {name: tuple(values.get(name) for _, values in shown) for name in varying},
-            constant,
-        )
-
-    def without(self, rows: set[int]) -> ReadingTable:
-        """Return the table with some of its moments left out."""
-        left = [row for row in range(len(self.t_s)) if row not in rows]
-        return ReadingTable(
-            tuple(self.t_s[row] for row in left),
-            {name: tuple(column[row] for row in left) for name, column in self.points.items()},
-            self.constant,
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON says of it."""
-        return {
-            "t_s": list(self.t_s),
-            "points": {name: list(column) for name, column in self.points.items()},
-            "constant": dict(self.constant),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> ReadingTable:
-        """Return the table of what `to_dict` gave."""
-        points = {str(name): tuple(column) for name, column in data.get("points", {}).items()}
-        return cls(tuple(data.get("t_s", ())), points, dict(data.get("constant", {})))
+def without(table: ReadingTable, rows: set[int]) -> ReadingTable:
+    """Return a table with some of its moments left out."""
+    left = [row for row in range(len(table.t_s)) if row not in rows]
+    columns = {name: tuple(column[row] for row in left) for name, column in table.points.items()}
+    return ReadingTable(tuple(table.t_s[row] for row in left), columns, table.constant)

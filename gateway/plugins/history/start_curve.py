@@ -1,8 +1,8 @@
 """The samples of a start while it is recorded, and what is computed from them.
 
-Each sample holds what one reply held, at the time of that reply. A curve that becomes too long loses every
-second sample of each kind of reply, and takes only every second one from then on, but always the highest
-current.
+Each sample holds what one reply held, at the time of that reply. A start has at most 300 s of them, some
+30,000 on the fastest line. A curve that is too long to be shown loses every second sample of each kind of
+reply, again and again, but never the highest current.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
+from operator import itemgetter
 from typing import NamedTuple
 
-from gateway.plugins.history.start_record import COLUMNS, StartSamples
-
-MOST_SAMPLES = 1000  # in memory
+# What a sample may hold, by its key in the record; each is the point of that name, the thermal level that of
+# the family's profile.
+COLUMNS = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "thermal")
 MOST_SHOWN = 300  # in the record: with six columns about 12 KB of JSON
 LONGEST_GAP = 0.25  # of the time computed over; more between two samples of the current, and nothing is said
 GAP_S = 1.0  # a gap up to this is none
@@ -43,21 +44,9 @@ class Curve:
     def __init__(self) -> None:
         self.at_s = array("d")
         self._columns = tuple(array("d") for _ in COLUMNS)
-        self._stride = 1  # every so many samples of a kind are taken
-        self._offered: Counter[tuple[bool, ...]] = Counter()  # by kind: which quantities a reply holds
-        self._peak = -math.inf
 
     def add(self, at_s: float, values: tuple[float, ...]) -> None:
         """Add a sample: a value for each of `COLUMNS`."""
-        kind = tuple(map(math.isnan, values))
-        is_peak = values[CURRENT] > self._peak
-        self._peak = values[CURRENT] if is_peak else self._peak
-        self._offered[kind] += 1
-        if self._offered[kind] % self._stride and not is_peak:
-            return
-        if len(self.at_s) >= MOST_SAMPLES:
-            self._thin()
-            self._stride *= 2
         self.at_s.append(at_s)
         for column, value in zip(self._columns, values, strict=True):
             column.append(value)
@@ -84,7 +73,6 @@ class Curve:
         lone = [now for a, now, b in triples if column[now] > SPIKE * max(column[a], column[b], 0.0)]
         for index in lone:
             column[index] = math.nan
-        self._peak = max((value for value in column if not math.isnan(value)), default=-math.inf)
         return len(absurd) + len(lone)
 
     def currents(self, since_s: float = -math.inf, until_s: float = math.inf) -> list[tuple[float, float]]:
@@ -122,7 +110,7 @@ class Curve:
         )
         return Sums(charge / length_s, heat, spacing, (course[1][1] ** 2, course[-2][1] ** 2))
 
-    def shown(self, zero_s: float) -> StartSamples:
+    def shown(self, zero_s: float) -> dict[str, tuple[float | None, ...]]:
         """Return the samples as they are stored and published, thinned if there are very many."""
         while len(self.at_s) > MOST_SHOWN:
             self._thin()
@@ -131,7 +119,7 @@ class Curve:
             for name, column in zip(COLUMNS, self._columns, strict=True)
             if not all(map(math.isnan, column))
         }
-        return StartSamples(tuple(round(at_s - zero_s, MS) for at_s in self.at_s), columns)
+        return {"t_s": tuple(round(at_s - zero_s, MS) for at_s in self.at_s), **columns}
 
     def _course(self, since_s: float, until_s: float) -> list[tuple[float, float]]:
         """Return the course of the current over this time, from its first to its last instant."""
@@ -157,12 +145,11 @@ class Curve:
         """Drop every second sample of each kind, but not the one with the highest current."""
         seen: Counter[tuple[bool, ...]] = Counter()
         stays: list[int] = []
-        currents = self._columns[CURRENT]
-        peak = currents.index(self._peak) if self._peak in currents else -1
+        peak_s, _ = max(self.currents(), key=itemgetter(1), default=(math.nan, 0.0))
         for index, values in enumerate(zip(*self._columns, strict=True)):
             kind = tuple(map(math.isnan, values))
             seen[kind] += 1
-            if seen[kind] % 2 or index == peak:
+            if seen[kind] % 2 or self.at_s[index] == peak_s:
                 stays.append(index)
         for column in (self.at_s, *self._columns):
             column[:] = array("d", [column[index] for index in stays])

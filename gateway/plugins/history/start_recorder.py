@@ -20,20 +20,12 @@ from __future__ import annotations
 
 import enum
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.families import Profile, once_per_profile
-from gateway.plugins.history.start_curve import Curve, crossings, i2t_error_pct_of, rate_hz_of
-from gateway.plugins.history.start_record import (
-    COLUMNS,
-    Cause,
-    StartOutcome,
-    StartSamples,
-    StartSource,
-    StartSummary,
-)
+from gateway.plugins.history.start_curve import COLUMNS, Curve, crossings, i2t_error_pct_of, rate_hz_of
 from gateway.starters.telemetry.readings import Readings
 
 BEFORE_S = 1.0  # samples begin so long before the start
@@ -44,6 +36,7 @@ LARGEST = 10.0  # times the rated current, which is also as far as S1.1.4 goes [
 FITS_S = 10.0  # from the write of a start until the motor is seen to start (verify, 5 s, and a poll)
 THERMAL_VALID_S = 120.0  # a thermal level of the motor at rest
 MOST_COMMANDS = 4
+MOST_BEFORE = 32  # samples that are remembered of the time before a start
 
 AT_REST = frozenset({"ready", "not_ready", "fault"})
 _NOT_A_START = ("jog", "braking", "reversing")  # on, but not by a start
@@ -79,22 +72,17 @@ class StartCommand:
 class FinishedStart:
     """A start that is over."""
 
-    summary: StartSummary
-    curve: StartSamples
+    record: StartRecord
     was_found: bool = False  # under way at the first reading of all: an earlier run may have recorded it
 
 
 class _Phase(enum.Enum):
     UNSEEN = "unseen"  # nothing is known yet
-    REST = "rest"
-    ANNOUNCED = "announced"  # the start was accepted, the motor does not accelerate yet
-    ACCELERATING = "accelerating"
+    REST = "rest"  # or it was when the starter was lost
+    STARTING = "starting"  # the start was accepted; `_Start.began` says whether the motor accelerates
     AFTER = "after"  # at full voltage, still recorded
-    ON = "on"
-    STOPPING = "stopping"
-    LOST_AT_REST = "lost_at_rest"
-    LOST_STARTING = "lost_starting"
-    LOST_ON = "lost_on"
+    ON = "on"  # or stopping, or it was when the starter was lost
+    LOST = "lost"  # during a start, which was given up
 
 
 @dataclass(slots=True)
@@ -116,7 +104,8 @@ class _Start:
 class StartRecorder:
     """The starts of one motor, from its readings; gives each record when it is over."""
 
-    def __init__(self, points: StartPoints, *, boot: str, take_seq: Callable[[], int]) -> None:
+    def __init__(self, starter: str, points: StartPoints, *, boot: str, take_seq: Callable[[], int]) -> None:
+        self._starter = starter
         self._points = points
         self._boot = boot
         self._take_seq = take_seq
@@ -126,10 +115,9 @@ class StartRecorder:
         self._remote: bool | None = None
         self._was_full = False
         self._thermal: tuple[float, float] | None = None  # time, level
-        self._before: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=32)
         self._commands: list[StartCommand] = []
         self._start: _Start | None = None
-        self._curve = Curve()
+        self._curve = Curve()  # of the start under way; before it, of the latest samples
         self._last_s = -math.inf
         self.rated_a: float | None = None
 
@@ -159,18 +147,13 @@ class StartRecorder:
     def lose(self) -> FinishedStart | None:
         """Record that the starter is not read any more; return the start that is over by it."""
         match self._phase:
-            case _Phase.ANNOUNCED | _Phase.ACCELERATING:
-                return self._finish(StartOutcome.GIVEN_UP, _Phase.LOST_STARTING)
+            case _Phase.STARTING:
+                return self._finish(StartOutcome.GIVEN_UP, _Phase.LOST)
             case _Phase.AFTER:
-                return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.LOST_ON)
-            case _Phase.REST | _Phase.LOST_AT_REST:
-                self._phase = _Phase.LOST_AT_REST
-            case _Phase.UNSEEN | _Phase.LOST_STARTING:
-                pass
+                return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON)
             case _:
-                self._phase = _Phase.LOST_ON
-        self._rest_since_s = None
-        return None
+                self._rest_since_s = None  # it may have been started meanwhile
+                return None
 
     def _follow(self, readings: Readings) -> FinishedStart | None:
         if readings.state == "unknown":
@@ -188,29 +171,28 @@ class StartRecorder:
         elif readings.state == "running":
             finished = self._run(readings)
         elif readings.state == "stopping":
-            finished = self._leave(StartOutcome.STOPPED, _Phase.STOPPING)
+            finished = self._leave(StartOutcome.STOPPED, _Phase.ON)
         else:
             finished = self._rest(readings)
         self._motion_s = readings.at_s
         return finished
 
     def _accelerate(self, readings: Readings) -> FinishedStart | None:
-        if self._phase is _Phase.LOST_STARTING:
+        if self._phase is _Phase.LOST:
             return None  # the start whose record was given up; one that was on was started anew meanwhile
         is_full = _is_full(readings.values)
         is_accelerating = not self._points.has_acceleration or readings.values.get("accelerating") is True
         start = self._start
         if start is None:
             start = self._begin(readings)
-            self._phase, self._was_full = _Phase.ANNOUNCED, is_full
+            self._phase, self._was_full = _Phase.STARTING, is_full
         elif self._phase is _Phase.AFTER:
             if is_full or start.began is None:
                 return self._stay(start, readings)
-            start.ended, self._phase = None, _Phase.ACCELERATING  # it was not over
-        if is_accelerating and self._phase is _Phase.ANNOUNCED:
+            start.ended, self._phase = None, _Phase.STARTING  # it was not over
+        if is_accelerating and start.began is None:
             start.began = (self._earliest(start), readings.at_s)
-            self._phase = _Phase.ACCELERATING
-        elif is_full and not self._was_full and self._phase is _Phase.ACCELERATING:
+        elif is_full and not self._was_full and start.began is not None:
             self._reach_full_voltage(start, readings.at_s)
         self._was_full = is_full
         return None
@@ -225,7 +207,7 @@ class StartRecorder:
         if any(readings.values.get(name) is True for name in _NOT_A_START):
             return self._leave(StartOutcome.STOPPED, _Phase.ON)
         start = self._start
-        if start is None and self._phase in (_Phase.REST, _Phase.LOST_AT_REST):
+        if start is None and self._phase is _Phase.REST:
             self._reach_full_voltage(self._begin(readings), readings.at_s)
         elif start is not None and self._phase is not _Phase.AFTER:
             self._reach_full_voltage(start, readings.at_s)
@@ -253,7 +235,7 @@ class StartRecorder:
     def _rest(self, readings: Readings) -> FinishedStart | None:
         is_fault = readings.state == "fault"
         outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
-        if self._phase is not _Phase.REST:
+        if self._phase is not _Phase.REST or self._rest_since_s is None:
             self._rest_since_s = readings.at_s
         return self._leave(outcome, _Phase.REST)
 
@@ -277,9 +259,6 @@ class StartRecorder:
             remote=None if was_found else self._remote,  # who gave it was not seen
             was_found=was_found,
         )
-        self._curve = Curve()
-        for at_s, values in self._before:
-            self._curve.add(at_s, values)
         self._rest_since_s = None
         return start
 
@@ -293,10 +272,10 @@ class StartRecorder:
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
             self._thermal = (readings.at_s, thermal)
-        if self._start is None:
-            self._before.append((readings.at_s, row))
-        elif not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
+        if not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
             self._curve.add(readings.at_s, row)
+        if self._start is None and len(self._curve.at_s) > MOST_BEFORE:
+            self._curve.cut_before(self._curve.at_s[1])
 
     def _finish(self, outcome: StartOutcome, phase: _Phase) -> FinishedStart:
         start, curve = self._start, self._curve
@@ -312,7 +291,8 @@ class StartRecorder:
         curve.cut_before(zero_s - BEFORE_S)
         largest_a = LARGEST * self.rated_a if self.rated_a else math.inf
         outliers = curve.drop_outliers(zero_s, largest_a=largest_a)
-        summary = StartSummary(
+        record = StartRecord(
+            starter=self._starter,
             id=f"{self._boot}-{seq}",
             time_s=zero_s + start.utc_offset_s,
             boot=self._boot,
@@ -324,18 +304,17 @@ class StartRecorder:
             heating_pct=_rise(start.thermal_before, curve.latest("thermal")),
             outliers=outliers,
         )
-        summary = self._measured(summary, start, curve, zero_s, resolution_s)
+        record = self._measured(record, start, curve, zero_s, resolution_s)
         self._start, self._curve, self._phase = None, Curve(), phase
-        self._before.clear()
         self._commands.clear()
         if phase is not _Phase.REST:
             self._rest_since_s = None
-        return FinishedStart(summary, curve.shown(zero_s), start.was_found)
+        return FinishedStart(replace(record, samples=curve.shown(zero_s)), start.was_found)
 
     def _measured(
-        self, summary: StartSummary, start: _Start, curve: Curve, zero_s: float, resolution_s: float
-    ) -> StartSummary:
-        """Return the summary with what the samples say of the start."""
+        self, record: StartRecord, start: _Start, curve: Curve, zero_s: float, resolution_s: float
+    ) -> StartRecord:
+        """Return the record with what the samples say of the start."""
         end_s, end_resolution_s = _instant(start.ended)
         acceleration_s, within_s = end_s - zero_s, resolution_s + end_resolution_s
         if math.isnan(within_s) and start.began is None and self.rated_a:
@@ -345,14 +324,14 @@ class StartRecorder:
                 rate_hz = rate_hz_of(curve.currents(*crossed), *crossed) or math.nan
                 acceleration_s, within_s = end_s - zero_s, 1 / rate_hz
                 resolution_s = end_resolution_s = within_s / 2
-        is_known = summary.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
+        is_known = record.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
         until_s = end_s if is_known else self._last_s
         samples = curve.currents(zero_s, until_s)
-        was_cut = summary.outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
+        was_cut = record.outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
         has_all = is_known or (was_cut and not math.isnan(resolution_s))
         sums = curve.sums(zero_s, until_s) if has_all else None
         return replace(
-            summary,
+            record,
             acceleration_s=acceleration_s if is_known else None,
             resolution_s=within_s if is_known else None,
             peak_a=max((value for _, value in samples), default=None),

@@ -27,16 +27,17 @@ class MotorPoint(NamedTuple):
     """A point with a metric of its own, and by what its values are multiplied to be in that unit."""
 
     metric: str
+    help: str
     factors: Mapping[str, float]  # by the point's unit
 
 
 MOTOR_POINTS: Mapping[str, MotorPoint] = {
-    "current": MotorPoint("motor_current_amperes", {"A": 1.0}),
-    "line_voltage": MotorPoint("motor_line_voltage_volts", {"V": 1.0}),
-    "active_power": MotorPoint("motor_active_power_watts", {"W": 1.0, "kW": 1000.0}),
-    "power_factor": MotorPoint("motor_power_factor_ratio", {"": 1.0, "%": 0.01}),
-    "heatsink_temperature": MotorPoint("motor_heatsink_celsius", {"°C": 1.0}),
-    "line_frequency": MotorPoint("motor_frequency_hertz", {"Hz": 1.0}),
+    "current": MotorPoint("motor_current_amperes", "Motor current.", {"A": 1.0}),
+    "line_voltage": MotorPoint("motor_line_voltage_volts", "Line voltage.", {"V": 1.0}),
+    "active_power": MotorPoint("motor_active_power_watts", "Active power.", {"W": 1.0, "kW": 1000.0}),
+    "power_factor": MotorPoint("motor_power_factor_ratio", "Power factor, 0 to 1.", {"": 1.0, "%": 0.01}),
+    "heatsink_temperature": MotorPoint("motor_heatsink_celsius", "Heatsink temperature.", {"°C": 1.0}),
+    "line_frequency": MotorPoint("motor_frequency_hertz", "Frequency of the supply.", {"Hz": 1.0}),
 }
 
 METRICS: Mapping[str, Mapping[str, MetricSpec]] = {
@@ -108,12 +109,7 @@ METRICS: Mapping[str, Mapping[str, MetricSpec]] = {
         ),
     },
     "Motors": {
-        "motor_current_amperes": MetricSpec("gauge", STARTER, "Motor current."),
-        "motor_line_voltage_volts": MetricSpec("gauge", STARTER, "Line voltage."),
-        "motor_active_power_watts": MetricSpec("gauge", STARTER, "Active power."),
-        "motor_power_factor_ratio": MetricSpec("gauge", STARTER, "Power factor, 0 to 1."),
-        "motor_heatsink_celsius": MetricSpec("gauge", STARTER, "Heatsink temperature."),
-        "motor_frequency_hertz": MetricSpec("gauge", STARTER, "Frequency of the supply."),
+        **{each.metric: MetricSpec("gauge", STARTER, each.help) for each in MOTOR_POINTS.values()},
         "point_value": MetricSpec(
             "gauge",
             (*STARTER, "point", "unit"),

@@ -1,52 +1,98 @@
 """The metrics of one scrape as prometheus-client's families; for a thread of its own.
 
-What is not known has no sample: a series that ends is seen, a value that stands still is believed.
+What is not known has no sample: a series that ends is seen, a value that stands still is believed. Readings
+come from the starters' snapshots, not from published values: those are as old as `refresh_s` allows while
+nothing changes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from operator import itemgetter
+from typing import Any, NamedTuple, cast
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 from prometheus_client.samples import Sample
 
-from gateway.contract import Quality
-from gateway.families import STATES
-from gateway.plugins.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS, MotorPoint
+from gateway import __version__
+from gateway.contract import CONTRACT_VERSION, Quality, ValueRecord
+from gateway.families import STATES, Profile, once_per_profile, unnumbered
+from gateway.plugins.interface import Gateway, ShownStarter
+from gateway.plugins.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS
 from gateway.plugins.metrics.counts import Counted
-from gateway.plugins.metrics.scrape import ScrapedGateway, ScrapedStarter
+from gateway.starters.own_points import OWN_POINT_NAMES
 from gateway.starters.telemetry.snapshot import Reading
 from gateway.system.stalls import Delays
 
 OUTCOMES = ("answered", "silent", "garbled", "refused")
-FAULT, FAULT_CODE = "fault", "fault_code"
 QUANTILES = {"0.5": "p50", "0.99": "p99"}
 DIGITS = 6  # of a converted value: 12.3 kW are 12300 W
 
 Labels = dict[str, str]
 
 
-def exposition(scraped: ScrapedGateway, counted: Counted, *, has_all_points: bool) -> bytes:
+class Scrape(NamedTuple):
+    """What a scrape says, as references that the application's loop has gathered."""
+
+    gateway: Gateway
+    gauges: Mapping[str, float | None]  # of metrics without labels
+    loops: Mapping[str, Delays]  # by loop, how late it was
+    lines: Mapping[str, Mapping[str, Any]]  # the statistics of each, at most about a second old
+    starters: Mapping[str, ShownStarter]
+    locked: frozenset[str]
+    counted: Counted
+    has_all_points: bool
+
+    @classmethod
+    def of(cls, gateway: Gateway, counted: Counted, *, has_all_points: bool) -> Scrape:
+        """Gather everything, at once and without asking any line."""
+        outbox, page = gateway.mqtt.statistics(), gateway.plugin("web")
+        oldest_s = gateway.clock.utc_s() - outbox["oldest_s"] if outbox["depth"] else None
+        gauges = {
+            "start_timestamp_seconds": gateway.started_s,
+            "clock_synchronised": gateway.clock_doubt() is None,
+            "web_streams": getattr(page, "streams", None),
+            "broker_connected": gateway.mqtt.is_connected(),
+            "broker_reconnects_total": outbox["reconnects"],
+            "outbox_messages": outbox["depth"],
+            "outbox_bytes": outbox["bytes"],
+            "outbox_oldest_timestamp_seconds": oldest_s,
+            "outbox_dropped_total": outbox["dropped"],
+            "outbox_refused_total": outbox["refused"],
+        }
+        starters, lock_of = dict(gateway.starters), gateway.policy.motor_history.lock_of
+        return cls(
+            gateway,
+            gauges,
+            {name: meter.delays.taken() for name, meter in gateway.loops.items()},
+            {name: line.statistics() for name, line in gateway.lines().items()},
+            starters,
+            frozenset(name for name in starters if lock_of(name) is not None),
+            counted,
+            has_all_points,
+        )
+
+
+def exposition(scrape: Scrape) -> bytes:
     """Return the text of one scrape (format 0.0.4)."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(ScrapeCollector(scraped, counted, has_all_points=has_all_points))
+    registry.register(ScrapeCollector(scrape))
     return generate_latest(registry)
 
 
 class ScrapeCollector(Collector):
     """Yields each metric's family, one after the other, and each sample as it is written."""
 
-    def __init__(self, scraped: ScrapedGateway, counted: Counted, *, has_all_points: bool) -> None:
-        self._scraped = scraped
-        self._counted = counted
-        self._has_all_points = has_all_points
-        enabled = [each for each in scraped.starters if each.is_enabled]
-        self._starters = [(each, {"line": each.line, "starter": each.name}) for each in enabled]
-        self._lines = [(each, {"line": each.name}) for each in scraped.lines]
+    def __init__(self, scrape: Scrape) -> None:
+        self._scrape = scrape
+        self._counts = scrape.counted.counts
+        enabled = [each for each in scrape.starters.values() if each.setup.is_enabled]
+        self._starters = [(_labels_of(each), each) for each in enabled]
+        self._lines = [({"line": name}, line) for name, line in scrape.lines.items() if line]
 
     def describe(self) -> Iterable[Metric]:
         """Describe nothing: each scrape has a registry of its own."""
@@ -55,155 +101,106 @@ class ScrapeCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """Yield what is known."""
         yield from self._gateway()
-        yield from self._broker()
         yield from self._line_metrics()
-        yield from self._states()
-        yield from self._contact()
-        yield from self._values()
+        yield from self._starter_metrics()
+        yield from self._requests()
         yield from self._counters()
-        yield from self._commands()
 
     def _gateway(self) -> Iterator[Metric]:
-        now = self._scraped
-        labels = {"gateway": now.name, "version": now.version, "contract": str(now.contract)}
+        scrape = self._scrape
+        labels = {"gateway": scrape.gateway.name, "version": __version__, "contract": str(CONTRACT_VERSION)}
         yield _family("build_info", [(labels, 1.0)])
-        yield _family("start_timestamp_seconds", [({}, now.started_s)])
-        yield _family("clock_synchronised", [({}, now.is_clock_synchronised)])
-        yield _histograms("loop_lag_seconds", [({"loop": name}, each) for name, each in now.loops.items()])
-        if now.streams is not None:
-            yield _family("web_streams", [({}, now.streams)])
-
-    def _broker(self) -> Iterator[Metric]:
-        now, outbox = self._scraped, self._scraped.outbox
-        yield _family("broker_connected", [({}, now.is_connected)])
-        yield _family("broker_reconnects_total", [({}, outbox["reconnects"])])
-        yield _family("outbox_messages", [({}, outbox["depth"])])
-        yield _family("outbox_bytes", [({}, outbox["bytes"])])
-        if outbox["depth"]:
-            yield _family("outbox_oldest_timestamp_seconds", [({}, now.now_s - outbox["oldest_s"])])
-        yield _family("outbox_dropped_total", [({}, outbox["dropped"])])
-        yield _family("outbox_refused_total", [({}, outbox["refused"])])
+        yield _histograms("loop_lag_seconds", (({"loop": name}, each) for name, each in scrape.loops.items()))
+        for name, value in scrape.gauges.items():
+            yield _family(name, [({}, value)])
 
     def _line_metrics(self) -> Iterator[Metric]:
-        known = [(labels, line.statistics) for line, labels in self._lines if line.statistics]
-        stops = [(labels, each["stop_latency_s"]) for labels, each in known]
-        yield _family("line_open", [(labels, each["is_open"]) for labels, each in known])
-        yield _family("line_utilisation_ratio", [(labels, each["utilisation"]) for labels, each in known])
-        yield _family("line_sweep_seconds", [(labels, each["sweep_s"]) for labels, each in known])
-        for name, key in (("bound", "computed"), ("worst", "worst")):
-            measured = [(labels, each[key]) for labels, each in stops if each[key] is not None]
-            yield _family(f"line_stop_latency_{name}_seconds", measured)
-        yield _histograms("stop_latency_seconds", [(labels, _delays_of(each)) for labels, each in stops])
-        yield _family("polls_total", [pair for labels, each in known for pair in _outcomes(labels, each)])
+        for name, value_of in LINE_VALUES.items():
+            yield _family(name, ((labels, value_of(line)) for labels, line in self._lines))
+        stops = ((labels, _delays_of(line["stop_latency_s"])) for labels, line in self._lines)
+        yield _histograms("stop_latency_seconds", stops)
+        yield _family("polls_total", (pair for each in self._lines for pair in _outcomes(*each)))
 
-    def _states(self) -> Iterator[Metric]:
-        starters = self._starters
-        yield _family("starter_info", [(_info_labels(each), 1.0) for each in self._scraped.starters])
-        yield _family("starter_online", [(labels, each.is_online) for each, labels in starters])
-        yield _family(
-            "starter_state",
-            (
-                ({**labels, "state": state}, state == each.state)
-                for each, labels in starters
-                for state in STATES
-            ),
+    def _starter_metrics(self) -> Iterator[Metric]:
+        scrape, starters = self._scrape, self._starters
+        yield _family("starter_info", ((_info_labels(each), 1.0) for each in scrape.starters.values()))
+        states = (
+            ({**labels, "state": state}, state == each.state) for labels, each in starters for state in STATES
         )
-        faults = [(each, labels, _good(each.readings.get(FAULT))) for each, labels in starters]
-        known = [(each, labels, is_active) for each, labels, is_active in faults if is_active is not None]
-        yield _family("starter_fault_active", [(labels, is_active) for _, labels, is_active in known])
-        codes = [
-            (labels, _good(each.readings.get(FAULT_CODE))) for each, labels, is_active in known if is_active
-        ]
-        # Without a fault the row holds the number of the last one (SSW-07, P014).
-        yield _family("starter_fault_code", [(labels, code) for labels, code in codes if code])
-        yield _family("starter_locked", [(labels, each.is_locked) for each, labels in starters])
+        yield _family("starter_state", states)
+        yield _family(
+            "starter_locked", ((labels, each.setup.name in scrape.locked) for labels, each in starters)
+        )
+        for name, value_of in STARTER_VALUES.items():
+            yield _family(name, ((labels, value_of(each)) for labels, each in starters))
+        if scrape.has_all_points:
+            yield _family("point_value", self._all_points())
 
-    def _contact(self) -> Iterator[Metric]:
-        read: list[tuple[Labels, float]] = []
-        good: list[tuple[Labels, float]] = []
-        for each, labels in self._starters:
-            last_s, good_s = _last_read_s(each.readings)
-            read += [] if last_s is None else [(labels, last_s)]
-            good += [] if good_s is None else [(labels, good_s)]
-        yield _family("starter_last_reply_timestamp_seconds", read)
-        yield _family("starter_last_good_reading_timestamp_seconds", good)
-        units = {line.name: line.statistics.get("units", {}) for line in self._scraped.lines}
-        asked = [
-            (labels, units[each.line][each.address])
-            for each, labels in self._starters
-            if each.address in units.get(each.line, {})
-        ]
-        yield _family(
-            "starter_polls_total", (pair for labels, unit in asked for pair in _outcomes(labels, unit))
-        )
+    def _requests(self) -> Iterator[Metric]:
+        """Yield what the lines say of their units."""
+        asked = []
+        for labels, starter in self._starters:
+            unit = self._scrape.lines.get(starter.setup.line, {}).get("units", {}).get(starter.setup.address)
+            if unit is not None:
+                asked.append((labels, unit))
+        yield _family("starter_polls_total", (pair for each in asked for pair in _outcomes(*each)))
         yield _family(
             "starter_response_seconds",
             (
                 ({**labels, "quantile": quantile}, unit["response_time_s"][key])
                 for labels, unit in asked
                 for quantile, key in QUANTILES.items()
-                if unit["response_time_s"][key] is not None
             ),
         )
 
-    def _values(self) -> Iterator[Metric]:
-        for point, spec in MOTOR_POINTS.items():
-            values = [(labels, _converted(each.readings.get(point), spec)) for each, labels in self._starters]
-            yield _family(spec.metric, [(labels, value) for labels, value in values if value is not None])
-        if self._has_all_points:
-            yield _family("point_value", self._all_points())
-
-    def _all_points(self) -> Iterator[tuple[Labels, float]]:
-        own = self._counted.own_values
-        for each, labels in self._starters:
-            for point, reading in each.readings.items():
-                value = None if point in MOTOR_POINTS else _good(reading)
-                if value is not None:
-                    yield {**labels, "point": point, "unit": reading.unit}, value
-        by_name = {each.name: (each, labels) for each, labels in self._starters}
-        for (starter, point), record in own.items():
-            value = _number(record.value)
-            if starter in by_name and value is not None and point not in by_name[starter][0].readings:
-                yield {**by_name[starter][1], "point": point, "unit": record.unit}, value
+    def _all_points(self) -> Iterator[tuple[Labels, float | None]]:
+        """Yield the points of the starters, and those that the gateway adds."""
+        for labels, starter in self._starters:
+            readings = starter.snapshot.readings
+            for point, reading in readings.items():
+                if point not in MOTOR_POINTS:
+                    yield {**labels, "point": point, "unit": reading.unit}, _good(reading)
+            for point in sorted(OWN_POINT_NAMES.difference(readings)):
+                topic = ValueRecord.topic_of(starter=starter.setup.name, point=point)
+                record = self._scrape.gateway.latest.find(topic)
+                if isinstance(record, ValueRecord):
+                    yield {**labels, "point": point, "unit": record.unit}, _good(record)
 
     def _counters(self) -> Iterator[Metric]:
-        counted = self._counted
-        for name, counts in (
-            ("starts_total", counted.starts),
-            ("start_drifts_total", counted.drifts),
-            ("commands_unconfirmed_total", counted.unconfirmed),
-        ):  # from 0 on: Prometheus sees no increase in a series that begins with 1
-            yield _family(name, [(labels, counts.get(each.name, 0)) for each, labels in self._starters])
-        trips = {each.name: dict.fromkeys(each.fault_codes, 0) for each, _ in self._starters}
-        for (name, code), count in counted.trips.items():
-            if name in trips:
-                trips[name][code] = count
-        yield _family(
-            "trips_total",
-            (
-                ({**labels, "code": code}, count)
-                for each, labels in self._starters
-                for code, count in trips[each.name].items()
-            ),
-        )
+        for name in ("starts_total", "start_drifts_total", "commands_unconfirmed_total"):
+            yield _family(name, self._of_starters(name))
+        yield _family("trips_total", self._trips())
+        for name in ("commands_total", "commands_rejected_total"):
+            keys = self._counts.get(name, {}).items()
+            yield _family(name, ((dict(zip(SPECS[name].labels, key, strict=True)), n) for key, n in keys))
+        times = self._scrape.counted.times.items()
+        yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times))
 
-    def _commands(self) -> Iterator[Metric]:
-        counted = self._counted
-        yield _family(
-            "commands_total",
-            [
-                ({"verb": verb, "phase": phase, "code": code}, count)
-                for (verb, phase, code), count in counted.commands.items()
-            ],
-        )
-        times = [({"verb": verb}, delays) for verb, delays in counted.command_times.items()]
-        yield _histograms("command_seconds", times)
-        yield _family("commands_rejected_total", [({"code": c}, n) for c, n in counted.rejected.items()])
+    def _of_starters(self, name: str) -> list[tuple[Labels, float]]:
+        """Return a counter of each starter, from 0 on: Prometheus sees no increase from nothing to 1."""
+        counts = self._counts.get(name, {})
+        return [(labels, counts.get((each.setup.name,), 0)) for labels, each in self._starters]
+
+    def _trips(self) -> Iterator[tuple[Labels, float]]:
+        """Yield the trips by each code that the family names, from 0 on, and by each that was seen."""
+        seen = self._counts.get("trips_total", {})
+        for labels, starter in self._starters:
+            counts = dict.fromkeys(fault_codes(starter.profile), 0)
+            counts |= {code: count for (name, code), count in seen.items() if name == starter.setup.name}
+            for code, count in counts.items():
+                yield {**labels, "code": code}, count
 
 
-def _family(name: str, samples: Iterable[tuple[Labels, float]]) -> Metric:
+@once_per_profile
+def fault_codes(profile: Profile) -> tuple[str, ...]:
+    """Return the codes that trips of a family have: those that it names, and that without a number."""
+    codes = [each.code for each in profile.alarms if each.severity == "fault"]
+    return (*codes, unnumbered(profile, "fault").code)
+
+
+def _family(name: str, samples: Iterable[tuple[Labels, float | None]]) -> Metric:
     full = PREFIX + name
-    return _made(name, (Sample(full, labels, float(value)) for labels, value in samples))
+    return _made(name, (Sample(full, labels, float(value)) for labels, value in samples if value is not None))
 
 
 def _histograms(name: str, all_delays: Iterable[tuple[Labels, Delays]]) -> Metric:
@@ -241,41 +238,57 @@ def _outcomes(labels: Labels, counts: Mapping[str, Any]) -> list[tuple[Labels, f
     return [({**labels, "outcome": outcome}, counts[outcome]) for outcome in OUTCOMES]
 
 
-def _info_labels(starter: ScrapedStarter) -> Labels:
-    return {
-        "line": starter.line,
-        "starter": starter.name,
-        "family": starter.family,
-        "model": starter.model or "",
-        "firmware": starter.firmware or "",
-    }
+def _labels_of(starter: ShownStarter) -> Labels:
+    return {"line": starter.setup.line, "starter": starter.setup.name}
 
 
-def _last_read_s(readings: Mapping[str, Reading]) -> tuple[float | None, float | None]:
-    """Return when any value was read last, and when any was good."""
-    last_s = good_s = None
-    for reading in readings.values():
-        time_s = reading.time_s
-        if time_s is None:
-            continue
-        if last_s is None or time_s > last_s:
-            last_s = time_s
-        if reading.quality is not Quality.BAD and (good_s is None or time_s > good_s):
-            good_s = time_s
-    return last_s, good_s
+def _info_labels(starter: ShownStarter) -> Labels:
+    model, firmware = starter.variant.model or "", starter.variant.firmware or ""
+    return {**_labels_of(starter), "family": starter.profile.family, "model": model, "firmware": firmware}
 
 
-def _good(reading: Reading | None) -> float | None:
-    return None if reading is None or reading.quality is not Quality.GOOD else _number(reading.value)
+def _good(reading: Reading | ValueRecord | None) -> float | None:
+    value = None if reading is None or reading.quality is not Quality.GOOD else reading.value
+    is_number = isinstance(value, (bool, int, float)) and math.isfinite(value)
+    return float(value) if value is not None and is_number else None
 
 
-def _converted(reading: Reading | None, point: MotorPoint) -> float | None:
-    value = _good(reading)
-    factor = None if reading is None else point.factors.get(reading.unit)
-    return None if value is None or factor is None else round(value * factor, DIGITS)
-
-
-def _number(value: object) -> float | None:
-    if not isinstance(value, (bool, int, float)) or not math.isfinite(value):
+def _converted(starter: ShownStarter, point: str) -> float | None:
+    """Return a point of the motor in the unit of its metric."""
+    reading = starter.snapshot.readings.get(point)
+    value, factors = _good(reading), MOTOR_POINTS[point].factors
+    if reading is None or value is None or reading.unit not in factors:
         return None
-    return float(value)
+    return round(value * factors[reading.unit], DIGITS)
+
+
+def _last_s(starter: ShownStarter, qualities: tuple[Quality, ...]) -> float | None:
+    """Return when a value that has one of these qualities was last read."""
+    known = [each for each in starter.snapshot.readings.values() if each.quality in qualities]
+    return max((each.time_s for each in known if each.time_s is not None), default=None)
+
+
+def _fault(starter: ShownStarter) -> float | None:
+    return _good(starter.snapshot.readings.get("fault"))
+
+
+def _fault_code(starter: ShownStarter) -> float | None:
+    """Return the fault's number; without a fault the row holds that of the last one (SSW-07, P014)."""
+    return (_good(starter.snapshot.readings.get("fault_code")) or None) if _fault(starter) else None
+
+
+LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
+    "line_open": itemgetter("is_open"),
+    "line_utilisation_ratio": itemgetter("utilisation"),
+    "line_sweep_seconds": itemgetter("sweep_s"),
+    "line_stop_latency_bound_seconds": lambda line: line["stop_latency_s"]["computed"],
+    "line_stop_latency_worst_seconds": lambda line: line["stop_latency_s"]["worst"],
+}
+STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
+    "starter_online": lambda starter: starter.is_answering,
+    "starter_last_reply_timestamp_seconds": partial(_last_s, qualities=tuple(Quality)),
+    "starter_last_good_reading_timestamp_seconds": partial(_last_s, qualities=(Quality.GOOD, Quality.STALE)),
+    "starter_fault_active": _fault,
+    "starter_fault_code": _fault_code,
+    **{motor.metric: partial(_converted, point=point) for point, motor in MOTOR_POINTS.items()},
+}

@@ -6,9 +6,9 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
+from gateway.contract import StartRecord, read_stored
 from gateway.plugins.history.baseline import FIRST, values_of
-from gateway.plugins.history.service.starts import CURVES, SUMMARIES
-from gateway.plugins.history.start_record import StartSamples, StartSummary
+from gateway.plugins.history.starts import CURVES, SUMMARIES
 from gateway.storage.history import read_history
 
 LONGEST_S = 0.4
@@ -36,9 +36,9 @@ def kill_history_writer(
 def _check(folder: Path, starter: str, named: list[str]) -> None:
     """Demand that everything that was named is there, and at most one more of each run."""
     rows = read_history(folder, starter)
-    summaries = [StartSummary.from_dict(row.data) for row in rows if row.kind == "start"]
-    starts = [start.id for start in summaries]
-    curves = [row.id for row in rows if row.kind == "curve" and StartSamples.from_dict(row.data).t_s]
+    records = [read_stored(StartRecord, row.data, starter=starter) for row in rows if row.kind == "start"]
+    starts = [start.id for start in records]
+    curves = [row.id for row in rows if row.kind == "curve" and row.data["t_s"]]
     months = [row.data["outcomes"]["full_voltage"] for row in rows if row.kind == "month"]
     assert len(starts) == len(set(starts)) <= SUMMARIES
     known = [id_ for id_ in starts if id_ in set(named)]
@@ -48,7 +48,7 @@ def _check(folder: Path, starter: str, named: list[str]) -> None:
     assert sum(months) >= len(starts), "and so is the month's count"
     counted = [row.data["totals"]["starts"] for row in rows if row.kind == "counters"]
     assert sum(counted) == sum(months), "and so is that of the counters"
-    if len({start.id for start in summaries if values_of(start) is not None} & set(named)) >= FIRST:
+    if len({start.id for start in records if values_of(start) is not None} & set(named)) >= FIRST:
         assert [row.kind for row in rows].count("baseline") == 1
 
 

@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
-from gateway.contract import DEFAULT_TTL_S, rfc3339
+from gateway.contract import rfc3339
+from gateway.contract.request import DEFAULT_TTL_S
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.lab.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.lab.torture.recorder import BASE, is_final

@@ -1,4 +1,4 @@
-"""The part of a starter's history that counts, and publishes counters and limits as values."""
+"""The counters and limits of one motor, published as values."""
 
 from __future__ import annotations
 
@@ -14,11 +14,20 @@ from gateway.contract import (
     StateRecord,
     TripRecord,
     ValueRecord,
+    stored,
 )
-from gateway.plugins.history.counters import HOUR_S, STANDING, MotorCounters, Totals
-from gateway.plugins.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
-from gateway.plugins.history.service.part import HistoryPart, Surroundings
+from gateway.plugins.history.counters import (
+    HOUR_S,
+    STANDING,
+    CountersRow,
+    MotorCounters,
+    Totals,
+    counted,
+)
+from gateway.plugins.history.delivery import Delivery
+from gateway.plugins.history.limits import NOTHING, StartLimits, ThermalModel, pause_left_s, starts_left
 from gateway.starters.own_points import PublicationPace, Value, own_points
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
@@ -33,110 +42,99 @@ OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
 
 
-class CountersPart(HistoryPart):
+class MotorValues:
     """Counts from 0 where the disk could not be read: a later run adds up what it then can read."""
 
     kinds = (KIND,)
 
-    def __init__(self, setup: StarterSetup, here: Surroundings) -> None:
-        super().__init__(setup, here)
+    def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
+        self._delivery = delivery
+        self._policy = policy
         self._totals = Totals()
         self._is_restored = False
-        self._own_s: float | None = None  # when any row of the starter's own was given
         self._is_whole = False  # the sums have those of all earlier runs in them
-        self._stored_s = here.records.clock.now_s()
+        self._stored_s = self._delivery.records.clock.now_s()
         self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
-        self._good: dict[str, Value] = {}  # values of the last time that they were good,
-        self._good_utc_s: float | None = None  # which was then
+        self._good: tuple[float | None, Mapping[str, Value]] = (None, {})  # when, and the values
         self._looked_s = -math.inf
         self._left: int | None = None  # starts, at the last look
-        self._begin(setup)
+        self.reconfigure(setup)
+
+    def reconfigure(self, setup: StarterSetup) -> None:
+        """Go on counting: another machine or other polls under the same name drive the same motor."""
+        rows = setup.profile.history
+        self._setup = setup
+        self._counters = MotorCounters(self._totals, period_s=setup.every_s)
+        self._thermal = ThermalModel(rows.thermal_trip) if rows.thermal else None
+        self._pace = PublicationPace(own_points(setup.profile))
+        self._own: dict[str, tuple[float, float]] = {}  # rows of the starter: when they were read, and what
 
     def take_readings(self, readings: Readings) -> None:
         """Count what has passed, and publish what is due."""
-        level = readings.number(self._thermal_point)
+        level = readings.number(self._setup.profile.thermal_point)
         if level is not None:
             self._note_level(level, readings.at_s)
-        before = self._state
+        before = self._counters.state
         self._counters.note_readings(readings)
         self._note_state(readings.state)
-        if self._thermal is not None and before != self._state == "running":
+        if self._thermal is not None and before != readings.state == "running":
             self._thermal.note_started()
-        if before != self._state or readings.at_s - self._looked_s >= LOOK_EVERY_S:
+        if before != readings.state or readings.at_s - self._looked_s >= LOOK_EVERY_S:
             self._publish(readings.at_s, utc_s=readings.time_s)
         if readings.at_s - self._stored_s >= STORE_EVERY_S:
             self._store()
 
-    def take_record(self, record: Record) -> None:
+    def put(self, record: Record) -> None:
         """Count starts and trips; publish that values are stale once the state is not known."""
         match record:
             case StateRecord():
                 self._note_state(record.state)
                 if not self._counters.is_seen:
-                    self._publish(self._records.clock.now_s())
+                    self._publish(self._delivery.records.clock.now_s())
             case StartRecord():
                 self._counters.note_start()
                 self._store()
-                self._publish(self._records.clock.now_s())
+                self._publish(self._delivery.records.clock.now_s())
             case TripRecord():
-                self._counters.note_trip(str(record.data.get("code")))
+                self._counters.note_trip(record.code)
                 self._store()
             case InfoRecord():
                 self._counters.rated_a = record.rated_current_a
-                self._publish(self._records.clock.now_s())
+                self._publish(self._delivery.records.clock.now_s())
             case _:
                 pass
 
     def note_own_rows(self, rows: Mapping[str, float]) -> None:
         """Record what the starter itself has counted, and its settings; by code, just read."""
-        now_s, names = self._records.clock.now_s(), self._rows
-        self._own_s = now_s if rows else self._own_s
+        now_s, names = self._delivery.records.clock.now_s(), self._setup.profile.history
         self._own |= {code: (now_s, value) for code, value in rows.items()}
         if names.thermal in rows:
             self._note_level(rows[names.thermal], now_s)
         if self._thermal is not None and names.cooling in rows:
             self._thermal.set_tau_s = rows[names.cooling] * MINUTE_S
 
-    def restore(self, rows: Sequence[HistoryRow]) -> None:
-        """Add what earlier runs have counted: the newest row that has all before it, and those since."""
-        for row in reversed([row for row in rows if row.kind == KIND]):
-            try:
-                self._totals.add(Totals.from_dict(row.data.get("totals", {})))
-                if self._thermal is not None:
-                    self._thermal.restore(row.data.get("thermal", {}))
-            except (ValueError, TypeError, AttributeError):
-                continue  # what is no count is as good as missing
+    def restore(self, rows: Sequence[HistoryRow] | None) -> None:
+        """Add what earlier runs have counted; once."""
+        if self._is_restored:
+            return
+        for row in counted(row.data for row in rows or () if row.kind == KIND):
+            self._totals.add(row.totals)
+            if self._thermal is not None:
+                early = self._thermal.learnt
+                self._thermal.learnt = early.with_more(row.thermal.taus_s, row.thermal.heatings)
             self._is_whole = True
-            if row.data.get("is_whole"):
-                break
         self._is_restored = True
-
-    def follow(self, setup: StarterSetup) -> None:
-        """Go on counting: another machine or other polls under the same name drive the same motor."""
-        self._begin(setup)
 
     def close(self) -> None:
         """Store the sums."""
         self._store(is_in_any_case=True)
 
-    def _begin(self, setup: StarterSetup) -> None:
-        profile = setup.profile
-        self._profile = profile
-        self._rows = profile.history
-        self._counters = MotorCounters(self._totals, period_s=setup.every_s)
-        self._thermal = ThermalModel(self._rows.thermal_trip) if self._rows.thermal else None
-        self._thermal_point = profile.thermal_point
-        self._pace = PublicationPace(own_points(profile))
-        self._state = "unknown"
-        self._own: dict[str, tuple[float, float]] = {}  # rows of the starter: when they were read, and what
-        self._own_s = None
-
     def _note_level(self, level: float, at_s: float) -> None:
         if self._thermal is not None:
-            self._thermal.note_level(level, at_s=at_s, is_standing=self._state in STANDING)
+            self._thermal.note_level(level, at_s=at_s, is_standing=self._counters.state in STANDING)
 
     def _note_state(self, state: str) -> None:
-        before, self._state = self._state, state
+        before = self._counters.state
         self._counters.note_state(state)
         if self._thermal is None or state == before:
             return
@@ -152,50 +150,50 @@ class CountersPart(HistoryPart):
         """
         if not self._is_restored:
             return
-        self._stored_s = self._records.clock.now_s()
-        data = {
-            "totals": self._totals.to_dict(),
-            "thermal": {} if self._thermal is None else self._thermal.to_dict(),
-            "is_whole": self._is_whole,
-        }
+        self._stored_s = self._delivery.records.clock.now_s()
+        learnt = NOTHING if self._thermal is None else self._thermal.learnt
+        data = stored(CountersRow(self._totals, learnt, self._is_whole))
         written_s, before = self._stored
         if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
             return
         self._stored = (self._stored_s, data)
-        self._put(KIND, self._here.boot, data, limit=1 if self._is_whole else MOST_RUNS)
+        limit = 1 if self._is_whole else MOST_RUNS
+        self._delivery.store(self._setup.name, KIND, self._delivery.records.boot, data, limit=limit)
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
         """Publish what is due; good values only while the starter is seen and earlier sums are known."""
         self._looked_s = now_s
         is_good = self._counters.is_seen and self._is_restored
         if is_good:
-            self._good = self._values(now_s)
-            self._good_utc_s = self._records.clock.utc_s(now_s) if utc_s is None else utc_s
-        for point in self._pace.take_due(self._good, is_good=is_good, now_s=now_s):
-            value = self._good.get(point.name)
-            quality = Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE
-            time_s = None if value is None else self._good_utc_s
-            seq = self._records.sequence.take()
-            self._records.put(
+            self._good = (
+                self._delivery.records.clock.utc_s(now_s) if utc_s is None else utc_s,
+                self._values(now_s),
+            )
+        good_utc_s, good = self._good
+        for point in self._pace.take_due(good, is_good=is_good, now_s=now_s):
+            value = good.get(point.name)
+            seq = self._delivery.records.sequence.take()
+            self._delivery.records.put(
                 ValueRecord(
-                    starter=self._name,
+                    starter=self._setup.name,
                     point=point.name,
                     value=value,
                     unit=point.unit,
-                    quality=quality,
-                    time_s=time_s,
+                    quality=Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE,
+                    time_s=None if value is None else good_utc_s,
                     seq=seq,
-                    boot=self._records.boot,
+                    boot=self._delivery.records.boot,
                 )
             )
 
     def _values(self, now_s: float) -> dict[str, Value]:
         totals, has_load = self._totals, self._counters.has_load
+        rows = self._setup.profile.history
         trips = sorted(totals.trips.items())
         energy_kwh = round(totals.energy_kwh, 2) if self._counters.has_power else None
         values: dict[str, Value] = {
-            "hours_total": _hours(self._own_or(self._rows.hours, totals.operating_s, now_s)),
-            "energy_kwh": self._own_or(self._rows.energy, energy_kwh, now_s),
+            "hours_total": _hours(self._own_or(rows.hours, totals.operating_s, now_s)),
+            "energy_kwh": self._own_or(rows.energy, energy_kwh, now_s),
             "starts_total": totals.starts,
             "trips_total": totals.trips.total(),
             "trips_by_code": " ".join(f"{code}:{count}" for code, count in trips),
@@ -206,27 +204,25 @@ class CountersPart(HistoryPart):
     def _own_or(self, code: str, ours: float | None, now_s: float) -> float | None:
         """Return the starter's own count; ours where it has or gives none, None while that is not known."""
         own = self._own.get(code)
-        if not code or (own is None and self._own_s is not None):
+        if not code or (own is None and self._own):
             return ours
         return own[1] if own is not None and now_s - own[0] <= OWN_VALID_S else None
 
     def _limits(self, now_s: float) -> dict[str, Value]:
-        policy = self._here.policy
-        if policy is None:
-            return {}
-        since_s = policy.motor_history.standing_since(self._name)
-        starts_s = policy.motor_history.starts_since(self._name, now_s - HOUR_S)
-        rules = policy.settings.rules.get(self._name, NO_RULES)
+        policy, rows = self._policy, self._setup.profile.history
+        since_s = policy.motor_history.standing_since(self._setup.name)
+        starts_s = policy.motor_history.starts_since(self._setup.name, now_s - HOUR_S)
+        rules = policy.settings.rules.get(self._setup.name, NO_RULES)
         limits = StartLimits(
             starts_per_hour=rules.starts_per_hour,
-            after_stop_s=max(rules.minimum_pause_s, self._setting(self._rows.after_stop)),
-            between_starts_s=self._setting(self._rows.between_starts),
+            after_stop_s=max(rules.minimum_pause_s, self._setting(rows.after_stop)),
+            between_starts_s=self._setting(rows.between_starts),
         )
         left = starts_left(limits, starts_s, now_s=now_s)
         self._announce(left)
         pause_s = pause_left_s(limits, starts_s, standing_since_s=since_s, now_s=now_s)
         restart_s = None
-        if self._thermal is not None and self._state in STANDING:
+        if self._thermal is not None and self._counters.state in STANDING:
             restart_s = self._thermal.restart_in_s(now_s)
         return {
             "starts_left": left,
@@ -242,7 +238,7 @@ class CountersPart(HistoryPart):
         """Publish once that one start is left, when it was more."""
         before, self._left = self._left, left
         if left == 1 and before is not None and before > 1:
-            self._records.event(self._name, EventCode.ONE_START_LEFT)
+            self._delivery.records.event(self._setup.name, EventCode.ONE_START_LEFT)
 
 
 def _hours(seconds: float | None) -> float | None:
