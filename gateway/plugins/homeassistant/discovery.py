@@ -35,8 +35,8 @@ def starter_message(facts: SiteFacts, info: InfoRecord) -> Message:
         "via_device": facts.gateway_id,
         "configuration_url": facts.table.page_url,
     }
-    components = starter_entities(facts, info)
-    return _message(facts, starter, device, components, available(facts, starter))
+    root = available(facts, starter)
+    return _message(facts, starter, device, components=starter_entities(facts, info), **root)
 
 
 def gateway_message(facts: SiteFacts) -> Message:
@@ -49,20 +49,14 @@ def gateway_message(facts: SiteFacts) -> Message:
         "sw_version": __version__,
         "configuration_url": facts.table.page_url,
     }
-    return _message(facts, "", device, gateway_entities(facts), {})
+    return _message(facts, "", device, components=gateway_entities(facts))
 
 
-def _message(
-    facts: SiteFacts,
-    starter: str,
-    device: Mapping[str, Any],
-    components: Mapping[str, Any],
-    availability: Mapping[str, Any],
-) -> Message:
+def _message(facts: SiteFacts, starter: str, device: Mapping[str, Any], **root: Any) -> Message:
+    """Return a discovery; what is not known of its device is left out."""
     fields = {
         "device": {key: value for key, value in device.items() if value},
         "origin": {"name": PRODUCT, "sw_version": __version__},
-        "components": components,
-        **availability,
+        **root,
     }
     return Message(facts.config_topic(starter), encoded(fields), qos=1, retain=True)

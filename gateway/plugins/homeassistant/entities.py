@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from gateway.contract import (
+    STOP,
     AvailabilityRecord,
     EventRecord,
     GatewayState,
@@ -23,7 +24,7 @@ from gateway.contract import (
     to_level,
 )
 from gateway.families.profile.load import load_profile
-from gateway.plugins.homeassistant.site_facts import RESET, START, STOP, SiteFacts
+from gateway.plugins.homeassistant.site_facts import SiteFacts
 
 Component = dict[str, Any]
 
@@ -40,7 +41,7 @@ STATE_ATTRIBUTES = (
 GATEWAY_IS_ON = "{{ 'online' if value_json.state in ('online', 'degraded') else 'offline' }}"
 STARTER_IS_ON = "{{ 'offline' if value_json.state in ('offline', 'disabled') else 'online' }}"
 # Of the state, since the point keeps the number of the last fault (SSW-07, P014).
-FAULT_NUMBER = "{{ value_json.get('fault_code') if value_json.quality == 'good' else None }}"
+FAULT_NUMBER = GOOD_FLAG.format(name=FAULT_CODE)
 # A range above 100000 is refused by Home Assistant's sandbox, and it has no function for a UUID.
 COMMAND = (
     '{"id":"ha-{{ utcnow().timestamp() }}-{{ range(10000, 99999) | random }}",'
@@ -115,8 +116,8 @@ FLAGS: Mapping[str, Component] = {  # booleans of the state topic
 # wait in Home Assistant, so its quality of service is 0; nothing in a stop is computed, so nothing can fail.
 BUTTONS: Mapping[str, Component] = {
     STOP: {"name": "Stop", "icon": "mdi:stop", "qos": 1, "payload_press": STOP_COMMAND},
-    START: {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
-    RESET: {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
+    "start": {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
+    "reset": {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
 }
 
 
@@ -180,17 +181,15 @@ def _in_unit(row: Component, unit: str) -> Component:
 
 
 def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]:
-    verbs, client = facts.verbs(starter), facts.table.operator
-    if client is None or not verbs:
-        return
-    for verb, row in BUTTONS.items():
-        if verb in verbs:
-            topic = facts.topics.command(starter, client, verb)
-            button = {"platform": "button", "command_topic": topic, "retain": False, **row}
-            # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
-            yield verb, button | (available(facts) if verb == STOP else {})
-    topic = facts.topics.of(ResultRecord, starter=starter, client=client)
-    yield "result", _entity(topic, RESULTS | available(facts))
+    client, verbs = facts.client, facts.verbs(starter, BUTTONS)
+    for verb in verbs:
+        topic = facts.topics.command(starter, client, verb)
+        button = {"platform": "button", "command_topic": topic, "retain": False, **BUTTONS[verb]}
+        # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
+        yield verb, button | (available(facts) if verb == STOP else {})
+    if verbs:
+        topic = facts.topics.of(ResultRecord, starter=starter, client=client)
+        yield "result", _entity(topic, RESULTS | available(facts))
 
 
 def _named(facts: SiteFacts, starter: str, key: str, component: Component) -> Component:

@@ -45,12 +45,12 @@ class HomeAssistantSettings:
 class HomeAssistantService:
     """Announces the starters to Home Assistant; a `Plugin`. On the app's loop."""
 
-    def __init__(self, settings: HomeAssistantSettings, gateway: Gateway, *, seed: int) -> None:
+    def __init__(self, settings: HomeAssistantSettings, gateway: Gateway) -> None:
         self._gateway = gateway
         self._mqtt = gateway.mqtt
         self._clock = gateway.clock
         self._store = JsonFile(settings.file)
-        self._birth = BirthPause(seed)
+        self._birth = BirthPause(secrets.randbits(32))
         self._birth_topic = ""
         self._topics: set[str] = set()  # that the broker holds, or may hold
         self._clearing: set[str] = set()
@@ -89,14 +89,12 @@ class HomeAssistantService:
     def _recalled(self) -> set[str]:
         """Return the topics that an earlier run has announced; reads the disk."""
         try:
-            topics = (self._store.load() or {"topics": []}).get("topics")
-            if not isinstance(topics, list) or not all(isinstance(topic, str) for topic in topics):
-                raise DamagedError("it has no list of topics")  # noqa: TRY301 - as for a damaged file
+            document = self._store.load() or {}
         except DamagedError as error:
             log.warning("%s; what an earlier run announced to Home Assistant is not deleted", error)
             self._store.set_aside()
-            return set()
-        return set(topics)
+            document = {}
+        return set(document.get("topics", ()))
 
     async def _announce(self) -> None:
         """Publish what has changed, and have the broker delete what is not wanted any more."""
@@ -167,8 +165,7 @@ class HomeAssistantService:
 
 def load(gateway: Gateway) -> Callable[[HomeAssistantSettings], Plugin]:
     """Return what makes Home Assistant's discovery."""
-    seed = secrets.randbits(32)
-    return lambda settings: HomeAssistantService(settings, gateway, seed=seed)
+    return lambda settings: HomeAssistantService(settings, gateway)
 
 
 def settings_of(site: PluginSite) -> HomeAssistantSettings | None:

@@ -6,17 +6,15 @@ ends: no two starters of any gateways can meet in one name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from gateway.config.convert import policy_of, rights_of
 from gateway.config.integration_tables import HomeAssistantTable
 from gateway.config.schema import Config
-from gateway.contract import Topics
+from gateway.contract import STOP, Topics
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import RuleSet
-
-STOP, START, RESET = "stop", "start", "reset"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +49,23 @@ class SiteFacts:
         """Return the topic of a starter's discovery; the gateway's own for an empty name."""
         return f"{self.table.discovery_prefix}/device/{self.object_id(starter)}/config"
 
-    def verbs(self, starter: str) -> tuple[str, ...]:
-        """Return what Home Assistant gets a button for: what it may do, and one press can do."""
-        wanted = (STOP, START, RESET) if self.table.commands else (STOP,)
-        return tuple(
+    @property
+    def client(self) -> str:
+        """Return Home Assistant's level in the topics of commands; empty: it gives none."""
+        return self.table.operator or ""
+
+    def verbs(self, starter: str, buttons: Iterable[str]) -> list[str]:
+        """Return which of the buttons there are: what it is to do, may do, and can do by one press."""
+        return [
             verb
-            for verb in wanted
-            if self.rights.is_allowed(self.table.operator or "", verb=verb, starter=starter)
+            for verb in buttons
+            if (self.table.commands or verb == STOP)
+            and self.rights.is_allowed(self.client, verb=verb, starter=starter)
             and verb not in self.rules[starter].two_step
-        )
+        ]
 
 
 def facts_of(config: Config) -> SiteFacts | None:
     """Return what discovery depends on; None without a `[homeassistant]`."""
     table = config.home_assistant
-    return table and SiteFacts(config, table, rights_of(config), policy_of(config).rules)
+    return None if table is None else SiteFacts(config, table, rights_of(config), policy_of(config).rules)
