@@ -325,7 +325,7 @@ class EdgeNode:
 
     def _message(self, kind: str, device: str | None, metrics: Collection[Metric], utc_s: float) -> Message:
         self._seq = (self._seq + 1) % SEQ_NUMBERS
-        has_types = kind.endswith("BIRTH") or self._settings.has_datatypes
+        has_types = kind.endswith("BIRTH") or self._settings.table.datatypes_in_data
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
         return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
 

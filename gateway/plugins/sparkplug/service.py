@@ -64,12 +64,12 @@ class SparkplugService:
         self._node = EdgeNode(settings, gateway.latest, properties=PROPERTIES, since_s=gateway.started_s)
         self._host_commands: HostCommands | None = None
         if settings.operator:
-            mapper = CommandMapper(settings.operator, ttl_s=settings.ttl_s)
+            mapper = CommandMapper(settings.operator, ttl_s=settings.table.ttl_s)
             self._host_commands = HostCommands(mapper, gateway, self._show_done)
         self._numbers = BirthNumbers(settings.numbers_file, gateway)
         self._attempts = Attempts(settings.servers[0], seed=secrets.randbits(32))
         self._server = 0
-        self._host = PrimaryHost(settings.primary_host)
+        self._host = PrimaryHost(settings.table.primary_host)
         self._replaced = asyncio.Event()
         self._wake = asyncio.Event()
         self._sleeping_until_s = -inf
@@ -192,11 +192,11 @@ class SparkplugService:
         """Say that the primary host is missing; of several servers, go on to the next one."""
         now_s, is_only = self._clock.now_s(), len(self._settings.servers) == 1
         if not is_only and now_s >= since_s + HOST_WITHIN_S:
-            self._leaving = f"the primary host {self._settings.primary_host} is not at this server"
+            self._leaving = f"the primary host {self._settings.table.primary_host} is not at this server"
             return now_s
         if now_s < since_s + HOST_PATIENCE_S:
             return since_s + HOST_PATIENCE_S
-        self._report(f"waits for the primary host {self._settings.primary_host}")
+        self._report(f"waits for the primary host {self._settings.table.primary_host}")
         return inf if is_only else since_s + HOST_WITHIN_S
 
     async def _die(self, link: Session, number: int, acked: asyncio.Future[None]) -> None:
@@ -250,6 +250,6 @@ class SparkplugService:
             log.warning("sparkplug: %s", trouble)
             publish_event(EventCode.SPARKPLUG_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble)
         else:
-            node = f"{self._settings.group}/{self._settings.node}"
+            node = f"{self._settings.table.group}/{self._settings.node}"
             log.info("sparkplug: node=%s born", node)
             publish_event(EventCode.SPARKPLUG_BORN, node=node)
