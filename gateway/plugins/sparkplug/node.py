@@ -193,10 +193,6 @@ class EdgeNode:
             return -inf
         return min([self._rebirth_s, *self._dues.values()])
 
-    def has(self, starter: str) -> bool:
-        """Return whether a starter is one of the devices."""
-        return starter in self._devices
-
     def follow(self, settings: SparkplugSettings) -> None:
         """Have other starters as devices: what is gone dies, what is new is born once it answers.
 

@@ -94,6 +94,7 @@ class SparkplugService:
     def reconfigure(self, settings: SparkplugSettings) -> None:
         """Follow other starters and lines; by any other change this node ends, and its successor begins."""
         if settings == replace(self._settings, starters=settings.starters, lines=settings.lines):
+            self._settings = settings
             self._node.follow(settings)
             self._node.look(self._clock.now_s())
             self._hurry()
@@ -213,17 +214,10 @@ class SparkplugService:
             self._wake.set()
 
     def _on_incoming(self, incoming: Incoming) -> None:
-        try:
-            self._on_message(incoming)
-        except Exception:  # one message's guard: the next one may be a stop
-            log.exception("topic=%s not taken because of a bug", incoming.topic[:200])
-        self._hurry()
-
-    def _on_message(self, incoming: Incoming) -> None:
         topics, payload = self._settings.topics, incoming.payload
         starter = topics.commanded_device(incoming.topic)
         if self._host_commands is not None and starter is not None:
-            if self._node.has(starter):
+            if starter in self._settings.starters:
                 self._host_commands.take(starter, incoming, self._node.born_utc_s)
             else:
                 self._host_commands.refuse_unknown(starter)
@@ -234,6 +228,7 @@ class SparkplugService:
             self._wake.set()
         elif incoming.topic == topics.node_command and _REBIRTH in payload:
             self._node.take_command(payload, self._clock.now_s())
+            self._hurry()
 
     def _show_done(self, starter: str, names: Collection[str]) -> None:
         """Show what was written as false again."""
