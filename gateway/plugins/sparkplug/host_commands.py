@@ -1,10 +1,9 @@
-"""DCMDs as they arrive: what is too large, too many or broken is counted, and a stop gets through.
+"""DCMDs as they arrive: what is too large, too many or no payload is counted, and a stop gets through.
 
 1. More than `MOST_BYTES` is not looked into: decoding takes time of the loop that carries out the stops.
 2. Beyond `DECODED` a second only what is short and may hold a stop is decoded; whatever else it asks is
    counted with all commands of the operator.
-3. Of a payload that cannot be read as a whole a stop that is whole acts, and nothing else: its sender asked
-   for it, and the worst that it can do is to stop.
+3. Of what is no payload nothing acts.
 4. What is refused so is counted: for each starter and reason one event and one result a second. A DCMD to
    a device that is no starter has an event alone, one a second for all of them.
 """
@@ -68,14 +67,14 @@ class HostCommands:
             rate = DECODED.per_s
             self._put(starter, CommandError(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
             return
-        command = decoded_command(payload, salvaged=_STOP)
+        command = decoded_command(payload)
+        if command is None:
+            self._put(starter, CommandError(ResultCode.BAD_PAYLOAD, "broken"))
+            return
         now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
         asked = DeviceCommand(starter, command, incoming.is_retained, now_s, utc_s, born_utc_s)
-        judged = list(self._mapper.judge(asked, is_whole=not command.is_broken))
-        for each in judged:
+        for each in self._mapper.judge(asked):
             self._pass_on(*each)
-        if command.is_broken:
-            self._put(starter, CommandError(ResultCode.BAD_PAYLOAD, "broken_stop" if judged else "broken"))
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
     def refuse_unknown(self, device: str) -> None:

@@ -229,7 +229,7 @@ class EdgeNode:
         """Honour a host's request for a rebirth; of a flood of NCMDs only some are looked into."""
         if self._commands.take(now_s):
             command = decoded_command(payload)
-            if command.is_asking(REBIRTH) and not command.is_broken:
+            if command is not None and command.is_asking(REBIRTH):
                 due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
                 self._rebirth_s = min(self._rebirth_s, due_s)
 

@@ -583,14 +583,20 @@ WRITES = [
         then={9.0: [frames("pump", ON), msg("result/pump/alice", duplicate=True)]},
     ),
     row(
-        "a garbled payload stops where its stop is whole, and does nothing else",
+        "of a garbled payload nothing acts, and that is said",
         given=COMMANDED,
         at={
             5.0: lambda plant: plant.publish(
                 born("DCMD", "pump"), plant.sparkplug(STOP) + b"\x12\xff", client="host"
             )
         },
-        then={8.0: frames("pump", OFF)},
+        then={
+            8.0: [
+                frames("pump"),
+                event("dcmd_refused", data={"starter": "pump", "code": "bad_payload"}),
+                of("DDATA", "pump", Command__Last__Code="bad_payload"),
+            ]
+        },
     ),
     row(
         "what is too large is not read and counted",
