@@ -15,7 +15,6 @@ from gateway.contract.records import (
     ForgetRecord,
     FreshRecord,
     GatewayRecord,
-    HistoryItem,
     HistoryRecord,
     InfoRecord,
     LineRecord,
@@ -55,7 +54,6 @@ from gateway.contract.results import (
 )
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (
-    LEVEL,
     LINE,
     CommandAddress,
     Malformed,
@@ -91,7 +89,6 @@ __all__ = [
     "CONTRACT_VERSION",
     "DEFAULT_TTL_S",
     "EVENTS",
-    "LEVEL",
     "LINE",
     "LOCK",
     "MAX_PAYLOAD_BYTES",
@@ -115,7 +112,6 @@ __all__ = [
     "FreshRecord",
     "GatewayRecord",
     "GatewayState",
-    "HistoryItem",
     "HistoryRecord",
     "InfoRecord",
     "Latest",
