@@ -7,7 +7,6 @@ Nothing waits for it; what cannot be sent is replaced by a new birth.
 from __future__ import annotations
 
 import asyncio
-import logging
 import platform
 import secrets
 from collections.abc import Collection
@@ -33,8 +32,6 @@ from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.plugins.sparkplug.topics import REBIRTH
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
-
-log = logging.getLogger(__name__)
 
 AT_ONCE = 10  # messages written until the loop's other tasks run, and until the socket has taken them
 FULL_LOOK_S = 0.02  # how soon a socket that takes no more is looked at again
@@ -242,9 +239,7 @@ class SparkplugService:
             return
         publish_event = self._gateway.publish_event
         if trouble:
-            log.warning("sparkplug: %s", trouble)
             publish_event(EventCode.SPARKPLUG_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble)
         else:
             node = f"{self._settings.table.group}/{self._settings.node}"
-            log.info("sparkplug: node=%s born", node)
             publish_event(EventCode.SPARKPLUG_BORN, node=node)
