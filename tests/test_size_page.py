@@ -15,7 +15,7 @@ LARGEST = {  # code lines of a room that is still above its budget: lower them w
     "app": 1438,
     "system": 730,
     "storage": 1870,
-    "plugins": 5404,
+    "plugins": 5401,
     "cli": 5307,
     "sim": 2836,
 }
