@@ -284,7 +284,7 @@ class Uplink:
     def _settings_of(self, site: Site) -> BrokerSettings:
         config = site.config
         return broker_of(
-            config,
+            config.mqtt,
             site.folder,
             client_id=config.client_id,
             username=config.mqtt.username,

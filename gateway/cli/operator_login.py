@@ -39,7 +39,7 @@ def settings_of(
     else:
         password = password_of(username or "", config.mqtt.host, password_file=file)
     return broker_of(
-        config,
+        config.mqtt,
         folder,
         client_id=f"{config.gateway.name}-{tool}-{uuid.uuid4().hex[:8]}",  # never the gateway's own
         username=username or config.mqtt.username,

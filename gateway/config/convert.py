@@ -5,7 +5,6 @@ from __future__ import annotations
 import fnmatch
 from pathlib import Path
 
-from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
 from gateway.contract import Operator
 from gateway.families import ENGLISH, Variant, load_profile
@@ -72,7 +71,7 @@ def least_watchdog_s(config: Config) -> float | None:
 
 
 def broker_of(
-    config: Config,
+    mqtt: MqttTable,
     folder: Path,
     *,
     client_id: str,
@@ -80,15 +79,14 @@ def broker_of(
     password: str | None,
     seed: int = 0,
 ) -> BrokerSettings:
-    """Return the way to the broker of `[mqtt]`, as this client and login."""
-    mqtt = config.mqtt
+    """Return the way to a broker as this client and login; `folder` is the configuration's."""
     return BrokerSettings(
         host=mqtt.host,
         port=mqtt.port,
         client_id=client_id,
         username=username,
         password=password,
-        tls=tls_of(mqtt, folder) if mqtt.is_tls else None,
+        tls=_tls_of(mqtt, folder) if mqtt.is_tls else None,
         version=version_of(mqtt.version),
         keepalive_s=mqtt.keepalive_s,
         seed=seed,
@@ -100,9 +98,8 @@ def version_of(text: str) -> Version | None:
     return None if text == "auto" else Version(text)
 
 
-def tls_of(table: MqttTable | SparkplugTable, folder: Path) -> TlsSettings:
-    """Return the files of a table for encrypted connections; `folder` is the configuration's."""
-    names = (table.ca_file, table.cert_file, table.key_file)
+def _tls_of(mqtt: MqttTable, folder: Path) -> TlsSettings:
+    names = (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
     return TlsSettings(*(None if name is None else str(folder / name) for name in names))
 
 

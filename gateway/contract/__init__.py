@@ -80,6 +80,7 @@ from gateway.contract.vocabulary import (
     SELECT,
     STOP,
     UNLOCK,
+    GatewayState,
     Phase,
     Quality,
     Severity,

@@ -33,6 +33,7 @@ from gateway.contract.topics import to_level
 from gateway.contract.values import PointInfo, ResultValues, StartSamples
 from gateway.contract.vocabulary import (
     CONTRACT_VERSION,
+    GatewayState,
     Phase,
     Quality,
     Severity,
@@ -595,7 +596,7 @@ class StatusRecord(Record):
     """Whether the gateway works. `offline` is also the will, whose times are null."""
 
     TOPIC = "gateway/status"
-    state: Annotated[Literal["starting", "online", "degraded", "offline"], Field(description="its state")]
+    state: Annotated[GatewayState, Field(description="its state")]
     time_s: Annotated[PossibleTime, _time("time", "when this was published")]
     boot: Annotated[
         str, Field(description="names this connection; a command that carries another one is refused")

@@ -25,6 +25,7 @@ OWN_VERBS = (
 
 
 StarterState = Literal["ready", "starting", "running", "stopping", "fault", "not_ready", "unknown"]
+GatewayState = Literal["starting", "online", "degraded", "offline"]
 
 
 class Quality(enum.StrEnum):

@@ -5,9 +5,17 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Literal
 
-from gateway.contract import ForgetRecord, LineRecord, OutboxRecord, Record, Sink, StatusRecord, Topics
+from gateway.contract import (
+    ForgetRecord,
+    GatewayState,
+    LineRecord,
+    OutboxRecord,
+    Record,
+    Sink,
+    StatusRecord,
+    Topics,
+)
 from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import RunToken
@@ -16,8 +24,6 @@ from gateway.system.clock import Clock
 log = logging.getLogger(__name__)
 
 EVERY_S = 30.0  # gateway/outbox
-State = Literal["starting", "online", "degraded", "offline"]
-
 LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 
 
@@ -31,13 +37,13 @@ class Publisher:
         self._outbox = outbox
         self._clock = clock
         self._wake: Callable[[], None] = _no_connection
-        self._state: State = "starting"
+        self._state: GatewayState = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
         self._put_status()
 
     @property
-    def state(self) -> State:
+    def state(self) -> GatewayState:
         """Return the gateway's state: starting, online or degraded."""
         return self._state
 
@@ -69,7 +75,7 @@ class Publisher:
         """Make the broker forget what an earlier run left retained."""
         self._put(cleared(topic))
 
-    def set_status(self, state: State, reason: str | None = None) -> None:
+    def set_status(self, state: GatewayState, reason: str | None = None) -> None:
         """Publish the gateway's state (starting, online, degraded) when it has changed."""
         if (state, reason) == (self._state, self._reason):
             return
@@ -133,7 +139,7 @@ class Publisher:
         self._sink.put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
 
     def _status(
-        self, state: State, *, time_s: float | None, since_s: float | None, reason: str | None
+        self, state: GatewayState, *, time_s: float | None, since_s: float | None, reason: str | None
     ) -> StatusRecord:
         boot = self._boot
         return StatusRecord(

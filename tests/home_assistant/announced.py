@@ -15,8 +15,7 @@ from gateway.config.load import parse
 from gateway.config.schema import Config
 from gateway.families.devices.device import Identity
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
-from gateway.plugins.homeassistant.plugin import facts_of
-from gateway.plugins.homeassistant.site_facts import SiteFacts
+from gateway.plugins.homeassistant.site_facts import SiteFacts, facts_of
 from gateway.starters.telemetry.description import info_of
 
 STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
@@ -25,13 +24,18 @@ OPERATOR = '[[operator]]\nclient = "home-assistant"\nmay = ["start", "stop", "re
 
 
 def config(
-    table: str = TABLE, *, base: str = "starters/{gateway}", operator: str = OPERATOR, more: str = ""
+    table: str = TABLE,
+    *,
+    base: str = "starters/{gateway}",
+    operator: str = OPERATOR,
+    more: str = "",
+    gateway: str = "mcc1",
 ) -> Config:
     starters = "".join(
         f'[[line.starter]]\nname = "{name}"\naddress = {place}\nfamily = "{family}"\n'
         for place, (name, family) in enumerate(STARTERS.items(), 1)
     )
-    head = f'[gateway]\nname = "mcc1"\n[mqtt]\nurl = "mqtt://127.0.0.1"\nbase = "{base}"\n'
+    head = f'[gateway]\nname = "{gateway}"\n[mqtt]\nurl = "mqtt://127.0.0.1"\nbase = "{base}"\n'
     line = '[[line]]\nname = "hall"\nport = "/dev/hall"\nbaud = 19200\nframing = "8N2"\n'
     return parse(head + table + operator + line + starters + more, "site.toml")
 

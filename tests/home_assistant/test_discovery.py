@@ -73,8 +73,7 @@ def test_every_name_is_one_that_home_assistant_takes_and_no_two_are_the_same() -
     starters = ("b", "b_c", "c", "_b", "u_b", "b-c")
     ids = []
     for gateway in gateways:
-        site = facts()
-        site = type(site)(gateway, "x/y", "1", "homeassistant", "homeassistant/status", {})
+        site = facts(base="x/y", gateway=gateway)
         ids += [site.object_id(starter) for starter in ("", *starters)]
         match = TOPIC.fullmatch(site.config_topic("b_c"))
         assert match is not None

@@ -23,6 +23,7 @@ def judged(
 ) -> list[Judgement]:
     mapper = CommandMapper("scada", ttl_s=5.0)
     command = decoded_command(dcmd(*writes, time_s=time_s))
+    assert command is not None
     return list(mapper.judge(DeviceCommand(starter, command, is_retained, 7.0, NOW_S, born_s)))
 
 

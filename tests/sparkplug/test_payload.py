@@ -44,37 +44,36 @@ def test_the_bytes_are_those_of_the_field_numbers() -> None:
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_command_or_broken_and_nothing_raises(payload: bytes) -> None:
+def test_any_bytes_are_a_command_or_no_payload_and_nothing_raises(payload: bytes) -> None:
     command = decoded_command(payload)
 
-    assert len(command.writes(20, first="Command/Stop")) == min(len(command.metrics), 20)
-    assert not command.is_asking("Command/Stop")
+    assert command is None or (
+        len(command.writes(20, first="Command/Stop")) == min(len(command.metrics), 20)
+        and not command.is_asking("Command/Stop")
+    )
 
 
-@given(st.binary(max_size=30), st.binary(max_size=30), st.integers(0, 60))
-def test_whatever_surrounds_a_metric_that_is_whole_it_is_found_up_to_where_the_payload_is_none(
-    before: bytes, after: bytes, cut: int
-) -> None:
-    whole = dcmd({"name": "other"}, write("Command/Stop"), time_s=None)
+def test_what_is_broken_off_within_a_metric_is_no_payload() -> None:
+    before, stop = dcmd({"name": "other"}, time_s=None), dcmd(write("Command/Stop"), time_s=None)
 
-    assert decoded_command(whole + after).is_asking("Command/Stop")
-    decoded_command(before + whole)
-    assert decoded_command(whole[: len(whole) - cut]).is_asking("Command/Stop") is (cut == 0)
+    assert [decoded_command(before + stop[:size]) for size in range(1, len(stop))] == [None] * (len(stop) - 1)
+    whole = decoded_command(before + stop)
+    assert whole is not None
+    assert whole.is_asking("Command/Stop")
 
 
 @pytest.mark.parametrize(
     "payload",
     [b"\xff\xff", b"\x0a", b'{"value": true}', b"\x12\x7f", b"\x13" * 50, b"\x12\x02\x0a", b"\xff" * 20],
 )
-def test_what_is_no_payload_is_broken_and_asks_nothing(payload: bytes) -> None:
-    command = decoded_command(payload)
-
-    assert command.is_broken
-    assert len(command.metrics) == 0
+def test_what_is_no_payload_asks_nothing(payload: bytes) -> None:
+    assert decoded_command(payload) is None
 
 
 def test_a_name_that_is_no_utf_8_is_a_name_that_is_not_known() -> None:
     bad = b"\x12\x08" + b"\x0a\x04\xff\xfeab" + b"\x70\x01"
-    (first, second) = decoded_command(bad + dcmd(write("b"), time_s=None)).writes(20, first="")
+    command = decoded_command(bad + dcmd(write("b"), time_s=None))
+    assert command is not None
+    (first, second) = command.writes(20, first="")
 
     assert (first.name, first.is_true, second.name) == ("\ufffd\ufffdab", True, "b")

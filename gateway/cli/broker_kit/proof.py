@@ -63,7 +63,7 @@ class Broker:
     def settings(self, login: str | None, *, client_id: str = "", password: str = "") -> BrokerSettings:
         """Return the way to the broker as this login, or without one."""
         return broker_of(
-            self.config,
+            self.config.mqtt,
             self.place,
             client_id=client_id or login or PROBE,
             username=login,

@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gateway import __version__
 from gateway.contract import InfoRecord, encoded
+from gateway.families import load_profile
 from gateway.mqtt import Message
 from gateway.plugins.homeassistant.entities import available, gateway_entities, starter_entities
 from gateway.plugins.homeassistant.site_facts import SiteFacts
@@ -21,7 +23,7 @@ PRODUCT = "starter-gateway"
 def starter_message(facts: SiteFacts, info: InfoRecord) -> Message:
     """Return the discovery of a starter."""
     starter = info.starter
-    maker, _, kind = facts.starters[starter].title.partition(" ")
+    maker, _, kind = load_profile(info.family).title.partition(" ")
     device = {
         "identifiers": [facts.object_id(starter)],
         "name": starter,
@@ -31,36 +33,30 @@ def starter_message(facts: SiteFacts, info: InfoRecord) -> Message:
         "sw_version": info.firmware,
         "hw_version": info.hardware,
         "via_device": facts.gateway_id,
-        "configuration_url": facts.page_url,
+        "configuration_url": facts.table.page_url,
     }
-    components = starter_entities(facts, info)
-    return _message(facts, starter, device, components, available(facts, starter))
+    root = available(facts, starter)
+    return _message(facts, starter, device, components=starter_entities(facts, info), **root)
 
 
 def gateway_message(facts: SiteFacts) -> Message:
     """Return the discovery of the gateway itself, which is shown while it is away, too."""
     device = {
         "identifiers": [facts.gateway_id],
-        "name": facts.gateway,
+        "name": facts.config.gateway.name,
         "manufacturer": PRODUCT,
         "model": "Gateway for soft-starters",
-        "sw_version": facts.version,
-        "configuration_url": facts.page_url,
+        "sw_version": __version__,
+        "configuration_url": facts.table.page_url,
     }
-    return _message(facts, "", device, gateway_entities(facts), {})
+    return _message(facts, "", device, components=gateway_entities(facts))
 
 
-def _message(
-    facts: SiteFacts,
-    starter: str,
-    device: Mapping[str, Any],
-    components: Mapping[str, Any],
-    availability: Mapping[str, Any],
-) -> Message:
+def _message(facts: SiteFacts, starter: str, device: Mapping[str, Any], **root: Any) -> Message:
+    """Return a discovery; what is not known of its device is left out."""
     fields = {
         "device": {key: value for key, value in device.items() if value},
-        "origin": {"name": PRODUCT, "sw_version": facts.version},
-        "components": components,
-        **availability,
+        "origin": {"name": PRODUCT, "sw_version": __version__},
+        **root,
     }
     return Message(facts.config_topic(starter), encoded(fields), qos=1, retain=True)

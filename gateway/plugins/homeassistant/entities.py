@@ -7,26 +7,29 @@ that do not change are published seldom, and the availability says at once when 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, get_args
 
 from gateway.contract import (
+    STOP,
     AvailabilityRecord,
     EventRecord,
+    GatewayState,
     InfoRecord,
     LineRecord,
     Phase,
     ResultRecord,
+    StarterState,
     StateRecord,
     ValueRecord,
     to_level,
 )
-from gateway.plugins.homeassistant.site_facts import RESET, START, STOP, SiteFacts
+from gateway.families import load_profile
+from gateway.plugins.homeassistant.site_facts import SiteFacts
 
 Component = dict[str, Any]
 
 FAULT_CODE = "fault_code"
-STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unknown")
-GATEWAY_STATES = ("starting", "online", "degraded", "offline")
+STATES, GATEWAY_STATES = get_args(StarterState), get_args(GatewayState)
 GOOD_VALUE = "{{ value_json.value if value_json.quality == 'good' else None }}"
 GOOD_STATE = "{{ value_json.state if value_json.quality == 'good' else None }}"
 GOOD_FLAG = "{{{{ value_json.get('{name}') if value_json.quality == 'good' else None }}}}"
@@ -38,7 +41,7 @@ STATE_ATTRIBUTES = (
 GATEWAY_IS_ON = "{{ 'online' if value_json.state in ('online', 'degraded') else 'offline' }}"
 STARTER_IS_ON = "{{ 'offline' if value_json.state in ('offline', 'disabled') else 'online' }}"
 # Of the state, since the point keeps the number of the last fault (SSW-07, P014).
-FAULT_NUMBER = "{{ value_json.get('fault_code') if value_json.quality == 'good' else None }}"
+FAULT_NUMBER = GOOD_FLAG.format(name=FAULT_CODE)
 # A range above 100000 is refused by Home Assistant's sandbox, and it has no function for a UUID.
 COMMAND = (
     '{"id":"ha-{{ utcnow().timestamp() }}-{{ range(10000, 99999) | random }}",'
@@ -113,8 +116,8 @@ FLAGS: Mapping[str, Component] = {  # booleans of the state topic
 # wait in Home Assistant, so its quality of service is 0; nothing in a stop is computed, so nothing can fail.
 BUTTONS: Mapping[str, Component] = {
     STOP: {"name": "Stop", "icon": "mdi:stop", "qos": 1, "payload_press": STOP_COMMAND},
-    START: {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
-    RESET: {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
+    "start": {"name": "Start", "icon": "mdi:play", "qos": 0, "command_template": COMMAND, **_OFF},
+    "reset": {"name": "Reset fault", "icon": "mdi:restore", "qos": 0, "command_template": COMMAND},
 }
 
 
@@ -132,7 +135,7 @@ def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]
     for flag, row in FLAGS.items():
         if flag in points:
             found[flag] = _entity(state_topic, row | {"value_template": GOOD_FLAG.format(name=flag)})
-    thermal = facts.starters[starter].thermal_point
+    thermal = load_profile(info.family).thermal_point
     for point, row in {**QUANTITIES, thermal: THERMAL}.items():
         if point in points:
             topic = topics.of(ValueRecord, starter=starter, point=point)
@@ -149,9 +152,9 @@ def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
     """Return the gateway's own components by key."""
     status = facts.topics.gateway_status
     found = {"status": _entity(status, STATUS), "boot": _entity(status, BOOT)}
-    for line in facts.lines:
-        row = {**UTILISATION, "name": f"Line {line}", **available(facts)}
-        found[f"line_{line}"] = _entity(facts.topics.of(LineRecord, line=line), row)
+    for line in facts.config.lines:
+        row = {**UTILISATION, "name": f"Line {line.name}", **available(facts)}
+        found[f"line_{line.name}"] = _entity(facts.topics.of(LineRecord, line=line.name), row)
     return {key: _named(facts, "", key, component) for key, component in found.items()}
 
 
@@ -178,22 +181,20 @@ def _in_unit(row: Component, unit: str) -> Component:
 
 
 def _commands(facts: SiteFacts, starter: str) -> Iterator[tuple[str, Component]]:
-    verbs = facts.verbs(starter)
-    if facts.client is None or not verbs:
-        return
-    for verb, row in BUTTONS.items():
-        if verb in verbs:
-            topic = facts.topics.command(starter, facts.client, verb)
-            button = {"platform": "button", "command_topic": topic, "retain": False, **row}
-            # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
-            yield verb, button | (available(facts) if verb == STOP else {})
-    topic = facts.topics.of(ResultRecord, starter=starter, client=facts.client)
-    yield "result", _entity(topic, RESULTS | available(facts))
+    client, verbs = facts.client, facts.verbs(starter, BUTTONS)
+    for verb in verbs:
+        topic = facts.topics.command(starter, client, verb)
+        button = {"platform": "button", "command_topic": topic, "retain": False, **BUTTONS[verb]}
+        # A stop can be pressed, and its result seen, as long as the gateway is there to carry it out.
+        yield verb, button | (available(facts) if verb == STOP else {})
+    if verbs:
+        topic = facts.topics.of(ResultRecord, starter=starter, client=client)
+        yield "result", _entity(topic, RESULTS | available(facts))
 
 
 def _named(facts: SiteFacts, starter: str, key: str, component: Component) -> Component:
     """Return a component with the name that Home Assistant knows it by, and its entity's first name."""
-    entity = "_".join(part for part in (facts.gateway, starter, key) if part).replace("-", "_")
+    entity = "_".join(part for part in (facts.config.gateway.name, starter, key) if part).replace("-", "_")
     return {
         **component,
         "unique_id": f"{facts.object_id(starter)}_E{key}",

@@ -16,16 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway import __version__
-from gateway.config.convert import policy_of, rights_of
-from gateway.config.schema import Config
-from gateway.contract import Event, InfoRecord, Record, to_level
+from gateway.contract import Event, InfoRecord, Record
 from gateway.errors import DamagedError, StoreError
-from gateway.families import load_profile
 from gateway.mqtt import Message, cleared
 from gateway.plugins.homeassistant.birth import BirthPause
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
-from gateway.plugins.homeassistant.site_facts import SiteFacts, StarterFacts
+from gateway.plugins.homeassistant.site_facts import SiteFacts, facts_of
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.storage.json_file import JsonFile
 from gateway.system.supervised import is_set_within
@@ -49,12 +45,12 @@ class HomeAssistantSettings:
 class HomeAssistantService:
     """Announces the starters to Home Assistant; a `Plugin`. On the app's loop."""
 
-    def __init__(self, settings: HomeAssistantSettings, gateway: Gateway, *, seed: int) -> None:
+    def __init__(self, settings: HomeAssistantSettings, gateway: Gateway) -> None:
         self._gateway = gateway
         self._mqtt = gateway.mqtt
         self._clock = gateway.clock
         self._store = JsonFile(settings.file)
-        self._birth = BirthPause(seed)
+        self._birth = BirthPause(secrets.randbits(32))
         self._birth_topic = ""
         self._topics: set[str] = set()  # that the broker holds, or may hold
         self._clearing: set[str] = set()
@@ -71,7 +67,7 @@ class HomeAssistantService:
     def reconfigure(self, settings: HomeAssistantSettings) -> None:
         """Go on with other settings; without facts everything is deleted."""
         self._facts = settings.facts
-        self._dirty = set() if self._facts is None else {"", *self._facts.starters}
+        self._dirty = set() if self._facts is None else {"", *self._facts.rules}
         self._changed.set()
 
     async def run(self) -> None:
@@ -93,19 +89,17 @@ class HomeAssistantService:
     def _recalled(self) -> set[str]:
         """Return the topics that an earlier run has announced; reads the disk."""
         try:
-            topics = (self._store.load() or {"topics": []}).get("topics")
-            if not isinstance(topics, list) or not all(isinstance(topic, str) for topic in topics):
-                raise DamagedError("it has no list of topics")  # noqa: TRY301 - as for a damaged file
+            document = self._store.load() or {}
         except DamagedError as error:
             log.warning("%s; what an earlier run announced to Home Assistant is not deleted", error)
             self._store.set_aside()
-            return set()
-        return set(topics)
+            document = {}
+        return set(document.get("topics", ()))
 
     async def _announce(self) -> None:
         """Publish what has changed, and have the broker delete what is not wanted any more."""
         facts = self._facts
-        wanted = set() if facts is None else {facts.config_topic(name) for name in ("", *facts.starters)}
+        wanted = set() if facts is None else {facts.config_topic(name) for name in ("", *facts.rules)}
         if not wanted <= self._topics:
             self._topics |= wanted
             await self._save()  # before anything of it is at the broker
@@ -127,7 +121,7 @@ class HomeAssistantService:
         if not starter:
             return gateway_message(facts)
         info = self._gateway.latest.find(InfoRecord.topic_of(starter=starter))
-        if starter not in facts.starters or not isinstance(info, InfoRecord):
+        if starter not in facts.rules or not isinstance(info, InfoRecord):
             return None
         return starter_message(facts, info)
 
@@ -171,8 +165,7 @@ class HomeAssistantService:
 
 def load(gateway: Gateway) -> Callable[[HomeAssistantSettings], Plugin]:
     """Return what makes Home Assistant's discovery."""
-    seed = secrets.randbits(32)
-    return lambda settings: HomeAssistantService(settings, gateway, seed=seed)
+    return lambda settings: HomeAssistantService(settings, gateway)
 
 
 def settings_of(site: PluginSite) -> HomeAssistantSettings | None:
@@ -181,30 +174,3 @@ def settings_of(site: PluginSite) -> HomeAssistantSettings | None:
     if site.config.home_assistant is None and not file.exists():
         return None
     return HomeAssistantSettings(facts_of(site.config), file)
-
-
-def facts_of(config: Config) -> SiteFacts | None:
-    """Return what discovery depends on; None without a `[homeassistant]`."""
-    table = config.home_assistant
-    if table is None:
-        return None
-    rules = policy_of(config).rules
-    starters = {}
-    for starter in config.starters:
-        profile = load_profile(starter.family)
-        thermal = profile.history.thermal
-        two_step = rules[starter.name].two_step
-        starters[starter.name] = StarterFacts(profile.title, to_level(thermal) if thermal else "", two_step)
-    return SiteFacts(
-        gateway=config.gateway.name,
-        base=config.base,
-        version=__version__,
-        discovery_prefix=table.discovery_prefix,
-        birth_topic=table.birth_topic or f"{table.discovery_prefix}/status",
-        starters=starters,
-        lines=tuple(line.name for line in config.lines),
-        client=table.operator,
-        has_start=table.commands,
-        page_url=table.page_url,
-        rights=rights_of(config),
-    )

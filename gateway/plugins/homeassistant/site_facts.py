@@ -1,4 +1,4 @@
-"""What discovery depends on beside a starter's `info`, in plain values; and the names made of it.
+"""What discovery depends on beside a starter's `info`: the configuration; and the names made of it.
 
 A name in Home Assistant has only `[a-zA-Z0-9_-]`. Ours have no capitals, so a capital marks where a name
 ends: no two starters of any gateways can meet in one name.
@@ -6,49 +6,40 @@ ends: no two starters of any gateways can meet in one name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from gateway.contract import Topics
+from gateway.config.convert import policy_of, rights_of
+from gateway.config.integration_tables import HomeAssistantTable
+from gateway.config.schema import Config
+from gateway.contract import STOP, Topics
 from gateway.starters.policy.rights import Rights
-
-STOP, START, RESET = "stop", "start", "reset"
-
-
-@dataclass(frozen=True, slots=True)
-class StarterFacts:
-    """What the configuration and the family say of one starter."""
-
-    title: str  # of its family: maker and type
-    thermal_point: str = ""  # the load of its thermal model; empty where there is none
-    two_step: frozenset[str] = frozenset()  # verbs that need a selection first, which a button cannot make
+from gateway.starters.policy.start_rules import RuleSet
 
 
 @dataclass(frozen=True, slots=True)
 class SiteFacts:
-    """What the configuration says; `client` is Home Assistant's level in command topics."""
+    """The configuration with its table, and by what commands are judged: `rules` of each starter."""
 
-    gateway: str
-    base: str
-    version: str  # of this program
-    discovery_prefix: str
-    birth_topic: str
-    starters: Mapping[str, StarterFacts]
-    lines: tuple[str, ...] = ()
-    client: str | None = None  # None: Home Assistant gives no commands
-    has_start: bool = False  # start and reset too
-    page_url: str | None = None
-    rights: Rights = field(default_factory=Rights)
+    config: Config
+    table: HomeAssistantTable
+    rights: Rights
+    rules: Mapping[str, RuleSet]
 
     @property
     def topics(self) -> Topics:
         """Return the gateway's topics."""
-        return Topics(self.base)
+        return Topics(self.config.base)
+
+    @property
+    def birth_topic(self) -> str:
+        """Return where Home Assistant says that it has begun."""
+        return self.table.birth_topic or f"{self.table.discovery_prefix}/status"
 
     @property
     def gateway_id(self) -> str:
         """Return the gateway's name in Home Assistant."""
-        return f"sg_{self.gateway.replace('_', '_U')}"
+        return f"sg_{self.config.gateway.name.replace('_', '_U')}"
 
     def object_id(self, starter: str) -> str:
         """Return a starter's name in Home Assistant; the gateway's own for an empty name."""
@@ -56,17 +47,25 @@ class SiteFacts:
 
     def config_topic(self, starter: str) -> str:
         """Return the topic of a starter's discovery; the gateway's own for an empty name."""
-        return f"{self.discovery_prefix}/device/{self.object_id(starter)}/config"
+        return f"{self.table.discovery_prefix}/device/{self.object_id(starter)}/config"
 
-    def verbs(self, starter: str) -> tuple[str, ...]:
-        """Return what Home Assistant gets a button for: what it may do, and a button can do."""
-        client = self.client
-        if client is None:
-            return ()
-        wanted = (STOP, START, RESET) if self.has_start else (STOP,)
-        return tuple(
+    @property
+    def client(self) -> str:
+        """Return Home Assistant's level in the topics of commands; empty: it gives none."""
+        return self.table.operator or ""
+
+    def verbs(self, starter: str, buttons: Iterable[str]) -> list[str]:
+        """Return which of the buttons there are: what it is to do, may do, and can do by one press."""
+        return [
             verb
-            for verb in wanted
-            if self.rights.is_allowed(client, verb=verb, starter=starter)
-            and verb not in self.starters[starter].two_step
-        )
+            for verb in buttons
+            if (self.table.commands or verb == STOP)
+            and self.rights.is_allowed(self.client, verb=verb, starter=starter)
+            and verb not in self.rules[starter].two_step
+        ]
+
+
+def facts_of(config: Config) -> SiteFacts | None:
+    """Return what discovery depends on; None without a `[homeassistant]`."""
+    table = config.home_assistant
+    return None if table is None else SiteFacts(config, table, rights_of(config), policy_of(config).rules)

@@ -8,9 +8,9 @@ A host's write carries no client, no id and no token. So:
 3. It is refused when it came before this connection's birth, or is older than that, or is retained.
 4. Device, metric and time make its id: the same write again is answered, not carried out.
 5. A stop needs none of that, and whatever else the same DCMD asks is refused. It acts wherever the Boolean
-   value true is there, also beside another value or data type, and in a payload that is broken off after it.
-6. All else acts only by the Boolean value true alone, of the type Boolean where one is given, in a payload
-   that is whole. Every other value, and every other metric, is refused.
+   value true is there, also beside another value or data type.
+6. All else acts only by the Boolean value true alone, of the type Boolean where one is given. Every other
+   value, and every other metric, is refused.
 """
 
 from __future__ import annotations
@@ -49,17 +49,14 @@ class CommandMapper:
     operator: str
     ttl_s: float
 
-    def judge(self, asked: DeviceCommand, *, is_whole: bool = True) -> Iterator[Judgement]:
-        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many.
-
-        Of one that is not wholly looked into there is only its stop, if it asks for one.
-        """
-        writes = asked.command.writes(MOST_WRITES if is_whole else 1, first=STOP_METRIC)
+    def judge(self, asked: DeviceCommand) -> Iterator[Judgement]:
+        """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
+        writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
         has_stop = bool(writes) and _is_stop(writes[0])
-        for write in writes if is_whole or has_stop else ():
+        for write in writes:
             yield self._request(asked, write), _refusal(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
-        if more and is_whole:
+        if more:
             error = CommandError(ResultCode.TOO_MANY, "metrics", count=more, most=MOST_WRITES)
             yield self.unread(asked.starter, _id_of(asked, asked.command.time_s, ""), error)
 

@@ -1,9 +1,9 @@
-"""DCMDs as they arrive: what is too large, too many or broken is counted, and a stop gets through.
+"""DCMDs as they arrive: what is too large, too many or no payload is counted, and a stop gets through.
 
 1. More than `MOST_BYTES` is not looked into: decoding takes time of the loop that carries out the stops.
-2. Beyond `DECODED` a second only what is short and may hold a stop is decoded, and only a stop of it acts.
-3. Of a payload that cannot be read as a whole a stop that is whole acts, and nothing else: its sender asked
-   for it, and the worst that it can do is to stop.
+2. Beyond `DECODED` a second only what is short and may hold a stop is decoded; whatever else it asks is
+   counted with all commands of the operator.
+3. Of what is no payload nothing acts.
 4. What is refused so is counted: for each starter and reason one event and one result a second. A DCMD to
    a device that is no starter has an event alone, one a second for all of them.
 """
@@ -17,8 +17,6 @@ from gateway.contract import (
     CommandError,
     CommandRequest,
     EventCode,
-    Note,
-    Reason,
     ResultCode,
     shortened,
 )
@@ -38,7 +36,7 @@ _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
 
 
-_Unread = tuple[str, Reason]  # a starter, and why its DCMD was not looked into
+_Unread = tuple[str, CommandError]  # a starter, and why its DCMD was not looked into
 
 
 class HostCommands:
@@ -62,30 +60,27 @@ class HostCommands:
         """Take a DCMD; `born_utc_s` is when this connection's birth was published."""
         payload = incoming.payload
         if len(payload) > MOST_BYTES:
-            self._put(starter, Reason(ResultCode.TOO_BIG, "dcmd", most=MOST_BYTES))
+            self._put(starter, CommandError(ResultCode.TOO_BIG, "dcmd", most=MOST_BYTES))
             return
-        is_paid = self._decoded.take(self._clock.now_s())
-        if not is_paid and (_STOP not in payload or len(payload) > SHORT_BYTES):
+        may_stop = _STOP in payload and len(payload) <= SHORT_BYTES
+        if not self._decoded.take(self._clock.now_s()) and not may_stop:
             rate = DECODED.per_s
-            self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
+            self._put(starter, CommandError(ResultCode.TOO_MANY, "dcmds", rate=rate, most=SHORT_BYTES))
             return
-        command = decoded_command(payload, salvaged=_STOP)
+        command = decoded_command(payload)
+        if command is None:
+            self._put(starter, CommandError(ResultCode.BAD_PAYLOAD, "broken"))
+            return
         now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
         asked = DeviceCommand(starter, command, incoming.is_retained, now_s, utc_s, born_utc_s)
-        is_whole = is_paid and not command.is_broken
-        judged = list(self._mapper.judge(asked, is_whole=is_whole))
-        for each in judged:
+        for each in self._mapper.judge(asked):
             self._pass_on(*each)
-        if command.is_broken:
-            self._put(starter, Reason(ResultCode.BAD_PAYLOAD, "broken_stop" if judged else "broken"))
-        elif not is_paid and len(judged) < max(1, len(command.metrics)):
-            self._put(starter, Reason(ResultCode.TOO_MANY, "dcmds_but_stops", rate=DECODED.per_s))
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
-        reason = Reason(ResultCode.UNKNOWN_STARTER)
-        self._unread.put(reason.code, (shortened(device), reason))
+        error = CommandError(ResultCode.UNKNOWN_STARTER)
+        self._unread.put(error.code, (shortened(device), error))
 
     def _pass_on(self, request: CommandRequest, refusal: CommandError | None) -> None:
         if refusal is None:
@@ -93,22 +88,21 @@ class HostCommands:
         else:
             self._commands.reject(request, refusal)
 
-    def _put(self, starter: str, reason: Reason) -> None:
-        self._unread.put((starter, reason.code), (starter, reason))
+    def _put(self, starter: str, error: CommandError) -> None:
+        self._unread.put((starter, error.code), (starter, error))
 
     def _refuse(self, unread: _Unread, count: int) -> None:
-        starter, reason = unread
+        starter, error = unread
         self._publish_event(
             EventCode.DCMD_REFUSED,
             "several" if count else "one",
             starter=starter,
-            code=reason.code,
+            code=error.code,
             count=max(count, 1),
-            why=reason.text,
+            why=error.text,
         )
-        if reason.code == ResultCode.UNKNOWN_STARTER:
+        if error.code == ResultCode.UNKNOWN_STARTER:
             return  # no metric and no topic of such a starter could show a result
-        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{reason.code}"
-        more = Note("more_dcmds", count=count) if count else None
-        self._pass_on(*self._mapper.unread(starter, id_, CommandError(reason.noted(more))))
+        id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{error.code}"
+        self._pass_on(*self._mapper.unread(starter, id_, error))
         self._show_done(starter, COMMANDS)

@@ -193,10 +193,6 @@ class EdgeNode:
             return -inf
         return min([self._rebirth_s, *self._dues.values()])
 
-    def has(self, starter: str) -> bool:
-        """Return whether a starter is one of the devices."""
-        return starter in self._devices
-
     def follow(self, settings: SparkplugSettings) -> None:
         """Have other starters as devices: what is gone dies, what is new is born once it answers.
 
@@ -233,7 +229,7 @@ class EdgeNode:
         """Honour a host's request for a rebirth; of a flood of NCMDs only some are looked into."""
         if self._commands.take(now_s):
             command = decoded_command(payload)
-            if command.is_asking(REBIRTH) and not command.is_broken:
+            if command is not None and command.is_asking(REBIRTH):
                 due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
                 self._rebirth_s = min(self._rebirth_s, due_s)
 
@@ -325,7 +321,7 @@ class EdgeNode:
 
     def _message(self, kind: str, device: str | None, metrics: Collection[Metric], utc_s: float) -> Message:
         self._seq = (self._seq + 1) % SEQ_NUMBERS
-        has_types = kind.endswith("BIRTH") or self._settings.has_datatypes
+        has_types = kind.endswith("BIRTH") or self._settings.table.datatypes_in_data
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
         return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
 

@@ -10,6 +10,7 @@ from gateway.errors import DamagedError, StoreError
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
 from gateway.storage.json_file import JsonFile
+from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
 
@@ -21,21 +22,21 @@ class BirthNumbers:
         self._store = JsonFile(file)
         self._gateway = gateway
         self._last: int | None = None  # None: not yet read
-        self._trouble = ""
+        self._said = ChangeDetector("")
 
     async def take(self) -> int:
         """Return the number of the next connection."""
         if self._last is None:
             self._last = await self._gateway.in_thread(self._read)
         number = self._last = (self._last + 1) % SEQ_NUMBERS
-        before, self._trouble = self._trouble, ""
+        trouble = ""
         try:
             await self._store.save({"bdSeq": number})
         except StoreError as error:
-            self._trouble = str(error)
-        if self._trouble and not before:
+            trouble = str(error)
+        if self._said.is_new(trouble) and trouble:
             self._gateway.publish_event(
-                EventCode.MEMORY_AWAY, "sparkplug", severity=Severity.WARNING, trouble=self._trouble
+                EventCode.MEMORY_AWAY, "sparkplug", severity=Severity.WARNING, trouble=trouble
             )
         return number
 
@@ -46,5 +47,4 @@ class BirthNumbers:
             log.warning("%s; births are counted from 0 again", error)
             self._store.set_aside()
             document = {}
-        last = document.get("bdSeq")
-        return last if isinstance(last, int) and 0 <= last < SEQ_NUMBERS else SEQ_NUMBERS - 1
+        return int(document.get("bdSeq", SEQ_NUMBERS - 1))

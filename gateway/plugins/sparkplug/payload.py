@@ -8,7 +8,7 @@ The descriptors are built here, so nothing is generated.
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,10 +51,6 @@ class DataType(enum.IntEnum):
 _FIELDS = ("int_value", "long_value", "double_value", "boolean_value", "string_value")
 _FIELD = dict(zip(DataType, _FIELDS, strict=True))
 _MASK = {DataType.INT32: 0xFFFF_FFFF, DataType.INT64: 0xFFFF_FFFF_FFFF_FFFF}  # negatives: two's complement
-_WIRE_TYPES = (0, 1, 2, 5)  # [Protocol Buffers, Encoding]
-_SIZED, _FIXED_SIZES = 2, {1: 8, 5: 4}
-MOST_FIELDS = 100  # of a payload that cannot be read as a whole are looked at
-_METRICS_KEY = 2 << 3 | _SIZED  # of a payload's metrics
 QUALITY = "Quality"
 GOOD, STALE, BAD = 192, 500, 0  # [tck-id-payloads-propertyset-quality-value-value]
 
@@ -88,7 +84,6 @@ class HostCommand:
 
     time_s: float | None
     metrics: Sequence[Any]
-    is_broken: bool = False  # no payload as a whole: these metrics are whole, others may be lost
 
     def is_asking(self, name: str) -> bool:
         """Return whether any metric of this name is true."""
@@ -128,15 +123,13 @@ def encoded(
     return bytes(payload.SerializeToString(deterministic=True))
 
 
-def decoded_command(payload: bytes, *, salvaged: bytes = b"") -> HostCommand:
-    """Return what a host asks.
-
-    Of what is no payload, the metrics that hold the bytes `salvaged`, up to where it cannot be read on.
-    """
-    message = _parsed(_PAYLOAD, payload)
-    if message is None:
-        found = [_parsed(_METRIC, field) for field in _metric_fields(payload) if salvaged in field]
-        return HostCommand(None, [metric for metric in found if metric is not None], is_broken=True)
+def decoded_command(payload: bytes) -> HostCommand | None:
+    """Return what a host asks; None of bytes that are no payload."""
+    message = _PAYLOAD()
+    try:
+        message.ParseFromString(payload)
+    except (DecodeError, UnicodeDecodeError):
+        return None
     return HostCommand(_time_of(message), message.metrics)
 
 
@@ -164,51 +157,8 @@ def _time_of(message: Any) -> float | None:
     return message.timestamp / 1000 if message.HasField("timestamp") else None
 
 
-def _parsed(kind: Any, encoded_message: bytes) -> Any:
-    """Return a message; None when the bytes are none."""
-    message = kind()
-    try:
-        message.ParseFromString(encoded_message)
-    except (DecodeError, UnicodeDecodeError):
-        return None
-    return message
-
-
-def _metric_fields(payload: bytes) -> Iterator[bytes]:
-    """Yield the metrics of a payload, as bytes, up to its first field that is none."""
-    at = 0
-    for _ in range(MOST_FIELDS):
-        key, at = _varint(payload, at)
-        size = _FIXED_SIZES.get(key & 7, 0)
-        if not size:
-            number, at = _varint(payload, at)
-            size = number if key & 7 == _SIZED else 0
-        if key & 7 not in _WIRE_TYPES or at + size > len(payload):
-            return
-        if key == _METRICS_KEY:
-            yield payload[at : at + size]
-        at += size
-
-
-def _varint(payload: bytes, at: int) -> tuple[int, int]:
-    """Return the number that begins there, and where it ends; beyond the payload when it is broken off."""
-    number = 0
-    for shift in range(0, 70, 7):
-        if at >= len(payload):
-            break
-        number |= (payload[at] & 0x7F) << shift
-        at += 1
-        if payload[at - 1] < 0x80:
-            return number, at
-    return 0, len(payload) + 1
-
-
 def _ms(time_s: float) -> int:
     return max(0, round(time_s * 1000))
-
-
-def _message_class(pool: descriptor_pool.DescriptorPool, name: str) -> Any:
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"sparkplug_b.{name}"))
 
 
 def _pool() -> descriptor_pool.DescriptorPool:
@@ -233,5 +183,4 @@ def _pool() -> descriptor_pool.DescriptorPool:
     return pool
 
 
-_POOL = _pool()
-_PAYLOAD, _METRIC = _message_class(_POOL, "Payload"), _message_class(_POOL, "Metric")
+_PAYLOAD: Any = message_factory.GetMessageClass(_pool().FindMessageTypeByName("sparkplug_b.Payload"))

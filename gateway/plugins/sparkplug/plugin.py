@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
-from gateway.config.convert import rights_of, tls_of, version_of
+from gateway.config.convert import broker_of, rights_of
 from gateway.config.integration_tables import SparkplugTable
-from gateway.config.values import SCHEMES, split_url
 from gateway.contract import EventCode, Severity, event_of
 from gateway.mqtt import BrokerSettings
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
@@ -31,36 +31,28 @@ def settings_of(site: PluginSite) -> SparkplugSettings | None:
     if table is None:
         return None
     return SparkplugSettings(
-        group=table.group,
+        table=table,
         node=table.node or config.gateway.name,
         servers=tuple(_servers(site, table)),
         numbers_file=site.state_dir / FOLDER / NUMBERS_FILE,
         starters=tuple(starter.name for starter in config.starters),
         lines=tuple(line.name for line in config.lines),
-        primary_host=table.primary_host,
-        operator=table.operator if table.commands else None,
         rights=tuple(each for each in rights_of(config).operators if each.client == table.operator),
-        ttl_s=table.ttl_s,
-        has_datatypes=table.datatypes_in_data,
     )
 
 
 def _servers(site: PluginSite, table: SparkplugTable) -> Iterable[BrokerSettings]:
+    """Yield the ways to the servers in `urls`, with this table's login and files, or to that of `[mqtt]`."""
     mqtt = site.config.mqtt
-    login = table if table.urls else mqtt
+    login = table.model_dump(include={"username", "ca_file", "cert_file", "key_file"}) if table.urls else {}
+    own = {**login, "version": table.mqtt_version, "keepalive_s": table.keepalive_s}
     for url in table.urls or (mqtt.url,):
-        parts = split_url(url)
-        if parts is None:
-            continue  # the configuration has been checked
-        split, port = parts
-        yield BrokerSettings(
-            host=split.hostname or "",
-            port=port,
+        server = mqtt.model_copy(update={**own, "url": url})
+        settings = broker_of(
+            server,
+            site.folder,
             client_id=f"{site.config.client_id}-spb",
-            username=login.username,
+            username=server.username,
             password=site.sparkplug_password,
-            tls=tls_of(login, site.folder) if SCHEMES[split.scheme] == SCHEMES["mqtts"] else None,
-            version=version_of(table.mqtt_version),
-            keepalive_s=table.keepalive_s,
-            largest_packet=LARGEST_PACKET,
         )
+        yield replace(settings, largest_packet=LARGEST_PACKET)

@@ -7,7 +7,6 @@ Nothing waits for it; what cannot be sent is replaced by a new birth.
 from __future__ import annotations
 
 import asyncio
-import logging
 import platform
 import secrets
 from collections.abc import Collection
@@ -30,8 +29,6 @@ from gateway.plugins.sparkplug.settings import SparkplugSettings
 from gateway.plugins.sparkplug.topics import REBIRTH
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
-
-log = logging.getLogger(__name__)
 
 AT_ONCE = 10  # messages written until the loop's other tasks run, and until the socket has taken them
 FULL_LOOK_S = 0.02  # how soon a socket that takes no more is looked at again
@@ -61,12 +58,12 @@ class SparkplugService:
         self._node = EdgeNode(settings, gateway.latest, properties=PROPERTIES, since_s=gateway.started_s)
         self._host_commands: HostCommands | None = None
         if settings.operator:
-            mapper = CommandMapper(settings.operator, ttl_s=settings.ttl_s)
+            mapper = CommandMapper(settings.operator, ttl_s=settings.table.ttl_s)
             self._host_commands = HostCommands(mapper, gateway, self._show_done)
         self._numbers = BirthNumbers(settings.numbers_file, gateway)
         self._attempts = Attempts(settings.servers[0], seed=secrets.randbits(32))
         self._server = 0
-        self._host = PrimaryHost(settings.primary_host)
+        self._host = PrimaryHost(settings.table.primary_host)
         self._replaced = asyncio.Event()
         self._wake = asyncio.Event()
         self._sleeping_until_s = -inf
@@ -91,6 +88,7 @@ class SparkplugService:
     def reconfigure(self, settings: SparkplugSettings) -> None:
         """Follow other starters and lines; by any other change this node ends, and its successor begins."""
         if settings == replace(self._settings, starters=settings.starters, lines=settings.lines):
+            self._settings = settings
             self._node.follow(settings)
             self._node.look(self._clock.now_s())
             self._hurry()
@@ -189,11 +187,11 @@ class SparkplugService:
         """Say that the primary host is missing; of several servers, go on to the next one."""
         now_s, is_only = self._clock.now_s(), len(self._settings.servers) == 1
         if not is_only and now_s >= since_s + HOST_WITHIN_S:
-            self._leaving = f"the primary host {self._settings.primary_host} is not at this server"
+            self._leaving = f"the primary host {self._settings.table.primary_host} is not at this server"
             return now_s
         if now_s < since_s + HOST_PATIENCE_S:
             return since_s + HOST_PATIENCE_S
-        self._report(f"waits for the primary host {self._settings.primary_host}")
+        self._report(f"waits for the primary host {self._settings.table.primary_host}")
         return inf if is_only else since_s + HOST_WITHIN_S
 
     async def _die(self, link: Session, number: int, acked: asyncio.Future[None]) -> None:
@@ -210,17 +208,10 @@ class SparkplugService:
             self._wake.set()
 
     def _on_incoming(self, incoming: Incoming) -> None:
-        try:
-            self._on_message(incoming)
-        except Exception:  # one message's guard: the next one may be a stop
-            log.exception("topic=%s not taken because of a bug", incoming.topic[:200])
-        self._hurry()
-
-    def _on_message(self, incoming: Incoming) -> None:
         topics, payload = self._settings.topics, incoming.payload
         starter = topics.commanded_device(incoming.topic)
         if self._host_commands is not None and starter is not None:
-            if self._node.has(starter):
+            if starter in self._settings.starters:
                 self._host_commands.take(starter, incoming, self._node.born_utc_s)
             else:
                 self._host_commands.refuse_unknown(starter)
@@ -231,6 +222,7 @@ class SparkplugService:
             self._wake.set()
         elif incoming.topic == topics.node_command and _REBIRTH in payload:
             self._node.take_command(payload, self._clock.now_s())
+            self._hurry()
 
     def _show_done(self, starter: str, names: Collection[str]) -> None:
         """Show what was written as false again."""
@@ -244,9 +236,7 @@ class SparkplugService:
             return
         publish_event = self._gateway.publish_event
         if trouble:
-            log.warning("sparkplug: %s", trouble)
             publish_event(EventCode.SPARKPLUG_AWAY, "trouble", severity=Severity.WARNING, trouble=trouble)
         else:
-            node = f"{self._settings.group}/{self._settings.node}"
-            log.info("sparkplug: node=%s born", node)
+            node = f"{self._settings.table.group}/{self._settings.node}"
             publish_event(EventCode.SPARKPLUG_BORN, node=node)

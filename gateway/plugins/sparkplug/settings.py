@@ -1,10 +1,11 @@
-"""What the edge node runs by, as plain values."""
+"""What the edge node runs by: its table, and what else of the configuration concerns it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from gateway.config.integration_tables import SparkplugTable
 from gateway.contract import Operator
 from gateway.mqtt import BrokerSettings
 from gateway.plugins.sparkplug.topics import EdgeTopics
@@ -14,19 +15,20 @@ from gateway.plugins.sparkplug.topics import EdgeTopics
 class SparkplugSettings:
     """One edge node; `servers` are tried one after the other."""
 
-    group: str
-    node: str
+    table: SparkplugTable
+    node: str  # its id
     servers: tuple[BrokerSettings, ...]
     numbers_file: Path  # of births, in state_dir
-    starters: tuple[str, ...] = ()
-    lines: tuple[str, ...] = ()
-    primary_host: str | None = None
-    operator: str | None = None  # whose rights commands have; None: none are taken
-    rights: tuple[Operator, ...] = ()  # of that operator
-    ttl_s: float = 5.0  # how old a command may be
-    has_datatypes: bool = False  # in data messages too
+    starters: tuple[str, ...]
+    lines: tuple[str, ...]
+    rights: tuple[Operator, ...]  # of the table's operator
+
+    @property
+    def operator(self) -> str | None:
+        """Return whose rights commands have; None: none are taken."""
+        return self.table.operator if self.table.commands else None
 
     @property
     def topics(self) -> EdgeTopics:
         """Return the node's topics."""
-        return EdgeTopics(self.group, self.node)
+        return EdgeTopics(self.table.group, self.node)
