@@ -5,7 +5,8 @@ from __future__ import annotations
 from itertools import groupby
 from pathlib import Path
 
-from gateway.contract import ResultCode, result_meanings
+from gateway.contract import ResultCode
+from gateway.contract.results import result_meanings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end of codes -->\n"

@@ -128,6 +128,7 @@ class PluginRunner:
             self._gateway.publish_event(self._module.MISSING)
             return False
         settings = self._module.settings_of(self._site)
+        self._changed.clear()  # whatever changed so far is in these settings
         if settings is None:
             return True
         try:

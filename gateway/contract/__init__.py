@@ -4,7 +4,7 @@ A record is its payload; `docs/reference` and asyncapi.yaml are generated from h
 """
 
 from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, Sink
-from gateway.contract.events import EVENTS, Event, EventCode, event_of, phrase
+from gateway.contract.events import Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded
 from gateway.contract.latest import Latest
 from gateway.contract.records import (
@@ -55,7 +55,6 @@ from gateway.contract.results import (
     ResultCode,
     joined,
     meaning_of,
-    result_meanings,
 )
 from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (

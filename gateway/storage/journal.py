@@ -27,6 +27,9 @@ class Journal(Protocol):
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or cannot be."""
 
+    def after(self, then: Callable[[], None]) -> None:
+        """Call this once, when all that was noted so far is stored or cannot be."""
+
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
 
@@ -43,6 +46,10 @@ class NoJournal:
         """Store nothing."""
         if then is not None:
             then()
+
+    def after(self, then: Callable[[], None]) -> None:
+        """Call it at once."""
+        then()
 
     async def intend(self, result: ResultRecord) -> None:
         """Return at once."""

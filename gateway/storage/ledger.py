@@ -61,6 +61,8 @@ class StoredJournal(Journal):
         self._run = secrets.token_hex(4)  # names this run's stops without an id
         self._held_until_s = 0.0  # steady clock
         self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = OrderedDict()  # what is not on the disk yet
+        self._noted_last: Future[None] = Future()  # done once the latest phase is stored, or cannot be
+        self._noted_last.set_result(None)
 
     @property
     def trouble(self) -> str:
@@ -90,7 +92,16 @@ class StoredJournal(Journal):
         if result.key:
             self._undelivered.add(result.key)
         waiting = _Waiting(then)
-        self._put(row).add_done_callback(on_this_loop(lambda done: self._noted(row, done, waiting)))
+        self._noted_last = self._put(row)
+        self._noted_last.add_done_callback(on_this_loop(lambda done: self._noted(row, done, waiting)))
+
+    def after(self, then: Callable[[], None]) -> None:
+        """Call this when all that was noted so far is stored, or when that takes too long."""
+        if self._noted_last.done():
+            then()
+            return
+        waiting = _Waiting(then)
+        self._noted_last.add_done_callback(on_this_loop(lambda _: waiting.end()))
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""

@@ -61,17 +61,18 @@ class Rig:
         self.events: list[Any] = []
         self.begun: list[Sample] = []
         self.is_installed = self.is_polling = True
+        self.is_slow = False  # to be imported
         monkeypatch.setattr(plugins, "module_of", lambda _: self)
         gateway: Any = SimpleNamespace(
-            in_thread=self._at_once,
+            in_thread=self._in_thread,
             progress=lambda: {"line": self.is_polling},
             publish_event=lambda *event, **fields: self.events.append((event, fields)),
         )
         there: Any = site
         self.runner = PluginRunner("sample", there, gateway)
 
-    @staticmethod
-    async def _at_once(load: Callable[[], Any]) -> Any:
+    async def _in_thread(self, load: Callable[[], Any]) -> Any:
+        await asyncio.sleep(1.0 if self.is_slow else 0.0)
         return load()
 
     @staticmethod
@@ -153,6 +154,17 @@ def test_what_is_not_wanted_any_more_when_the_lines_poll_never_begins(run: Calla
         await asyncio.sleep(2.0)
 
     assert run(scenario, "off").log == []
+
+
+def test_a_reload_while_it_is_imported_does_not_begin_it_twice(run: Callable[..., Rig]) -> None:
+    async def scenario(rig: Rig) -> None:
+        rig.is_slow = True
+        rig.reload("second")
+        await asyncio.sleep(0.2)
+        rig.reload("third")
+        await asyncio.sleep(3.0)
+
+    assert run(scenario, "off").log == [("begun", "third"), "ended"]
 
 
 def test_what_did_not_fit_is_declared(run: Callable[..., Rig]) -> None:

@@ -5,8 +5,8 @@ from collections import Counter
 
 import pytest
 
-from gateway.contract import EVENTS, Event, EventCode, Severity, event_of, phrase
-from gateway.contract.events import fields_in
+from gateway.contract import Event, EventCode, Severity, event_of, phrase
+from gateway.contract.events import EVENTS, fields_in
 from tests.contract.event_uses import (
     ADDED_TO_FAULT,
     FAULT,

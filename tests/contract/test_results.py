@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.contract import Note, Reason, ResultCode, meaning_of, result_meanings
-from gateway.contract.results import fields_of, result_notes
+from gateway.contract import Note, Reason, ResultCode, meaning_of
+from gateway.contract.results import fields_of, result_meanings, result_notes
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.commands.starter_io import _EXCEPTIONS

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from gateway.contract import EVENTS, EventCode
+from gateway.contract import EventCode
+from gateway.contract.events import EVENTS
 
 HEAD = """\
 # Events

@@ -12,13 +12,13 @@ from jsonschema import Draft7Validator
 
 from gateway import contract
 from gateway.contract import (
-    EVENTS,
     CommandBody,
     EventRecord,
     HistoryRecord,
     Record,
     read_record,
 )
+from gateway.contract.events import EVENTS
 from tests.reference.contract_pages import TOPICS, Topic, closed
 from tests.rig import MqttMessage, RigPlant, act, command, fault
 from tests.rig.sites import ALICE, FOUR, QUICK, table

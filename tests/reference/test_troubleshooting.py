@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.contract import EVENTS, EventCode, ResultCode
+from gateway.contract import EventCode, ResultCode
+from gateway.contract.events import EVENTS
 from gateway.contract.results import result_meanings, result_notes
 from tests.reference.contract_pages import TOPICS
 

@@ -40,10 +40,12 @@ class WebAnswer:
     body: bytes = b""
     is_over: bool = False
     may_come: asyncio.Event = field(default_factory=asyncio.Event)  # clear it, and the browser reads no more
+    may_go: asyncio.Event = field(default_factory=asyncio.Event)  # set: the request's body is sent
     _gone: asyncio.Event = field(default_factory=asyncio.Event)
 
     def __post_init__(self) -> None:
         self.may_come.set()
+        self.may_go.set()
 
     @property
     def json(self) -> Any:
@@ -78,11 +80,19 @@ class WebBrowser:
 
     def post(self, path: str, body: object = None, **headers: str) -> WebAnswer:
         """Post JSON as the page does; headers are spelt with _ for -."""
-        usual = {"content_type": "application/json", "origin": ORIGIN, "sec_fetch_site": "same-origin"}
-        if self.csrf:
-            usual["x_csrf_token"] = self.csrf
         content = body if isinstance(body, bytes) else json.dumps(body or {}).encode()
-        return self.ask("POST", path, content, headers={**usual, **headers})
+        return self.ask("POST", path, content, headers={**self._of_post(), **headers})
+
+    def begin_post(self, path: str, body: object = None) -> WebAnswer:
+        """Send the head of a POST; its body goes once `may_go` of the answer is set."""
+        answer = WebAnswer()
+        answer.may_go.clear()
+        self._begin(answer, "POST", path, json.dumps(body or {}).encode(), self._of_post())
+        return answer
+
+    def _of_post(self) -> dict[str, str]:
+        usual = {"content_type": "application/json", "origin": ORIGIN, "sec_fetch_site": "same-origin"}
+        return {**usual, **({"x_csrf_token": self.csrf} if self.csrf else {})}
 
     def log_in(self, user: str, password: str) -> WebAnswer:
         answer = self.post("/api/v1/login", {"user": user, "password": password})
@@ -102,12 +112,16 @@ class WebBrowser:
     def stream(self, path: str = "/api/v1/stream") -> WebAnswer:
         """Begin a request whose answer goes on and on; what it says is in the answer as time passes."""
         answer = WebAnswer()
+        self._begin(answer, "GET", path, b"", {})
+        return answer
 
+    def _begin(
+        self, answer: WebAnswer, method: str, path: str, body: bytes, headers: Mapping[str, str]
+    ) -> None:
         async def begin() -> None:
-            answer.task = asyncio.ensure_future(self._exchange(answer, "GET", path, b"", {}))  # type: ignore[attr-defined]
+            answer.task = asyncio.ensure_future(self._exchange(answer, method, path, body, headers))  # type: ignore[attr-defined]
 
         self._run(begin())
-        return answer
 
     async def _exchange(
         self, answer: WebAnswer, method: str, path: str, body: bytes, headers: Mapping[str, str]
@@ -132,6 +146,7 @@ class WebBrowser:
         bodies = [{"type": "http.request", "body": body, "more_body": False}]
 
         async def receive() -> Any:
+            await answer.may_go.wait()
             if bodies:
                 return bodies.pop()
             await answer._gone.wait()

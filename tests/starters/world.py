@@ -87,6 +87,9 @@ class MemoryJournal:
         if then is not None:
             then()
 
+    def after(self, then: Callable[[], None]) -> None:
+        then()
+
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
         for key in keys:
             self.stored.pop(key, None)

@@ -47,6 +47,11 @@ def busy(text: str, retry_s: int, *, status: int = 503, code: str = "busy") -> W
     return WebError(status, code, text, {"Retry-After": str(retry_s)})
 
 
+def login_first() -> WebError:
+    """Return the refusal of what needs a session."""
+    return WebError(401, "login", "log in first")
+
+
 @dataclass(frozen=True, slots=True)
 class Caller:
     """Who asks, and by which name and scheme the browser sees the page."""
@@ -145,7 +150,7 @@ def require_own_post(caller: Caller, csrf: str | None) -> None:
     if csrf is None:
         return
     if not csrf:
-        raise WebError(401, "login", "log in first")
+        raise login_first()
     if not secrets.compare_digest(csrf.encode(), caller.header("x-csrf-token").encode("latin-1", "replace")):
         raise WebError(403, "csrf", "X-CSRF-Token is not this session's; load the page again")
 

@@ -38,6 +38,7 @@ from gateway.plugins.web.requests import (
     caller_of,
     headers_of,
     is_own_host,
+    login_first,
     path_in,
     require_own_post,
     require_scrape,
@@ -158,7 +159,11 @@ class WebApp:
         csrf = session.csrf if session else ""
         require_own_post(caller, None if path == LOGIN else csrf)
         answer, names = _found(path, self._posts, self._gets)
-        return await answer(request, await _body(request), self._accounts.session(caller), *names)
+        body = await _body(request)
+        session = self._accounts.session(caller)  # which may have ended while the body came
+        if session is None and path != LOGIN:
+            raise login_first()
+        return await answer(request, body, session, *names)
 
     # What is seen
 
@@ -303,7 +308,7 @@ class WebApp:
 
     async def _diagnostics(self, request: Request) -> Response:
         if self._accounts.session(_caller(request)) is None:
-            raise WebError(401, "login", "log in first")
+            raise login_first()
         about = await asyncio.to_thread(diagnosis.diagnostics, self._model.settings, self._gateway)
         headers = {"content-disposition": 'attachment; filename="diagnostics.json"'}
         return _json(_with_topics(about, self._model.topics(None)), headers)

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from math import inf
 from typing import Any, TypeVar
 
@@ -251,7 +252,11 @@ class Dispatcher:
             error = CommandError(ResultCode.ID_REUSED, verb=earlier.verb, starter=earlier.starter)
             self._refuse(request, error, is_stored=False)
             return
-        self._reporting.records.put(as_repetition(earlier, request))
+        answer = partial(self._reporting.records.put, as_repetition(earlier, request))
+        if request.verb == STOP:
+            answer()
+        else:  # a crash must not change what the client has read of it
+            self._journal.after(answer)
         audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:

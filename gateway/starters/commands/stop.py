@@ -129,8 +129,11 @@ class Stopping:
         report.before = self._starter.snapshot.good_values()
 
     def is_asked_for(self, request: CommandRequest) -> bool:
-        """Return whether the same client's stop, whose answer would be the same, has joined."""
-        if request.id or request.correlation:
+        """Return whether the same client's stop, whose answer would be the same, has joined.
+
+        Only over MQTT do both read that answer on one topic: each request to the page has its own.
+        """
+        if request.id or request.correlation or request.source:
             return False
         known = (
             (order.report.request.client, order.report.request.id) for order in self._orders if order.report

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 import resource
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
+from gateway.storage.database import Connection
 from gateway.storage.outbox import OutboxDisk
 from gateway.storage.spool import Kind
 from gateway.storage.worker import Store
@@ -174,6 +177,44 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
         assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
         assert plant.results()[-1] == "stop confirmed ok"
         assert "ledger_slow" in plant.events()
+
+
+class _SlowStore(Store):
+    """A store whose disk takes 0.4 s for everything."""
+
+    def submit(self, work: Callable[[Connection], Any], *, is_flushed: bool = True) -> Future[Any]:
+        done: Future[Any] = Future()
+
+        def pass_on(found: Future[Any]) -> None:
+            error = found.exception()
+            if error is None:
+                done.set_result(found.result())
+            else:
+                done.set_exception(error)
+
+        def begin() -> None:
+            super(_SlowStore, self).submit(work, is_flushed=is_flushed).add_done_callback(pass_on)
+
+        asyncio.get_running_loop().call_later(0.4, begin)
+        return done
+
+
+def test_a_repetition_never_learns_an_end_that_a_crash_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.storage.state_dir.Store", _SlowStore)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=6.0)
+        plant.command("pump/alice/start", id="once")
+        for tenth in range(65, 80):
+            plant.run(until=tenth / 10)
+            if plant.last("audit")["decision"] == "confirmed":  # not yet on the disk, nor published
+                break
+        plant.command("pump/alice/start", id="once")
+        plant.run(until=plant.world.now_s() + 0.1)
+        plant.kill()
+        plant.start()
+        plant.run(until=20.0)
+
+        assert plant.results() == ["start accepted ok", "start written ok", "start unconfirmed crashed"]
 
 
 def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(

@@ -660,6 +660,35 @@ def test_a_stream_ends_with_its_session() -> None:
         assert stream.is_over
 
 
+@pytest.mark.parametrize("path", [TO + "start", TO + "stop", "/api/v1/logout", "/api/v1/check"])
+def test_what_has_no_session_any_more_when_its_body_comes_is_refused(path: str) -> None:
+    with RigPlant(PAGE) as plant:
+        plant.run(until=5.0)
+        plant.browser.log_in("anna", "right")
+        begun = plant.browser.begin_post(path, {"id": "late", "token": plant.token()})
+        plant.run(until=6.0)
+        plant.post("/api/v1/logout", {})
+        plant.do(begun.may_go.set)
+        plant.run(until=7.0)
+
+        assert (begun.status, begun.json["error"]) == (401, "login")
+        assert not frames("pump")(plant)
+        assert plant.results() == []
+
+
+def test_each_stop_by_the_page_is_answered_although_the_one_before_is_under_way() -> None:
+    with RigPlant(PAGE, sim={"pump": QUICK}) as plant:
+        plant.run(until=5.0)
+        plant.browser.log_in("anna", "right")
+        begun = [plant.browser.begin_post(TO + "stop") for _ in range(3)]
+        for each in begun:
+            plant.do(each.may_go.set)
+        plant.run(until=8.0)
+
+        assert [each.json["final"] for each in begun] == [True, True, True]
+        assert {each.json["phases"][-1]["phase"] for each in begun} == {"confirmed"}
+
+
 def test_more_pages_than_an_address_may_have_are_refused_until_one_is_closed() -> None:
     with RigPlant(SSW07 + WEB) as plant:
         plant.run(until=5.0)
