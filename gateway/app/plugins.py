@@ -103,7 +103,8 @@ class PluginRunner:
             self.plugin.reconfigure(settings)
         except Exception:
             log.exception("plugin=%s could not follow the configuration", self.name)
-            self._fail()
+            self.plugin = None
+            self._changed.set()
 
     async def run(self) -> None:
         """Serve until cancelled, while the configuration wants it."""
@@ -111,10 +112,6 @@ class PluginRunner:
             self._changed.clear()
             if self._module.settings_of(self._site) is None or not await self._served():
                 await self._changed.wait()
-
-    def _fail(self) -> None:
-        self.plugin = None
-        self._changed.set()
 
     async def _served(self) -> bool:
         """Serve until the configuration wants it no more, or a bug; return False when it cannot begin."""

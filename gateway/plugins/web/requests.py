@@ -47,11 +47,6 @@ def busy(text: str, retry_s: int, *, status: int = 503, code: str = "busy") -> W
     return WebError(status, code, text, {"Retry-After": str(retry_s)})
 
 
-def login_first() -> WebError:
-    """Return the refusal of what needs a session."""
-    return WebError(401, "login", "log in first")
-
-
 @dataclass(frozen=True, slots=True)
 class Caller:
     """Who asks, and by which name and scheme the browser sees the page."""
@@ -150,7 +145,7 @@ def require_own_post(caller: Caller, csrf: str | None) -> None:
     if csrf is None:
         return
     if not csrf:
-        raise login_first()
+        raise WebError(401, "login", "log in first")
     if not secrets.compare_digest(csrf.encode(), caller.header("x-csrf-token").encode("latin-1", "replace")):
         raise WebError(403, "csrf", "X-CSRF-Token is not this session's; load the page again")
 

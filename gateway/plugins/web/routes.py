@@ -10,6 +10,7 @@ import logging
 import re
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
@@ -38,7 +39,6 @@ from gateway.plugins.web.requests import (
     caller_of,
     headers_of,
     is_own_host,
-    login_first,
     path_in,
     require_own_post,
     require_scrape,
@@ -90,7 +90,7 @@ class WebApp:
         self._tools = diagnosis.Tools()
         self._one_at_a_time = asyncio.Lock()  # what takes long for many starters
         self._gets: Answers = {
-            "/": self._index,
+            "/": partial(self._file, name=INDEX),
             "/static/(.+)": self._file,
             "/health": self._health,
             "/metrics": self._metrics,
@@ -155,20 +155,14 @@ class WebApp:
         if scope["method"] != "POST":
             answer, names = _found(path, self._gets, self._posts)
             return await answer(request, *names)
+        answer, names = _found(path, self._posts, self._gets)
+        body = await _body(request)  # first: while it comes a session may end
         session = self._accounts.session(caller, is_use=False)  # a forged POST must not prolong it
         csrf = session.csrf if session else ""
         require_own_post(caller, None if path == LOGIN else csrf)
-        answer, names = _found(path, self._posts, self._gets)
-        body = await _body(request)
-        session = self._accounts.session(caller)  # which may have ended while the body came
-        if session is None and path != LOGIN:
-            raise login_first()
-        return await answer(request, body, session, *names)
+        return await answer(request, body, self._accounts.session(caller), *names)
 
     # What is seen
-
-    async def _index(self, request: Request) -> Response:
-        return await self._file(request, INDEX)
 
     async def _file(self, request: Request, name: str) -> Response:
         file, caller = self._files.get(name), _caller(request)
@@ -308,7 +302,7 @@ class WebApp:
 
     async def _diagnostics(self, request: Request) -> Response:
         if self._accounts.session(_caller(request)) is None:
-            raise login_first()
+            raise WebError(401, "login", "log in first")
         about = await asyncio.to_thread(diagnosis.diagnostics, self._model.settings, self._gateway)
         headers = {"content-disposition": 'attachment; filename="diagnostics.json"'}
         return _json(_with_topics(about, self._model.topics(None)), headers)

@@ -189,16 +189,23 @@ class CommandReport:
             if request.starter and request.client:  # else there is no topic for a result, only the audit
                 reporting.records.put(result)
             return
-        self._latest = result
-        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s()):
-            self._latest = replace(result, id=None)  # the id stands for what was acted on under it
-        if end.phase is not Phase.WRITTEN and request.verb != STOP:
-            # Stored before it is published, so that no command gets two different final results. That
-            # something may be written is on the disk already.
-            reporting.journal.note(result, then=partial(reporting.records.put, result))
-        else:
+        ledger, now_s = reporting.ledger, self.now_s()
+        if end.phase is Phase.WRITTEN or request.verb == STOP:
+            # That something may be written is on the disk already; a stop waits for no disk.
+            is_under_its_id = ledger.store(result, now_s=now_s)  # else that stands for what was acted on
+            self._latest = result if is_under_its_id else replace(result, id=None)
             reporting.journal.note(self._latest)
             reporting.records.put(result)
+            return
+        if self._latest is None:  # a copy of the command must be known for one from now on
+            ledger.store(result, now_s=now_s)
+        self._latest = result
+        reporting.journal.note(result, then=partial(self._tell, result))
+
+    def _tell(self, result: ResultRecord) -> None:
+        """Publish what is on the disk now, for repetitions too: no crash changes what was told of an end."""
+        self._reporting.ledger.store(result, now_s=self.now_s())
+        self._reporting.records.put(result)
 
     def _audit(self, end: Final) -> None:
         records, before = self._reporting.records, self.before

@@ -135,10 +135,8 @@ class Stopping:
         """
         if request.id or request.correlation or request.source:
             return False
-        known = (
-            (order.report.request.client, order.report.request.id) for order in self._orders if order.report
-        )
-        return (request.client, request.id) in known
+        joined = (order.report.request for order in self._orders if order.report)
+        return any((each.client, each.id) == (request.client, request.id) for each in joined)
 
     @property
     def count(self) -> int:

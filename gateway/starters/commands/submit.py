@@ -21,10 +21,12 @@ from gateway.system.stalls import SuspendWatch
 
 
 class Results(AsyncIterator[ResultRecord]):
-    """The results of one command as they come; it ends with the final one of the command itself."""
+    """The results of one command as they come; it ends with the final one.
 
-    def __init__(self, request: CommandRequest) -> None:
-        self._starter = request.starter
+    Of a group's stop these are the group's own: its members' results have no ticket.
+    """
+
+    def __init__(self) -> None:
         self._came: asyncio.Queue[ResultRecord] = asyncio.Queue()
         self._is_over = False
 
@@ -37,7 +39,7 @@ class Results(AsyncIterator[ResultRecord]):
         if self._is_over:
             raise StopAsyncIteration
         result = await self._came.get()
-        self._is_over = result.phase.is_final and result.starter == self._starter
+        self._is_over = result.phase.is_final
         return result
 
 
@@ -93,8 +95,7 @@ class Commands:
 
     def put(self, record: Record) -> None:
         """Hand a result to who follows its command."""
-        results = self._followed.get(record.ticket) if isinstance(record, ResultRecord) else None
-        if results is not None and isinstance(record, ResultRecord):
+        if isinstance(record, ResultRecord) and (results := self._followed.get(record.ticket)):
             results.put(record)
 
     def look(self) -> None:
@@ -103,7 +104,7 @@ class Commands:
         self._clock_watch.look()
 
     def _followed_up(self, request: CommandRequest) -> tuple[CommandRequest, Results]:
-        results = Results(request)
+        results = Results()
         ticket = next(self._tickets)
         self._followed[ticket] = results
         return replace(request, ticket=ticket), results
