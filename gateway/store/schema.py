@@ -1,0 +1,45 @@
+"""What is in a gateway's files, and how each version of them is made of the one before.
+
+`state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
+them all. A step never changes once it was released: whoever changes a table adds one.
+"""
+
+from __future__ import annotations
+
+from gateway.store.database import Connection, Schema
+
+STATE_FILE = "state.sqlite"
+
+_COMMANDS = """
+    CREATE TABLE commands (
+        client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, verb TEXT NOT NULL,
+        phase TEXT NOT NULL, code TEXT NOT NULL, text TEXT NOT NULL, time_s REAL NOT NULL,
+        extra TEXT NOT NULL, is_final INTEGER NOT NULL, may_be_written INTEGER NOT NULL,
+        since_s REAL NOT NULL, PRIMARY KEY (client, id)
+    )
+"""
+_OUTBOX = """
+    CREATE TABLE outbox (
+        id INTEGER PRIMARY KEY, rank INTEGER NOT NULL, topic TEXT NOT NULL, payload BLOB NOT NULL,
+        time_s REAL NOT NULL, boot TEXT NOT NULL, key TEXT NOT NULL
+    )
+"""
+_DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
+_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
+_HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
+
+
+def _first(connection: Connection) -> None:
+    for sql in (_COMMANDS, _OUTBOX, _DOCUMENTS, _AUDIT):
+        connection.execute(sql)
+
+
+def _make_room(connection: Connection) -> None:
+    """Delete the older half of the commands that may be repeated without harm, and of the audit a tenth."""
+    connection.execute(
+        f"DELETE FROM commands WHERE rowid IN (SELECT rowid FROM commands WHERE {_HARMLESS} ORDER BY rowid "
+        f"LIMIT (SELECT count(*) / 2 + 1 FROM commands WHERE {_HARMLESS}))"
+    )
+
+
+STATE = Schema("state", application_id=0x53475354, steps=(_first,), make_room=_make_room)  # "SGST"
