@@ -56,7 +56,7 @@ class App:
         )
         parts.history.start()
         await parts.plant.start()
-        parts.uplink.disk_sync.start()
+        parts.uplink.start()
         parts.services.start()
         self._is_up.set()
         try:

@@ -37,15 +37,17 @@ from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.starters.policy.freshness import Tokens
-from gateway.storage.outbox import OutboxDisk
+from gateway.store import OUTBOX, News, OutboxTable, Store
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
+from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
 FAREWELL_S = 3.0
 RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
-STORE_WITHIN_S = 2.0
+STORE_WITHIN_S = 1.0
+OUTBOX_FILE = "messages.sqlite"
 MOVED = "the configuration names another broker or another login"
 
 
@@ -73,11 +75,14 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run)
+        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run, utc_of=clock.utc_s)
         self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
+        self._store = Store(site.state_dir / OUTBOX_FILE, OUTBOX)
+        self._is_store_away = False
         self.disk_sync = DiskSync(
             self.outbox,
-            OutboxDisk(site.state_dir),
+            self._store,
+            OutboxTable(),
             clock=clock,
             publish_event=publish_event,
             wake=self.publisher.wake,
@@ -221,6 +226,27 @@ class Uplink:
     async def end(self) -> None:
         """Store what could not be published, for the next run; after `close`."""
         await self.disk_sync.close(within_s=STORE_WITHIN_S)
+        if not await asyncio.to_thread(self._store.close, within_s=STORE_WITHIN_S):
+            log.warning("outbox: the disk took too long")
+
+    def start(self) -> None:
+        """Begin to store what waits for the broker."""
+        self._store.start(on_this_loop(self._on_store_news))
+        self.disk_sync.start()
+
+    def _on_store_news(self, news: News, text: str) -> None:
+        match news:
+            case News.OPEN:
+                log.info("outbox %s", text)
+                if self._is_store_away:
+                    self._publish_event(EventCode.OUTBOX_AVAILABLE)
+                self._is_store_away = False
+            case News.AWAY:
+                self._is_store_away = True
+                self._publish_event(EventCode.OUTBOX_UNAVAILABLE, trouble=text)
+            case News.LOST:
+                self.disk_sync.lose_table()
+                self._publish_event(EventCode.OUTBOX_LOST, trouble=text)
 
     def _made(self) -> BrokerConnection:
         connection = BrokerConnection(

@@ -14,20 +14,45 @@ from gateway.store.database import (
     snapshot,
     stored_version,
 )
-from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.outbox import (
+    DAMAGED,
+    DISK_FULL,
+    Deleted,
+    Loss,
+    OutboxRow,
+    OutboxTable,
+    Page,
+    Rank,
+    Total,
+    losses_of,
+    merged,
+)
+from gateway.store.schema import OUTBOX, STATE, STATE_FILE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
+    "DAMAGED",
+    "DISK_FULL",
+    "OUTBOX",
     "RETRY_S",
     "STATE",
     "STATE_FILE",
     "Connection",
+    "Deleted",
     "FullError",
+    "Loss",
     "News",
     "OnNews",
+    "OutboxRow",
+    "OutboxTable",
+    "Page",
+    "Rank",
     "Schema",
     "Store",
+    "Total",
     "Work",
+    "losses_of",
+    "merged",
     "newer_text",
     "read_file",
     "snapshot",
