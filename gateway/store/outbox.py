@@ -168,14 +168,14 @@ class OutboxTable:
         connection.executemany(_ADD_LOSS, losses)
 
     def trim(self, connection: Connection, keep: Set[int]) -> list[Deleted]:
-        """Delete the oldest rows of the lowest ranks, but those to `keep`, when there is too much.
+        """Delete the oldest rows of the lowest ranks when there is too much, and note them as lost.
 
-        What is returned the table has noted as lost.
+        Rows to `keep` are not deleted, and do not count: no result goes because of values that must stay.
         """
         if self._rows_left >= 0 and self._bytes_left >= 0:
             return []
         base, totals = self._base(connection), self.totals(connection).values()
-        self._rows_left = self._most_rows - sum(total.rows for total in totals)
+        self._rows_left = self._most_rows + len(keep) - sum(total.rows for total in totals)
         self._bytes_left = self._most_bytes - sum(total.bytes for total in totals)
         if self._rows_left >= 0 and self._bytes_left >= 0:
             return []
