@@ -166,7 +166,7 @@ class Backlog:
             ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
             ids += values[:MOST_VALUES]
         gone = dict(list(self._gone.items())[: MOST_FREED if is_freeing else None])
-        losses = self.losses.unsaved()
+        losses = self.losses.unsaved(is_whole=not is_freeing)
         if not ids and not gone and losses is None:
             return None
         for id_ in ids:
@@ -183,6 +183,7 @@ class Backlog:
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])
+        self.losses.saved()
         self._note_deleted(DISK_FULL, deleted)
 
     def unwritten(self, batch: Batch) -> None:

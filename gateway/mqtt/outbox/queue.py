@@ -7,7 +7,7 @@ when all are in memory.
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable
 
 from gateway.store import OutboxRow, Total
@@ -33,8 +33,8 @@ class RankQueue:
 
     @property
     def wants_page(self) -> bool:
-        """Return whether memory has room for more of what the table has."""
-        return self.upto < HIGHEST and len(self.ids) <= self._window // 2
+        """Return whether few rows are left of those up to which memory is whole."""
+        return self.upto < HIGHEST and bisect_right(self.ids, self.upto) <= self._window // 2
 
     @property
     def is_next_here(self) -> bool:
