@@ -4,32 +4,55 @@
 imported from here.
 """
 
+from gateway.store.audit import Anchor, append_note, read_audit
+from gateway.store.chain import FIRST_HASH, Verification, verify
+from gateway.store.commands import INTEND_WITHIN_S, CommandTable, Journal, NoJournal, Remembered
 from gateway.store.database import (
     Connection,
     FullError,
     Schema,
     Work,
+    mark_restored,
     newer_text,
     read_file,
     snapshot,
     stored_version,
 )
+from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
+    "FIRST_HASH",
+    "INTEND_WITHIN_S",
     "RETRY_S",
     "STATE",
     "STATE_FILE",
+    "Anchor",
+    "CommandTable",
     "Connection",
+    "Document",
+    "Documents",
     "FullError",
+    "Journal",
     "News",
+    "NoJournal",
     "OnNews",
+    "Remembered",
     "Schema",
+    "State",
     "Store",
+    "Verification",
     "Work",
+    "append_note",
+    "mark_restored",
     "newer_text",
+    "read_audit",
+    "read_document",
     "read_file",
     "snapshot",
     "stored_version",
+    "verify",
+    "write_document",
 ]

@@ -255,10 +255,15 @@ def snapshot(path: Path, copy: Path) -> None:
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
         with closing(_reader(path)) as source:
             source.execute("VACUUM INTO ?", (str(new),))
-        with closing(sqlite3.connect(new, isolation_level=None)) as target:
-            target.execute(_NOTE, ("restored_s", time.time()))
+        mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
+
+
+def mark_restored(path: Path) -> None:
+    """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
+    with _translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute(_NOTE, ("restored_s", time.time()))
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:
