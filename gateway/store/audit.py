@@ -38,7 +38,7 @@ _LINES = """
 """
 _OLDEST = "SELECT line FROM audit WHERE number = ?"
 _GIVE_UP = "DELETE FROM audit WHERE number <= ?"
-_BYTES = "SELECT coalesce(sum(length(line)), 0), min(number), max(number) FROM audit"
+_SHARE = "SELECT coalesce(sum(length(line)), 0), min(number), max(number) FROM audit"
 _ANCHOR = "SELECT body FROM documents WHERE name = 'audit'"
 _PUT_ANCHOR = "REPLACE INTO documents VALUES ('audit', ?)"
 
@@ -108,11 +108,22 @@ def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> N
         line, head = link(head, entry)
         connection.execute(_PUT, (line,))
         octets += len(line)
-    anchor = anchor._replace(octets=octets)
+    _put_anchor(connection, anchor._replace(octets=octets))
     if octets > MOST_BYTES:
-        anchor = _give_up_oldest(connection)
-    fields = {"n": anchor.head and anchor.head.number, "hash": anchor.head and anchor.head.hash}
-    connection.execute(_PUT_ANCHOR, (json.dumps({**fields, "octets": anchor.octets}),))
+        give_up_oldest(connection)
+
+
+def give_up_oldest(connection: Connection) -> None:
+    """Delete some lines, and note what stands before those that are left."""
+    octets, first, last = connection.execute(_SHARE).fetchone()
+    if octets:
+        gone = first + (last - first) // GIVEN_UP
+        try:
+            head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
+        except (ValueError, TypeError):
+            head = None
+        connection.execute(_GIVE_UP, (gone,))
+        _put_anchor(connection, Anchor(head, connection.execute(_SHARE).fetchone()[0]))
 
 
 def read_audit(
@@ -167,13 +178,6 @@ def _head(connection: Connection, anchor: Anchor) -> Head:
         return Head()
 
 
-def _give_up_oldest(connection: Connection) -> Anchor:
-    """Delete some lines and return what stands before those that are left."""
-    _, first, last = connection.execute(_BYTES).fetchone()
-    gone = first + (last - first) // GIVEN_UP
-    try:
-        head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
-    except (ValueError, TypeError):
-        head = None
-    connection.execute(_GIVE_UP, (gone,))
-    return Anchor(head, connection.execute(_BYTES).fetchone()[0])
+def _put_anchor(connection: Connection, anchor: Anchor) -> None:
+    fields = {"n": anchor.head and anchor.head.number, "hash": anchor.head and anchor.head.hash}
+    connection.execute(_PUT_ANCHOR, (json.dumps({**fields, "octets": anchor.octets}),))

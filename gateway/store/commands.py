@@ -49,6 +49,11 @@ _PUT = """
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
 _FORGET_UNNAMED = "DELETE FROM commands WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
+_HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
+_FORGET_HARMLESS = f"""
+    DELETE FROM commands WHERE rowid IN (SELECT rowid FROM commands WHERE {_HARMLESS} ORDER BY rowid
+    LIMIT (SELECT count(*) / 2 + 1 FROM commands WHERE {_HARMLESS}))
+"""
 _ROWS = """
     SELECT client, id, starter, verb, phase, code, text, time_s, extra, may_be_written FROM commands
     ORDER BY rowid
@@ -270,6 +275,11 @@ class _Waiting:
             self._timer.cancel()
         if call is not None:
             call()
+
+
+def forget_harmless(connection: Connection) -> None:
+    """Delete the older half of the commands that may be repeated without harm."""
+    connection.execute(_FORGET_HARMLESS)
 
 
 def _nothing(_connection: Connection) -> None:
