@@ -23,6 +23,7 @@ from gateway.contract import (
     GatewayRecord,
     PublishEvent,
     Record,
+    ResultRecord,
     RetainedTopic,
     Sink,
     Topics,
@@ -37,17 +38,15 @@ from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.starters.policy.freshness import Tokens
-from gateway.store import OUTBOX, News, OutboxTable, Store
+from gateway.store import OutboxTable, Store, Work
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
-from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
 FAREWELL_S = 3.0
 RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
 STORE_WITHIN_S = 1.0
-OUTBOX_FILE = "messages.sqlite"
 MOVED = "the configuration names another broker or another login"
 
 
@@ -59,6 +58,7 @@ class Uplink:
         site: Site,
         tokens: Tokens,
         *,
+        store: Store,
         clock: Clock,
         sink: Sink,
         publish_event: PublishEvent,
@@ -77,11 +77,9 @@ class Uplink:
         self._version: Version | None = None
         self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run, utc_of=clock.utc_s)
         self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
-        self._store = Store(site.state_dir / OUTBOX_FILE, OUTBOX)
-        self._is_store_away = False
         self.disk_sync = DiskSync(
             self.outbox,
-            self._store,
+            store,
             OutboxTable(),
             clock=clock,
             publish_event=publish_event,
@@ -207,11 +205,15 @@ class Uplink:
         self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
         self._moved.set()
 
-    def publish_again(self, records: Sequence[Record]) -> None:
-        """Publish results, starts and trips that a crash may have prevented, unless the outbox has them too.
+    def stage(self, result: ResultRecord) -> Work | None:
+        """Return what stores a final result for the broker, in the transaction of its command.
 
-        They must have a key.
+        None for a result that is no final one, or has no id.
         """
+        return self.disk_sync.stage(message_of(result, self.topics.base)) if result.key else None
+
+    def publish_again(self, records: Sequence[Record]) -> None:
+        """Publish starts and trips that a crash may have prevented, unless the outbox has them too."""
 
         def publish() -> None:
             for record in records:
@@ -226,27 +228,6 @@ class Uplink:
     async def end(self) -> None:
         """Store what could not be published, for the next run; after `close`."""
         await self.disk_sync.close(within_s=STORE_WITHIN_S)
-        if not await asyncio.to_thread(self._store.close, within_s=STORE_WITHIN_S):
-            log.warning("outbox: the disk took too long")
-
-    def start(self) -> None:
-        """Begin to store what waits for the broker."""
-        self._store.start(on_this_loop(self._on_store_news))
-        self.disk_sync.start()
-
-    def _on_store_news(self, news: News, text: str) -> None:
-        match news:
-            case News.OPEN:
-                log.info("outbox %s", text)
-                if self._is_store_away:
-                    self._publish_event(EventCode.OUTBOX_AVAILABLE)
-                self._is_store_away = False
-            case News.AWAY:
-                self._is_store_away = True
-                self._publish_event(EventCode.OUTBOX_UNAVAILABLE, trouble=text)
-            case News.LOST:
-                self.disk_sync.lose_table()
-                self._publish_event(EventCode.OUTBOX_LOST, trouble=text)
 
     def _made(self) -> BrokerConnection:
         connection = BrokerConnection(

@@ -31,6 +31,7 @@ CACHE_KIB = 512  # rows are written once and read once: more would only fill up 
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
+SPARE_PAGES = 8  # of a bounded file, which the next transaction may need
 LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 100  # given back to a full disk at a time: they pass through the write-ahead log
 
@@ -54,7 +55,6 @@ class Schema(NamedTuple):
     name: str  # of its thread and in logs
     application_id: int  # a file without it is not ours
     steps: tuple[Work, ...]  # each makes one version of the one before
-    make_room: Work  # deletes what is least missed: the file has reached its bound
 
     def shape(self) -> list[Any]:
         """Return the SQL of everything that is in a file of the newest version."""
@@ -66,13 +66,19 @@ class Schema(NamedTuple):
 
 
 class Database:
-    """The file, open or not; all calls belong to one thread."""
+    """The file, open or not; all calls belong to one thread.
 
-    def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
+    `make_room` deletes what is least missed; it is called when the file has reached its bound.
+    """
+
+    def __init__(
+        self, path: Path | None, schema: Schema, *, max_bytes: int, make_room: Work | None = None
+    ) -> None:
         self.path = path or Path(":memory:")
         self.lost_s: float | None = None
         self._is_file = path is not None
         self._schema = schema
+        self._make_room = make_room
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
@@ -134,10 +140,10 @@ class Database:
         return answers
 
     def make_room(self) -> bool:
-        """Delete what is least missed if the file has reached its own bound; return whether it has."""
-        if not self._is_at_bound():
+        """Delete what is least missed if the file has reached its own bound; return whether that was done."""
+        if self._make_room is None or not self._is_at_bound():
             return False
-        self.transact([self._schema.make_room])
+        self.transact([self._make_room])
         return True
 
     def take_reserve(self) -> None:
@@ -180,11 +186,11 @@ class Database:
         return self._connection
 
     def _is_at_bound(self) -> bool:
-        """Return whether less than a twentieth of the file's own bound is left."""
+        """Return whether little is left of the file's own bound."""
         with _translated(self.path):
             connection = self._opened()
             pages = _ask(connection, "PRAGMA page_count") - _ask(connection, "PRAGMA freelist_count")
-        return bool(pages > self._max_pages * 0.95)
+        return bool(self._max_pages - pages < max(SPARE_PAGES, self._max_pages // 20))
 
     def _connect(self, *, is_lost: bool) -> None:
         with _translated(self.path):
@@ -206,7 +212,7 @@ class Database:
 
     def _prepare(self, connection: Connection, *, is_lost: bool, is_there: bool) -> None:
         """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
-        connection.text_factory = lambda octets: octets.decode("utf-8", "replace")
+        connection.text_factory = _text
         version = 0
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
             version = _version(connection, self.path, self._schema)
@@ -255,10 +261,15 @@ def snapshot(path: Path, copy: Path) -> None:
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
         with closing(_reader(path)) as source:
             source.execute("VACUUM INTO ?", (str(new),))
-        with closing(sqlite3.connect(new, isolation_level=None)) as target:
-            target.execute(_NOTE, ("restored_s", time.time()))
+        mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
+
+
+def mark_restored(path: Path) -> None:
+    """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
+    with _translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute(_NOTE, ("restored_s", time.time()))
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:
@@ -285,10 +296,14 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
     with _translated(path):
         os.stat(path)
         with closing(_reader(path)) as connection:
-            if _version(connection, path, schema) < len(schema.steps):
-                raise StoreError(f"{path} is of an earlier version (start the gateway once)")
+            _version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
-            return work(connection)
+            try:
+                return work(connection)
+            except sqlite3.OperationalError as error:
+                if _code(error) != sqlite3.SQLITE_ERROR:
+                    raise
+                raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
 
 
 def _reader(path: Path) -> Connection:
@@ -298,7 +313,14 @@ def _reader(path: Path) -> Connection:
     """
     is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
-    return sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
+    connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
+    connection.text_factory = _text
+    return connection
+
+
+def _text(octets: bytes) -> str:
+    """Return a text, also of a file that is damaged."""
+    return octets.decode("utf-8", "replace")
 
 
 def _marks(connection: Connection) -> tuple[int, int]:

@@ -21,7 +21,6 @@ _COMMANDS = """
 """
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
 _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
-_HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
 
 
 def _first(connection: Connection) -> None:
@@ -29,20 +28,4 @@ def _first(connection: Connection) -> None:
         connection.execute(sql)
 
 
-def _make_room(connection: Connection) -> None:
-    """Delete the older half of the commands that may be repeated without harm, and of the audit a tenth."""
-    connection.execute(
-        f"DELETE FROM commands WHERE rowid IN (SELECT rowid FROM commands WHERE {_HARMLESS} ORDER BY rowid "
-        f"LIMIT (SELECT count(*) / 2 + 1 FROM commands WHERE {_HARMLESS}))"
-    )
-
-
-STATE = Schema("state", application_id=0x53475354, steps=(_first,), make_room=_make_room)  # "SGST"
-
-
-def _outbox(connection: Connection) -> None:
-    for sql in outbox.TABLES:
-        connection.execute(sql)
-
-
-OUTBOX = Schema("outbox", application_id=0x5347424F, steps=(_outbox,), make_room=lambda _: None)  # "SGBO"
+STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"

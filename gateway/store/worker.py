@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-MAX_BYTES = 64 * 2**20
+MAX_BYTES = 128 * 2**20
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 MOST_WAITING = 10_000  # pieces
@@ -52,12 +52,18 @@ OnNews = Callable[[News, str], None]  # with a text for people
 
 
 class Store:
-    """The file and its thread; `path` None: the same in memory."""
+    """The file and its thread; `path` None: the same in memory. `make_room` is of `Database`."""
 
     def __init__(
-        self, path: Path | None, schema: Schema, *, max_bytes: int = MAX_BYTES, retry_s: float = RETRY_S
+        self,
+        path: Path | None,
+        schema: Schema,
+        *,
+        max_bytes: int = MAX_BYTES,
+        make_room: Work | None = None,
+        retry_s: float = RETRY_S,
     ) -> None:
-        self._file = Database(path, schema, max_bytes=max_bytes)
+        self._file = Database(path, schema, max_bytes=max_bytes, make_room=make_room)
         self._on_news: OnNews = lambda *_: None
         self._urgent: deque[_Piece] = deque()
         self._others: deque[_Piece] = deque()

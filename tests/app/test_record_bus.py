@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from gateway.storage.state_dir import StateDir
 
 from gateway import contract
 from gateway.app.record_log import RecordLog, log_failure
@@ -20,7 +21,6 @@ from gateway.contract import (
 from gateway.plugins.history.service.service import PARTS, HistoryService
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
-from gateway.storage.state_dir import StateDir
 
 
 class Subscriber:

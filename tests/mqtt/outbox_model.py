@@ -67,7 +67,9 @@ class Oracle:
     received: dict[int, int] = field(default_factory=dict)  # how often, live ones once
     order: list[tuple[str, int]] = field(default_factory=list)  # of first receptions of rows
     excused: set[int] = field(default_factory=set)  # not stored when the process died, and too young for it
-    doubtful: set[int] = field(default_factory=set)  # received, which the gateway did not know when it mattered
+    doubtful: set[int] = field(
+        default_factory=set
+    )  # received, which the gateway did not know when it mattered
     gaps: dict[int, list[dict[str, Any]]] = field(default_factory=dict)  # by the number of the event
 
     def receive(self, number: int, group: str) -> None:
@@ -334,7 +336,7 @@ class Model:
 
     def _is_young(self, number: int) -> bool:
         """Return whether a message need not have been stored yet: no look of the disk since it was put."""
-        return self.oracle.put_s[number] > self.looked_s - (
+        return self.oracle.put_s[number] >= self.looked_s - (
             HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0
         )
 

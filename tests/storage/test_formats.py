@@ -8,12 +8,12 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from gateway.storage.json_file import JsonFile
+from gateway.storage.ledger_table import LedgerTable
 
 from gateway.cli.main import main
 from gateway.errors import DamagedError, NewerError
 from gateway.storage.database import Database, stored_version
-from gateway.storage.json_file import JsonFile
-from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.upkeep.versions import refuse_newer
 
 JSON, SQLITE = "wear.json", "history.db"

@@ -23,7 +23,7 @@ def _make_room(connection: Connection) -> None:
     connection.execute("DELETE FROM thing WHERE number IN (SELECT number FROM thing LIMIT 20)")
 
 
-THINGS = Schema("things", 0x7E57, (_create,), _make_room)  # a table of texts
+THINGS = Schema("things", 0x7E57, (_create,))  # a table of texts
 
 
 def insert(text: str) -> Callable[[Connection], None]:
@@ -43,7 +43,7 @@ class Keeping:
     def __init__(self, path: Path | None, *, max_bytes: int = 2**20) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02)
+        self.store = Store(path, THINGS, make_room=_make_room, max_bytes=max_bytes, retry_s=0.02)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

@@ -20,10 +20,10 @@ from typing import TypeVar
 
 from gateway.contract import PublishEvent
 from gateway.errors import StoreError
-from gateway.mqtt.message import MAX_HISTORY_ITEMS
+from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import Connection, Deleted, Loss, OutboxTable, Rank, Store, Total
+from gateway.store import Connection, Deleted, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
 from gateway.system.supervised import is_set_within
 
@@ -42,8 +42,7 @@ PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 class DiskSync:
     """Links one outbox and its table in a store; `wake` has the outbox sent.
 
-    The caller runs the two endless loops, `run` and `pace`, between `start` and `close`, and says by
-    `lose_table` that the store has begun with a new file.
+    The caller runs the two endless loops, `run` and `pace`, until `close`, and passes on the store's news.
     """
 
     def __init__(
@@ -68,15 +67,9 @@ class DiskSync:
         self._is_recalled = self._is_unreadable = self._is_full = False
         self._waiting: list[Callable[[], None]] = []
         self._asked_s: float | None = None  # since when the disk is at something
-        self._is_started = False
         self._backlog.is_table_away = self._is_away
         self._backlog.on_work = self._work.set
         self._backlog.expect_table()
-
-    def start(self) -> None:
-        """Begin to store what waits; the store has been started."""
-        self._is_started = True
-        asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
 
     def when_recalled(self, call: Callable[[], None]) -> None:
         """Call when it is known what earlier runs have left behind, or when that takes too long."""
@@ -85,12 +78,25 @@ class DiskSync:
         else:
             self._waiting.append(call)
 
-    def lose_table(self) -> None:
-        """Write everything again: the file is a new one."""
-        self._backlog.lose_table()
+    def note_news(self, news: News, _text: str) -> None:
+        """Write everything again when the store has begun with a new file, and at once when it is back."""
+        if news is News.LOST:
+            self._backlog.lose_table()
+        self._work.set()
+
+    def stage(self, message: Message) -> Work:
+        """Return what stores a message that has a key; once the outbox has it, that stores it by itself."""
+        row = self._outbox.stage(message, self._clock.now_s())
+
+        def store(connection: Connection) -> None:
+            if self._outbox.is_staged(message):
+                self._table.insert(connection, [row])
+
+        return store
 
     async def run(self) -> None:
         """Keep the disk up to date, until cancelled."""
+        asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
             await is_set_within(self._work, LOOK_S)
             self._work.clear()
@@ -131,8 +137,6 @@ class DiskSync:
         """Do what is to be done, and return whether all of it could be."""
         self._outbox.hold_slow(self._clock.now_s())
         self._declare()
-        if not self._is_started:
-            return True
         try:
             if not self._is_recalled:
                 await self._recall()

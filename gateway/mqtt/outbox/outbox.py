@@ -68,7 +68,7 @@ class Outbox:
         self.backlog = Backlog(max_rows=max_rows, max_bytes=max_bytes, utc_of=utc_of)
         self._latest: dict[str, Message] = {}
         self._news: dict[str, News] = {}  # by topic; not sent yet
-        self._staged: dict[str, int] = {}  # rows that somebody else stores, by key
+        self._staged: dict[tuple[str, bytes], int] = {}  # rows that somebody else stores: key, payload
         self._left: frozenset[str] = frozenset()  # keys of what earlier runs have left behind
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
         self._in_flight: dict[int, Outgoing] = {}
@@ -97,15 +97,19 @@ class Outbox:
         """
         row = self._row(message, now_s)
         self.backlog.hold(row, is_staged=True)
-        self._staged[message.key] = row.id
+        self._staged[message.key, message.payload] = row.id
         return self.backlog.in_utc(row)
+
+    def is_staged(self, message: Message) -> bool:
+        """Return whether a message has been staged and not put; from any thread."""
+        return (message.key, message.payload) in self._staged
 
     def put(self, message: Message, now_s: float) -> None:
         """Take a message; a full outbox drops history first, then events and audit, then results."""
         if not message.is_queued:
             self._put_retained(message, now_s)
-        elif message.key in self._staged:
-            self.backlog.release(self._staged.pop(message.key))
+        elif self.is_staged(message):
+            self.backlog.release(self._staged.pop((message.key, message.payload)))
         elif message.key not in self._left:
             self.backlog.put(self._row(message, now_s))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from gateway.contract import Operator
 from gateway.mqtt.connection.settings import BrokerSettings
@@ -17,7 +16,6 @@ class SparkplugSettings:
     group: str
     node: str
     servers: tuple[BrokerSettings, ...]
-    numbers_file: Path  # of births, in state_dir
     starters: tuple[str, ...] = ()
     lines: tuple[str, ...] = ()
     primary_host: str | None = None

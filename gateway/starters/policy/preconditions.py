@@ -13,9 +13,9 @@ from gateway.families.command.interlock import points_needed
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
 from gateway.families.reading import rows_of_points
-from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.motor_history import MotorHistory, StoredMotors
 from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
-from gateway.storage.json_file import Saver
+from gateway.store import Document
 from gateway.system.clock import Clock
 
 STATE = "state"
@@ -110,14 +110,14 @@ class Guard:
         *,
         motor_history: MotorHistory,
         rulebook: Rulebook,
-        saver: Saver,
+        document: Document[StoredMotors],
         clock: Clock,
     ) -> None:
         self._request = request
         self._expectations = expectations
         self._motor_history = motor_history
         self._rulebook = rulebook
-        self._saver = saver
+        self._document = document
         self._clock = clock
         self._is_start = is_start(request.verb, request.args)
         self._is_counted = False  # the start, in the motor history: it must not stand in its own way
@@ -144,9 +144,9 @@ class Guard:
         starter = self._request.starter
         self._is_counted = True
         self._motor_history.note_start(starter, now_s=self._clock.now_s())
-        self._saver.touch()
+        self._document.touch()
         if self._rulebook.of(starter).is_counting:
-            if not await self._saver.saved(within_s=SAVED_WITHIN_S):
+            if not await self._document.saved(within_s=SAVED_WITHIN_S):
                 raise CommandError(ResultCode.NOT_KEPT, "start")
             self._check_time_and_lock()
 

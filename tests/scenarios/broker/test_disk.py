@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import resource
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
@@ -12,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.storage.worker import Store
-from gateway.store import OutboxTable, Rank
+from gateway.store import OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -21,7 +19,6 @@ from tests.rig import (
     command,
     event,
     frames,
-    msg,
     never,
     play,
     result,
@@ -30,27 +27,17 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, act
-from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
+from tests.rig.sites import ALICE, QUICK, SSW07
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.broker.support import HEAL, TRIP
-from tests.storage.golden.state import unpack_golden
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
-_, HARD = resource.getrlimit(resource.RLIMIT_FSIZE)
-
-
-def fail(_: RigPlant | None = None) -> None:
-    """Let every write to a file fail, as on a disk that is full or has errors."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, HARD))
-
-
-def heal(_: RigPlant | None = None) -> None:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (HARD, HARD))
 
 
 @pytest.fixture(autouse=True)
 def sound_disk() -> Iterator[None]:
     yield
-    heal()
+    heal_disk()
 
 
 def in_the_way(plant: RigPlant) -> None:
@@ -88,14 +75,10 @@ DISKS = [
                     "stop confirmed ok",
                 ),
                 frames("pump", STOP),
-                event("ledger_unavailable", severity="error"),
-                event("audit_unavailable", severity="error"),
-                event("outbox_unavailable", severity="error"),
+                event("store_unavailable", severity="error"),
             ],
             20.0: [
-                event("ledger_available", severity="info"),
-                event("audit_available", severity="info"),
-                event("outbox_available", severity="info"),
+                event("store_available", severity="info"),
                 seen("starter/pump/event", code="fault", times=1),
             ],
             25.0: [frames("pump", STOP, START), result("start confirmed ok")],
@@ -106,20 +89,20 @@ DISKS = [
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={
-            5.0: fail,
+            5.0: fail_disk,
             6.0: command("pump/alice/start"),
             7.0: command("pump/alice/start"),
             8.0: command("pump/alice/stop"),
-            11.0: heal,
+            11.0: heal_disk,
             25.0: command("pump/alice/start"),
         },
         then={
             11.0: [
                 frames("pump", STOP),
-                event("ledger_unavailable"),
+                event("store_unavailable"),
                 never("result/pump/alice", verb="start", phase="written"),
             ],
-            30.0: [event("ledger_available"), result("start confirmed ok"), frames("pump", STOP, START)],
+            30.0: [event("store_available"), result("start confirmed ok"), frames("pump", STOP, START)],
         },
     ),
     row(
@@ -128,15 +111,18 @@ DISKS = [
         sim={"pump": QUICK},
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", overwrite("gateway.sqlite"), "start"],
+            6.0: ["end", overwrite("state.sqlite"), "start"],
             10.0: command("pump/alice/start"),
             12.0: "restart",
             16.0: [command("pump/alice/start"), command("pump/alice/stop")],
             80.0: command("pump/alice/start"),
+            81.0: command("pump/alice/unlock"),  # who may have been locked, is
+            82.0: command("pump/alice/start"),
         },
         then={
-            16.0: [event("ledger_lost"), result("start rejected ledger_unavailable")],
+            16.0: [event("store_lost"), result("start rejected ledger_unavailable")],
             20.0: [frames("pump", START, STOP)],
+            80.9: result("start rejected locked"),
             85.0: result("start confirmed ok"),
         },
     ),
@@ -147,11 +133,11 @@ DISKS = [
             4.0: "broker down",
             5.0: TRIP,
             7.0: HEAL,
-            9.0: ["end", overwrite("messages.sqlite"), "start"],
+            9.0: ["end", overwrite("state.sqlite"), "start"],
             12.0: TRIP,
             14.0: "broker up",
         },
-        then={20.0: [event("outbox_lost"), seen("starter/pump/event", code="fault", times=1)]},
+        then={20.0: [event("store_lost"), seen("starter/pump/event", code="fault", times=1)]},
     ),
 ]
 
@@ -162,7 +148,7 @@ def test_a_disk(row: ScenarioRow) -> None:
 
 
 def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
+    monkeypatch.setattr("gateway.store.commands.INTEND_WITHIN_S", 0.0)
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start")
@@ -172,13 +158,13 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
 
         assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
         assert plant.results()[-1] == "stop confirmed ok"
-        assert "ledger_slow" in plant.events()
+        assert "store_slow" in plant.events()
 
 
 def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("gateway.storage.state_dir.Store", partial(Store, max_bytes=12 * 4096))
+    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=32 * 4096))
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start", id="acted on")
@@ -192,7 +178,7 @@ def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_
 
         assert plant.last("result/pump/alice")["duplicate"] is True
         assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
-        assert "ledger_lost" not in plant.events()
+        assert "store_lost" not in plant.events()
 
 
 AMPS = 5  # more than a deadband
@@ -221,9 +207,9 @@ class Lives:
         self.trips += 1
         step = self.dice.choice(steps)
         if step == "fail":
-            fail()
+            fail_disk()
         elif step == "heal":
-            heal()
+            heal_disk()
         elif step == "kill":
             self.plant.kill()
             self.plant.start()
@@ -233,7 +219,7 @@ class Lives:
             self.wait(0.5)
 
     def end(self) -> None:
-        heal()
+        heal_disk()
         act(self.plant, "broker goes")
         act(self.plant, "broker up")
         self.wait(90.0)
@@ -381,30 +367,3 @@ def test_damaged_files_prevent_no_start_and_make_no_nonsense(seed: int) -> None:
         assert len({each.payload for each in old}) <= 5
         items = [item for each in plant.messages("starter/pump/history") for item in each.json["items"]]
         assert {item["point"] for item in items} <= set(plant.last("starter/pump/info")["points"])
-
-
-GOLDEN = [
-    row(
-        "the state of 0.2.0 is understood: locks, ids, what waited for the broker",
-        given=FOUR + ALICE,
-        before=lambda plant: unpack_golden(plant.folder / "state"),
-        at={4.0: [command("pump/alice/start", id="c2"), command("mill/alice/start", id="new")]},
-        then={
-            8.0: [
-                msg("starter/mill/state", locked=...),
-                seen("result/pump/alice", id="c2", phase="confirmed", duplicate=True),
-                seen("result/mill/alice", id="new", phase="rejected", code="locked"),
-                frames("pump"),
-                frames("mill"),
-                never("gateway/event", code="ledger_lost"),
-                never("gateway/event", code="outbox_lost"),
-                seen("starter/+/history"),  # values of the run before
-            ]
-        },
-    ),
-]
-
-
-@pytest.mark.parametrize("row", GOLDEN)
-def test_the_state_of_an_earlier_version(row: ScenarioRow) -> None:
-    play(row)
