@@ -70,6 +70,7 @@ class Oracle:
     doubtful: set[int] = field(
         default_factory=set
     )  # received, which the gateway did not know when it mattered
+    again: Counter[str] = field(default_factory=Counter)  # declared, and the table did not know it at a crash
     gaps: dict[int, list[dict[str, Any]]] = field(default_factory=dict)  # by the number of the event
 
     def receive(self, number: int, group: str) -> None:
@@ -88,7 +89,8 @@ class Oracle:
             declared = sum(each["count"] for each in lost if each["kind"] == kind)
             sure = {number for number in missing - self.excused if self.kinds[number] == kind}
             possible = {number for number in missing | self.doubtful if self.kinds[number] == kind}
-            assert len(sure) <= declared <= len(possible), (kind, len(sure), declared, len(possible))
+            most = len(possible) + self.again[kind]
+            assert len(sure) <= declared <= most, (kind, len(sure), declared, most)
             spans = [(each["first"], each["last"]) for each in lost if each["kind"] == kind]
             for number in sure:
                 time_s = self.put_s[number]
@@ -329,6 +331,10 @@ class Model:
         stored = {_number_of(payload) for (payload,) in self.disk.execute("SELECT payload FROM outbox")}
         oracle = self.oracle
         oracle.doubtful |= self.deletable & stored
+        for loss in self.table.losses(self.disk):
+            oracle.again[KIND[loss.rank]] += loss.rows
+        for loss in self.backlog.losses.pending:
+            oracle.again[KIND[loss.rank]] -= min(loss.rows, oracle.again[KIND[loss.rank]])
         unstored = oracle.kinds.keys() - stored - oracle.received.keys()
         unstored -= self.stored
         oracle.excused |= {each for each in unstored if self._is_young(each) or each in self.staged}
@@ -399,7 +405,7 @@ class Model:
             self.disk_step()
             self.now_s += 1.0
             is_over = self.outbox.is_idle and not self.wire and self.is_recalled
-            if is_over and self.ask is None and self.answer is None and not self.backlog.losses.has_any:
+            if is_over and self.ask is None and self.answer is None and not self.backlog.losses.pending:
                 return
         raise AssertionError(f"it never ends: {self.outbox.statistics(self.now_s)}")
 

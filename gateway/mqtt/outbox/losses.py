@@ -29,9 +29,9 @@ class Losses:
         self._declared_s = float("-inf")
 
     @property
-    def has_any(self) -> bool:
-        """Return whether there are losses that are not declared yet."""
-        return bool(self._sums)
+    def pending(self) -> Sequence[Loss]:
+        """Return the losses that are not declared yet."""
+        return self._sums
 
     def add(self, losses: Iterable[Loss], *, is_saved: bool) -> None:
         """Note losses of this run; those that are saved the table has noted by itself."""
