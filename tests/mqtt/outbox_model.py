@@ -115,6 +115,7 @@ class Model:
         self.looked_s = 0.0  # up to here all is stored that must be
         self.is_disk_well = True
         self.disk = self._new_disk()
+        self.released_s: dict[int, float] = {}  # what was staged before
         self.stored: set[int] = set()  # what the table has or had
         self.ask: Callable[[], Any] | None = None  # what the disk is to do
         self.answer: tuple[str, Any] | None = None  # what it has done
@@ -342,7 +343,8 @@ class Model:
 
     def _is_young(self, number: int) -> bool:
         """Return whether a message need not have been stored yet: no look of the disk since it was put."""
-        return self.oracle.put_s[number] >= self.looked_s - (
+        put_s = self.released_s.get(number, self.oracle.put_s[number])
+        return put_s >= self.looked_s - (
             HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0
         )
 
@@ -390,6 +392,7 @@ class Model:
     def _release_staged(self) -> None:
         for number in [number for number in self.staged if self.dice.random() < 0.3]:
             self.outbox.put(self.staged.pop(number), self.now_s)
+            self.released_s[number] = self.now_s
 
     def end(self) -> None:
         """Let everything come that will ever come."""
