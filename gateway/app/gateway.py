@@ -51,12 +51,9 @@ class App:
             )
         ]
         await parts.host.start()  # before all else: the starters' watchdogs run
-        parts.state.start(
-            __version__, on_recalled=parts.dispatcher.recall, on_undelivered=parts.uplink.publish_again
-        )
+        parts.state.start(__version__, on_recalled=parts.dispatcher.recall)
         parts.history.start()
         await parts.plant.start()
-        parts.uplink.disk_sync.start()
         parts.services.start()
         self._is_up.set()
         try:
@@ -79,7 +76,8 @@ class App:
         await parts.history.close()
         await parts.state.settle()
         await parts.uplink.close(reason)
-        await asyncio.gather(parts.uplink.end(), parts.state.close(reason))
+        await parts.uplink.end()
+        await parts.state.close(reason)
 
     async def _announce_end(self, reason: str) -> None:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""

@@ -67,7 +67,12 @@ class Parts:
         self.latest = Latest()
         self.state = self._build_state()
         self.uplink = Uplink(
-            site, self._tokens, clock=self.clock, sink=self._bus, publish_event=self.publish_event
+            site,
+            self._tokens,
+            store=self.state.store,
+            clock=self.clock,
+            sink=self._bus,
+            publish_event=self.publish_event,
         )
         self.watchdogs = KnownWatchdogs(self.state.documents, in_thread=asyncio.to_thread)
         self.policy = self._build_policy()
@@ -94,7 +99,9 @@ class Parts:
         self._connect()
 
     def _connect(self) -> None:
-        self.uplink.outbox.on_delivered = self._note_delivered
+        self.uplink.outbox.on_delivered = self.history.delivered
+        self.state.follow(self.uplink.disk_sync.note_news)
+        self.state.commands.row_of = self.uplink.stage
         self.health.note_link(None)
         self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
         self._bus.connect(
@@ -127,11 +134,6 @@ class Parts:
             computed=self.site.computed,
             wiring=wiring_of(config),
         )
-
-    def _note_delivered(self, key: str) -> None:
-        """Have what is not to be published again forgotten: results in the ledger, records in the history."""
-        self.state.delivered(key)
-        self.history.delivered(key)
 
     def _build_state(self) -> State:
         return State(

@@ -19,11 +19,26 @@ from gateway.store.database import (
     stored_version,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.outbox import (
+    DAMAGED,
+    DISK_FULL,
+    Deleted,
+    Loss,
+    OutboxRow,
+    OutboxTable,
+    Page,
+    Rank,
+    Total,
+    losses_of,
+    merged,
+)
 from gateway.store.schema import STATE, STATE_FILE
 from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
+    "DAMAGED",
+    "DISK_FULL",
     "FIRST_HASH",
     "INTEND_WITHIN_S",
     "RETRY_S",
@@ -32,21 +47,30 @@ __all__ = [
     "Anchor",
     "CommandTable",
     "Connection",
+    "Deleted",
     "Document",
     "Documents",
     "FullError",
     "Journal",
+    "Loss",
     "News",
     "NoJournal",
     "OnNews",
+    "OutboxRow",
+    "OutboxTable",
+    "Page",
+    "Rank",
     "Remembered",
     "Schema",
     "State",
     "Store",
+    "Total",
     "Verification",
     "Work",
     "append_note",
+    "losses_of",
     "mark_restored",
+    "merged",
     "newer_text",
     "read_audit",
     "read_document",

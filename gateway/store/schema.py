@@ -6,6 +6,7 @@ them all. A step never changes once it was released: whoever changes a table add
 
 from __future__ import annotations
 
+from gateway.store import outbox
 from gateway.store.database import Connection, Schema
 
 STATE_FILE = "state.sqlite"
@@ -18,18 +19,12 @@ _COMMANDS = """
         since_s REAL NOT NULL, PRIMARY KEY (client, id)
     )
 """
-_OUTBOX = """
-    CREATE TABLE outbox (
-        id INTEGER PRIMARY KEY, rank INTEGER NOT NULL, topic TEXT NOT NULL, payload BLOB NOT NULL,
-        time_s REAL NOT NULL, boot TEXT NOT NULL, key TEXT NOT NULL
-    )
-"""
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
 _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
 
 def _first(connection: Connection) -> None:
-    for sql in (_COMMANDS, _OUTBOX, _DOCUMENTS, _AUDIT):
+    for sql in (_COMMANDS, *outbox.TABLES, _DOCUMENTS, _AUDIT):
         connection.execute(sql)
 
 

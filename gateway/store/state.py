@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, ResultRecord, Severity
+from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
 from gateway.store.audit import Audit, give_up_oldest
 from gateway.store.commands import CommandTable, Remembered, forget_harmless
-from gateway.store.database import Connection, Work
+from gateway.store.database import Connection
 from gateway.store.documents import Documents
 from gateway.store.schema import STATE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
@@ -24,10 +23,6 @@ from gateway.system.supervised import on_this_loop
 log = logging.getLogger(__name__)
 
 CLOSE_WITHIN_S = 2.0
-_UNDELIVERED = "SELECT key FROM outbox WHERE topic = ''"
-_PUT_UNDELIVERED = (
-    "INSERT INTO outbox (rank, topic, payload, time_s, boot, key) VALUES (2, '', x'', ?, '', ?)"
-)
 SETTLE_WITHIN_S = 2.0
 
 
@@ -56,7 +51,6 @@ class State:
         self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
         self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
-        self.commands.row_of = _undelivered_row
         self._followers: list[OnNews] = []
         self._is_away = False
 
@@ -64,25 +58,9 @@ class State:
         """Have this called with the store's news from now on."""
         self._followers.append(on_news)
 
-    def start(
-        self,
-        version: str,
-        *,
-        on_recalled: Callable[[Sequence[Remembered]], None],
-        on_undelivered: Callable[[Sequence[ResultRecord]], None],
-    ) -> None:
-        """Begin; the file is opened in its thread.
-
-        `on_recalled` gets the commands of earlier runs, `on_undelivered` those of their results that the
-        broker may not have had.
-        """
-
-        def recall(remembered: Sequence[Remembered]) -> None:
-            on_recalled(remembered)
-            finals = {each.result.key: each.result for each in remembered if each.result.phase.is_final}
-            self._undelivered(finals, on_undelivered)
-
-        self.commands.on_recalled = recall
+    def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
+        """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
+        self.commands.on_recalled = on_recalled
         self.store.start(on_this_loop(self._on_news))
         self._audit.note("gateway_started", f"version {version}")
 
@@ -95,26 +73,6 @@ class State:
         """Apply another configuration, and record in the audit from when."""
         self.documents.is_operated = has_operators
         self._audit.note("gateway_reloaded", "by another configuration from now on")
-
-    def delivered(self, key: str) -> None:
-        """Note that the broker has a final result: it need not be published again after a crash."""
-
-        def delete(connection: Connection) -> None:
-            connection.execute("DELETE FROM outbox WHERE key = ?", (key,))
-
-        self.store.submit(delete, is_flushed=False, is_freeing=True)
-
-    def _undelivered(
-        self, finals: Mapping[str, ResultRecord], call: Callable[[Sequence[ResultRecord]], None]
-    ) -> None:
-        """Call with those results whose rows an earlier run has left."""
-
-        def found(future: Future[list[tuple[str]]]) -> None:
-            if future.exception() is None:
-                call([finals[key] for (key,) in future.result() if key in finals])
-
-        work = self.store.submit(lambda connection: connection.execute(_UNDELIVERED).fetchall())
-        work.add_done_callback(on_this_loop(found))
 
     async def settle(self) -> None:
         """Write the last results and documents, if the disk works, so that they can be published."""
@@ -156,14 +114,3 @@ class State:
 def _make_room(connection: Connection) -> None:
     forget_harmless(connection)
     give_up_oldest(connection)
-
-
-def _undelivered_row(result: ResultRecord) -> Work | None:
-    """Return what marks a final result as not yet with the broker, until the outbox's own rows do."""
-    if not result.key:
-        return None
-
-    def put(connection: Connection) -> None:
-        connection.execute(_PUT_UNDELIVERED, (result.time_s, result.key))
-
-    return put

@@ -199,6 +199,7 @@ class Store:
             raise FullError(self._trouble) if self._file.is_open else StoreError(self._trouble)
         if not self._file.is_open and (lost := self._file.open()):
             self._report(News.LOST, lost)
+        self._file.make_room()
         self._file.take_reserve()
         self._trouble = ""
         self._report(News.OPEN, f"{self._file.path} is open")

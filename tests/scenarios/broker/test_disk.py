@@ -11,9 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.storage.outbox import OutboxDisk
-from gateway.storage.spool import Kind
-from gateway.store import Store
+from gateway.store import OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -78,11 +76,9 @@ DISKS = [
                 ),
                 frames("pump", STOP),
                 event("store_unavailable", severity="error"),
-                event("outbox_unavailable", severity="error"),
             ],
             20.0: [
                 event("store_available", severity="info"),
-                event("outbox_available", severity="info"),
                 seen("starter/pump/event", code="fault", times=1),
             ],
             25.0: [frames("pump", STOP, START), result("start confirmed ok")],
@@ -137,11 +133,11 @@ DISKS = [
             4.0: "broker down",
             5.0: TRIP,
             7.0: HEAL,
-            9.0: ["end", overwrite("outbox.sqlite"), "start"],
+            9.0: ["end", overwrite("state.sqlite"), "start"],
             12.0: TRIP,
             14.0: "broker up",
         },
-        then={20.0: [event("outbox_lost"), seen("starter/pump/event", code="fault", times=1)]},
+        then={20.0: [event("store_lost"), seen("starter/pump/event", code="fault", times=1)]},
     ),
 ]
 
@@ -270,16 +266,16 @@ class Lives:
 @pytest.fixture
 def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let little fit into memory, so that most of it is on the disk and read back page by page."""
-    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Kind, 8))
-    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_AT_ONCE", 5)
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Rank, 8))
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_VALUES", 5)
     monkeypatch.setattr("gateway.mqtt.outbox.disk_sync.PAGE_ROWS", 7)
 
 
-AROUND = ("broker down", "broker up", "broker drops")
+AROUND = ("broker down", "broker up", "broker drops", "broker stalls", "broker goes")
 
 
 @pytest.mark.usefixtures("small_windows")
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(8))
 def test_over_outages_and_kills_everything_comes_once_and_in_order(seed: int) -> None:
     with RigPlant(SSW07, seed=seed) as plant:
         plant.run(until=4.0)
@@ -302,7 +298,7 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(seed))
         for _ in range(20):
-            lives.step(*AROUND, "broker stalls", "broker goes", "fail", "heal")
+            lives.step(*AROUND, "fail", "heal")
         lives.end()
 
         assert lives.faults() == lives.trips
@@ -312,7 +308,7 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
 
 def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.OutboxDisk", partial(OutboxDisk, **bounds))
+    monkeypatch.setattr("gateway.app.uplink.OutboxTable", partial(OutboxTable, **bounds))
     with RigPlant(SSW07) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -331,7 +327,7 @@ def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
     nothing, none, all_events = long_outage(monkeypatch)
     assert (nothing, none) == (Counter(), set())
 
-    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"max_bytes": 40 * 4096}):
+    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"most_bytes": 32_000}):
         lost, missing, events = long_outage(monkeypatch, **bounds)
 
         assert events + lost["event"] >= all_events, "what is lost is declared"
