@@ -147,9 +147,7 @@ class Database:
         return True
 
     def take_reserve(self) -> None:
-        """Take the room again that was given up, as soon as the disk and the bound have it; FullError."""
-        if self._is_at_bound():
-            raise FullError(f"{self.path} is full")
+        """Take the room again that was given up, as soon as the disk has it; FullError."""
         with _translated(self.path):
             if not self._reserve.take():
                 raise FullError(f"{self.path}: the disk is full")
