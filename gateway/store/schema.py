@@ -6,8 +6,8 @@ them all. A step never changes once it was released: whoever changes a table add
 
 from __future__ import annotations
 
-from gateway.store import outbox
 from gateway.store.database import Connection, Schema
+from gateway.store.outbox import TABLES
 
 STATE_FILE = "state.sqlite"
 
@@ -24,7 +24,7 @@ _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
 
 def _first(connection: Connection) -> None:
-    for sql in (_COMMANDS, *outbox.TABLES, _DOCUMENTS, _AUDIT):
+    for sql in (_COMMANDS, *TABLES, _DOCUMENTS, _AUDIT):
         connection.execute(sql)
 
 

@@ -1,6 +1,4 @@
-"""The outbox against an oracle: chance puts, sends, loses connections, disks and processes; the oracle counts.
-
-    python -m tests.mqtt.outbox_model [messages] [seeds]
+"""The outbox against an oracle: chance puts, sends, and loses connections, disks and processes.
 
 Nothing here waits: the disk is SQLite in memory, and what a thread does has three moments (asked for, done,
 told), between which anything else may happen. A crash forgets everything but the table.
@@ -11,13 +9,12 @@ from __future__ import annotations
 import json
 import random
 import sqlite3
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 from unittest.mock import patch
 
 from gateway.contract import Event, Quality, ValueRecord
@@ -37,12 +34,19 @@ KIND = {Rank.VALUE: "value", Rank.EVENT: "event", Rank.RESULT: "result"}
 class Trouble:
     """What may happen besides puts and sends, and the bounds."""
 
+    WIDE: ClassVar = (20_000, 400_000, 48 * 2**20)
+
     crashes: bool = True
     disk_fails: bool = False
     table_is_lost: bool = False
     max_rows: int = 20_000
     most_rows: int = 400_000
     most_bytes: int = 48 * 2**20
+
+    @property
+    def is_bounded(self) -> bool:
+        """Return whether something must be lost in the end."""
+        return self.table_is_lost or (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
 
 
 TROUBLES = (
@@ -344,9 +348,7 @@ class Model:
     def _is_young(self, number: int) -> bool:
         """Return whether a message need not have been stored yet: no look of the disk since it was put."""
         put_s = self.released_s.get(number, self.oracle.put_s[number])
-        return put_s >= self.looked_s - (
-            HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0
-        )
+        return put_s >= self.looked_s - (HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0)
 
     def settle(self) -> None:
         """Let the disk do all that waits, as far as it can."""
@@ -453,15 +455,3 @@ def run(seed: int, messages: int, trouble: Trouble) -> Counter[str]:
         excused=len(oracle.excused - oracle.received.keys()),
         runs=model.lives,
     )
-
-
-def main() -> None:
-    """Run all troubles with many messages, and print what happened."""
-    messages, seeds = (int(each) for each in (*sys.argv[1:], "100000", "20")[:2])
-    for seed in range(seeds):
-        trouble = TROUBLES[seed % len(TROUBLES)]
-        print(seed, trouble, dict(run(seed, messages, trouble)), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from gateway.store import OutboxTable, Rank, Store
+from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -336,6 +336,49 @@ def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
         if "most_rows" in bounds:
             assert events + lost["event"] == all_events
             assert lost["result"] == 0
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=60 * 4096))
+    with RigPlant(SSW07, seed=1) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(1))
+        for _ in range(60):
+            lives.step("broker down")
+        lives.end()
+
+        assert "store_unavailable" in plant.events()
+        assert plant.events()[-1] == "store_available"
+        assert lives.faults() == lives.trips
+        assert lives.missing_values() == set()
+        assert lives.lost() == Counter()
+        assert plant.last("gateway/outbox")["oldest_s"] < 1.0
+
+
+def test_with_a_broker_no_value_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: Counter[Rank] = Counter()
+
+    class Watched(OutboxTable):
+        def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
+            rows = tuple(rows)
+            written.update(row.rank for row in rows)
+            super().insert(connection, rows)
+
+    monkeypatch.setattr("gateway.app.uplink.OutboxTable", Watched)
+    with RigPlant(SSW07) as plant:
+        plant.run(until=4.0)
+        written.clear()
+        for second in range(5, 65):
+            act(plant, f"pump P003 = {10 * second}")
+            plant.run(until=second)
+        act(plant, TRIP)
+        plant.run(until=70.0)
+
+        assert len(plant.messages("starter/pump/value/current")) > 20
+        assert written.keys() == {Rank.EVENT, Rank.RESULT}
 
 
 @pytest.mark.parametrize("seed", range(12))
