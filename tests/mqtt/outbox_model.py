@@ -87,8 +87,7 @@ class Oracle:
     def check(self, *, is_ordered: bool) -> None:
         """Everything came, or was declared by kind and time, no more than that, and in order."""
         missing = self.kinds.keys() - self.received.keys()
-        lost = [each for number, gap in self.gaps.items() if number not in self.excused - self.received.keys()
-                for each in gap]  # fmt: skip
+        lost = [each for gap in self.gaps.values() for each in gap]
         for kind in KIND.values():
             declared = sum(each["count"] for each in lost if each["kind"] == kind)
             sure = {number for number in missing - self.excused if self.kinds[number] == kind}
@@ -290,13 +289,18 @@ class Model:
             self.doing = ("page", rank)
             self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
             return
-        batch = self.backlog.batch(is_freeing=self.dice.random() < 0.1)
+        if self.dice.random() < 0.5 and (delivered := self.backlog.take_delivered()):
+            self.doing = ("delete", delivered)
+            ids = [(rank, id_) for id_, rank in delivered.items()]
+            self.ask = partial(self._transact, partial(self.table.delete, ids=ids))
+            return
+        batch = self.backlog.batch()
         if batch is not None:
             self.doing = ("batch", batch)
             self.ask = partial(self._transact, partial(self._write, batch))
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> Any:
-        self.table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
+        self.table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
@@ -318,16 +322,18 @@ class Model:
     def _take_answer(self) -> None:
         assert self.answer is not None
         (how, answer), (what, about), self.answer = self.answer, self.doing, None
-        self.is_unreadable = how == "failed" and what != "batch"
+        self.is_unreadable = how == "failed" and what in ("recall", "page")
         if how == "failed":
             if what == "batch":
                 self.backlog.unwritten(about)
+            elif what == "delete":
+                self.backlog.give_back_delivered(about)
         elif what == "recall":
             self.is_recalled = True
             self.outbox.recall(*answer)
         elif what == "page":
             self.backlog.page(about, answer)
-        else:
+        elif what == "batch":
             self.backlog.written(about, answer)
 
     def crash(self) -> None:
@@ -342,6 +348,9 @@ class Model:
             oracle.again[KIND[loss.rank]] -= min(loss.rows, oracle.again[KIND[loss.rank]])
         unstored = oracle.kinds.keys() - stored - oracle.received.keys()
         unstored -= self.stored
+        waiting = {_number_of(row.payload) for row in self.backlog._memory.values()}
+        for number in self.oracle.gaps.keys() & waiting & unstored:
+            del self.oracle.gaps[number]  # it is declared again
         oracle.excused |= {each for each in unstored if self._is_young(each) or each in self.staged}
         self._begin()
 

@@ -3,12 +3,14 @@
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
 memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
-written, and `written` or `unwritten` must follow.
+written, and `written` or `unwritten` must follow. What was delivered is deleted apart from that, by
+`take_delivered`: on a full disk only deleting is possible, and makes room.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 from gateway.mqtt.outbox.losses import Losses
@@ -19,14 +21,14 @@ MEMORY_FULL, STORE_LOST = "memory_full", "store_lost"  # why something was lost
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_VALUES = 500  # in one transaction
-MOST_FREED = 200  # rows deleted at a time on a full disk: they pass through the room that is left
+MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
 class Batch(NamedTuple):
     """What is to be written in one transaction."""
 
     rows: Sequence[OutboxRow]
-    gone: Mapping[int, Rank]  # by id
+    lost: Mapping[int, Rank]  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None  # None: the table has them
     keep: frozenset[int]  # what may not be deleted for room
 
@@ -53,7 +55,8 @@ class Backlog:
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
-        self._gone: dict[int, Rank] = {}  # what the table has to delete
+        self._delivered: dict[int, Rank] = {}  # what the table has to delete
+        self._lost: dict[int, Rank] = {}  # likewise, together with a loss
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
         self.on_work: Callable[[], None] = lambda: None
@@ -108,7 +111,7 @@ class Backlog:
         """Remove a row if it is held: the broker has its message."""
         if id_ in self._held:
             self._held.remove(id_)
-            self._note_gone(self._memory.pop(id_))
+            self._have_deleted(self._memory.pop(id_), self._delivered)
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
@@ -143,7 +146,7 @@ class Backlog:
         """Note that the broker has acknowledged what was taken."""
         for row in rows:
             self._flying.remove(row.id)
-            self._forget(row)
+            self._forget(row, self._delivered)
 
     def give_back(self) -> None:
         """Put everything that was taken and not done back into its place."""
@@ -155,27 +158,34 @@ class Backlog:
 
     # What the table must be told.
 
-    def batch(self, *, is_freeing: bool = False) -> Batch | None:
-        """Return what is to be written next, None for nothing; what frees room only deletes.
+    def take_delivered(self) -> dict[int, Rank]:
+        """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
+        some = dict(list(self._delivered.items())[:MOST_DELETED])
+        for id_ in some:
+            del self._delivered[id_]
+        return some
+
+    def give_back_delivered(self, some: Mapping[int, Rank]) -> None:
+        """Have rows deleted later."""
+        self._delivered = {**some, **self._delivered}
+
+    def batch(self) -> Batch | None:
+        """Return what is to be written next, None for nothing.
 
         All events and results are in it, so that what declares a loss is written with the loss.
         """
-        ids: list[int] = []
-        if not is_freeing:
-            values = [id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE]
-            ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
-            ids += values[:MOST_VALUES]
-        gone = dict(list(self._gone.items())[: MOST_FREED if is_freeing else None])
-        losses = self.losses.unsaved(is_whole=not is_freeing)
-        if not ids and not gone and losses is None:
+        ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
+        values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
+        ids += islice(values, MOST_VALUES)
+        losses = self.losses.unsaved()
+        if not ids and not self._lost and losses is None:
             return None
         for id_ in ids:
             del self._unwritten[id_]
-        for id_ in gone:
-            del self._gone[id_]
         self._writing = frozenset(ids)
+        lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, gone, losses, keep=frozenset(self._held | self._flying))
+        return Batch(rows, lost, losses, keep=frozenset(self._held | self._flying))
 
     def written(self, batch: Batch, deleted: Sequence[Deleted]) -> None:
         """Note that a batch is in the table, and what was deleted for it."""
@@ -183,7 +193,6 @@ class Backlog:
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])
-        self.losses.saved()
         self._note_deleted(DISK_FULL, deleted)
 
     def unwritten(self, batch: Batch) -> None:
@@ -191,7 +200,7 @@ class Backlog:
         self._writing = frozenset()
         again = {row.id: None for row in batch.rows if row.id in self._memory}
         self._unwritten = again | self._unwritten
-        self._gone = {**batch.gone, **self._gone}
+        self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
             self.losses.save_again()
 
@@ -223,7 +232,7 @@ class Backlog:
     def page(self, rank: Rank, page: Page) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self._queues[rank]
-        rows = [row for row in page.rows if row.id not in self._memory and row.id not in self._gone]
+        rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
@@ -236,7 +245,8 @@ class Backlog:
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
-        self._gone.clear()
+        self._delivered.clear()
+        self._lost.clear()
         for rank, queue in self._queues.items():
             self._bring_strays(rank)
             self._lose_beyond(rank)
@@ -255,7 +265,7 @@ class Backlog:
         self._leave_to_table(row)
         while self._is_full and (victim := self._oldest()) is not None:
             self._queues[victim.rank].remove(victim)
-            self._forget(victim)
+            self._forget(victim, self._lost)
             time_s = self._utc_of(victim.time_s)
             self.losses.add([Loss(MEMORY_FULL, victim.rank, 1, time_s, time_s)], is_saved=False)
         if row.rank is not Rank.VALUE:
@@ -282,18 +292,21 @@ class Backlog:
             del self._memory[row.id]
             self._bytes -= row.size
 
-    def _forget(self, row: OutboxRow) -> None:
+    def _forget(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
         """Let go of a row that is in no place any more."""
         del self._memory[row.id]
         self._bytes -= row.size
-        self._note_gone(row)
+        self._have_deleted(row, gone)
 
-    def _note_gone(self, row: OutboxRow) -> None:
+    def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
         """Have the table delete a row that it has, or may have: what has a key may have been staged."""
         is_written = row.id not in self._unwritten
         self._unwritten.pop(row.id, None)
         if is_written or row.key:
-            self._gone[row.id] = row.rank
+            gone[row.id] = row.rank
+
+    def _is_gone(self, id_: int) -> bool:
+        return id_ in self._delivered or id_ in self._lost
 
     def _note_deleted(self, reason: str, deleted: Sequence[Deleted]) -> None:
         """Let go of rows that the table has given up; what was taken meanwhile is not lost."""
@@ -302,7 +315,7 @@ class Backlog:
             row = self._memory.get(each.id)
             if each.id in self._flying:
                 self._unwritten[each.id] = None
-            elif each.id not in self._gone:
+            elif not self._is_gone(each.id):
                 lost.append(each)
                 if row is None:
                     self._queues[each.rank].lose_beyond(1, each.size)

@@ -6,8 +6,7 @@ Sending never waits for the disk. One transaction is under way at a time; what c
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
 3. What memory or disk could not hold is declared once, in the event `gap`.
-4. When nothing can be written, rows wait in memory; deleting and reading are tried by themselves, because on
-   a full disk they are possible, and the way to make room.
+4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class DiskSync:
         self._wake = wake
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
-        self._is_recalled = self._is_unreadable = self._is_full = False
+        self._is_recalled = self._is_unreadable = False
         self._waiting: list[Callable[[], None]] = []
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away
@@ -169,25 +168,24 @@ class DiskSync:
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self) -> None:
-        """Write what waits for it; while the disk is full, delete first."""
-        if not self._is_recalled:
-            return
-        while (batch := self._backlog.batch(is_freeing=self._is_full)) is not None:
+        """Delete what was delivered, which makes room on a full disk, then write what waits for it."""
+        while delivered := self._backlog.take_delivered():
+            ids = [(rank, id_) for id_, rank in delivered.items()]
             try:
-                deleted = await self._do(
-                    partial(self._written, batch), is_flushed=batch.is_flushed, is_freeing=self._is_full
-                )
-            except BaseException as error:
+                await self._do(partial(self._table.delete, ids=ids), is_freeing=True)
+            except BaseException:
+                self._backlog.give_back_delivered(delivered)
+                raise
+        while (batch := self._backlog.batch()) is not None:
+            try:
+                deleted = await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
+            except BaseException:
                 self._backlog.unwritten(batch)
-                self._is_full = isinstance(error, StoreError) and bool(batch.rows and batch.gone)
-                if not self._is_full:
-                    raise
-            else:
-                self._backlog.written(batch, deleted)
-        self._is_full = False
+                raise
+            self._backlog.written(batch, deleted)
 
     def _written(self, batch: Batch, connection: Connection) -> list[Deleted]:
-        self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
+        self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)

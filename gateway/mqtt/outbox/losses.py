@@ -23,8 +23,6 @@ class Losses:
     def __init__(self) -> None:
         self.dropped = 0  # rows, in this run
         self._sums: Sequence[Loss] = ()
-        self._declared: Sequence[Loss] = ()  # in an event that is not written yet
-        self._declaring: Sequence[Loss] = ()  # in one that is being written
         self._is_saved = True
         self._declared_s = float("-inf")
 
@@ -46,29 +44,14 @@ class Losses:
         """Begin with what earlier runs have not declared."""
         self._sums = merged((*self._sums, *losses))
 
-    def unsaved(self, *, is_whole: bool) -> Sequence[Loss] | None:
-        """Return what the table must have instead of what it has, None for no change.
-
-        What was declared stays in it until the declaration is written, which is in a whole batch. `saved`
-        or `save_again` must follow.
-        """
-        if self._is_saved:
-            return None
-        self._is_saved = True
-        if not is_whole:
-            return merged((*self._sums, *self._declared))
-        self._declaring, self._declared = self._declared, ()
-        return self._sums
-
-    def saved(self) -> None:
-        """Note that the table has what `unsaved` returned."""
-        self._declaring = ()
+    def unsaved(self) -> Sequence[Loss] | None:
+        """Return all of them when the table has others, else None; `save_again` when it cannot be told."""
+        is_saved, self._is_saved = self._is_saved, True
+        return None if is_saved else self._sums
 
     def save_again(self) -> None:
         """Have the table told once more."""
         self._is_saved = False
-        self._declared = (*self._declaring, *self._declared)
-        self._declaring = ()
 
     def declare(self, now_s: float) -> Event | None:
         """Return the event that declares all, which must reach the table with the next change of it.
@@ -78,7 +61,6 @@ class Losses:
         if not self._sums or now_s < self._declared_s + DECLARE_EVERY_S:
             return None
         event = _gap(self._sums)
-        self._declared = (*self._declared, *self._sums)
         self._sums = ()
         self._is_saved = False
         self._declared_s = now_s
