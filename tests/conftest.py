@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
-from tests.storage.store_rig import PATIENCE_S, Keeping
+from tests.store.store_rig import PATIENCE_S, Keeping
 
 # The same examples at each run; `make torture` tries others ("random"), and by seeds more of the long ones
 # ("histories of commands", the fuzz rows).

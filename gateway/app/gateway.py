@@ -51,12 +51,9 @@ class App:
             )
         ]
         await parts.host.start()  # before all else: the starters' watchdogs run
-        parts.state_dir.start(
-            __version__, on_recalled=parts.dispatcher.recall, on_undelivered=parts.uplink.publish_again
-        )
+        parts.state.start(__version__, on_recalled=parts.dispatcher.recall)
         self._history = asyncio.create_task(parts.history.run())
         await parts.plant.start()
-        parts.uplink.disk_sync.start()
         parts.services.start()
         self._is_up.set()
         try:
@@ -78,12 +75,10 @@ class App:
         await parts.services.close()
         parts.history.end()
         await self._history
-        await parts.policy.identities.close()
-        await parts.watchdogs.close()
-        await parts.policy.published_faults.close()
-        await parts.state_dir.settle()
+        await parts.state.settle()
         await parts.uplink.close(reason)
-        await asyncio.gather(parts.uplink.end(), parts.state_dir.close(reason))
+        await parts.uplink.end()
+        await parts.state.close(reason)
 
     async def _announce_end(self, reason: str) -> None:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""
@@ -121,11 +116,10 @@ class App:
         parts.site = site
         ended = parts.plant.apply(changes)
         parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
-        parts.files.switch(has_operators=has_operators)
+        parts.state.apply(has_operators=has_operators)
         for name in parts.policy.apply(policy_of(config), rights=rights_of(config)):
             parts.plant.starters[name].republish_state()
         parts.dispatcher.apply_rights(rights_of(config))
-        parts.state_dir.apply(is_read_only=not has_operators)
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
         parts.watch_lines()

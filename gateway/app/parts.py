@@ -16,18 +16,16 @@ from gateway.app.io import MACHINE, Io
 from gateway.app.plant import Plant
 from gateway.app.plugins import NAMES, PluginRunner
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.app.site import Site, StateFiles
+from gateway.app.site import Site
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
 from gateway.contract import (
     MAX_TTL_S,
-    EventCode,
     ForgetRecord,
     Latest,
     PublishEvent,
     RecordBus,
     RecordWriter,
-    Severity,
 )
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands
@@ -40,7 +38,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.storage.state_dir import StateDir
+from gateway.store import STATE_FILE, State
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -66,12 +64,16 @@ class Parts:
         self._records = RecordWriter(self._bus, self.clock, boot=self._boot.run)
         self.publish_event: PublishEvent = partial(self._records.event, "")  # of the gateway's own
         self.latest = Latest()
+        self.state = self._build_state()
         self.uplink = Uplink(
-            site, self._tokens, clock=self.clock, sink=self._bus, publish_event=self.publish_event
+            site,
+            self._tokens,
+            store=self.state.store,
+            clock=self.clock,
+            sink=self._bus,
+            publish_event=self.publish_event,
         )
-        self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
-        self.state_dir = self._build_state_dir()
-        self.watchdogs = self._build_watchdogs()
+        self.watchdogs = KnownWatchdogs(self.state.documents, in_thread=asyncio.to_thread)
         self.policy = self._build_policy()
         self.history = self._build_history()
         self.services = self._build_services()
@@ -96,11 +98,13 @@ class Parts:
         self._connect()
 
     def _connect(self) -> None:
-        self.uplink.outbox.on_delivered = self._note_delivered
+        self.uplink.outbox.on_delivered = self.history.delivered
+        self.state.follow(self.uplink.disk_sync.note_news)
+        self.state.commands.row_of = self.uplink.stage
         self.health.note_link(None)
         self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
         self._bus.connect(
-            self.state_dir,  # the audit has a decision before any client can read of it
+            self.state,  # the audit has a decision before any client can read of it
             self.policy,  # states: starts and standstills
             self.services,  # what commands set
             RecordLog(self.clock),
@@ -130,32 +134,14 @@ class Parts:
             wiring=wiring_of(config),
         )
 
-    def _note_delivered(self, key: str) -> None:
-        """Have what is not to be published again forgotten: results in the ledger, records in the history."""
-        self.state_dir.journal.delivered(key)
-        self.history.delivered(key)
-
-    def _build_state_dir(self) -> StateDir:
-        return StateDir(
-            self.site.state_dir,
+    def _build_state(self) -> State:
+        return State(
+            self.site.state_dir / STATE_FILE,
             boot=self._boot.run,
             clock=self.clock,
             hold_s=HOLD_S,
-            is_read_only=not self.site.config.operators,
+            has_operators=bool(self.site.config.operators),
             publish_event=self.publish_event,
-        )
-
-    def _build_watchdogs(self) -> KnownWatchdogs:
-        def note_trouble(trouble: str) -> None:
-            if trouble:
-                self.publish_event(
-                    EventCode.MEMORY_AWAY, "watchdogs", severity=Severity.WARNING, trouble=trouble
-                )
-            else:
-                self.publish_event(EventCode.MEMORY_BACK, "watchdogs")
-
-        return KnownWatchdogs(
-            memory=self.files.watchdogs, in_thread=asyncio.to_thread, on_trouble=note_trouble
         )
 
     def _build_policy(self) -> Policy:
@@ -165,11 +151,9 @@ class Parts:
             [starter.name for starter in config.starters],
             rights=rights_of(config),
             records=self._records,
-            memory=self.files.motor_history,
-            identities_memory=self.files.identities,
-            write_budget_memory=self.files.write_budget,
+            documents=self.state.documents,
             watchdogs=self.watchdogs,
-            published_faults=PublishedFaults(memory=self.files.published_faults),
+            published_faults=PublishedFaults(self.state.documents),
         )
 
     def _build_services(self) -> StarterServices:
@@ -203,7 +187,7 @@ class Parts:
             self.plant.starters,
             rights=rights_of(self.site.config),
             records=self._records,
-            journal=self.state_dir.journal,
+            journal=self.state.commands,
             policy=self.policy,
             stood_still_s=self._suspend_watch.ended_s,
             set_baseline=self.history.set_baseline,
@@ -242,6 +226,7 @@ class Parts:
             dispatcher=self.dispatcher,
             tokens=self._tokens,
             policy=self.policy,
+            documents=self.state.documents,
             starters=self.plant.starters,
             lines=lambda: self.plant.lines,
             mqtt=self.uplink,

@@ -15,8 +15,8 @@ from gateway.app.site import Site
 from gateway.config.convert import setups_of
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.line import capacity
-from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.storage.json_file import JsonFile, ReadOnlyStore
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.store import STATE_FILE, Documents
 
 STOP_S = 4.0  # from the lines' end to the process's: the farewell may take 3 s
 
@@ -106,7 +106,7 @@ def announcement(
 
 def planned_gaps(site: Site) -> list[RestartGap]:
     """Return the gaps of a restart with this site, by what its state directory says; NewerError."""
-    watchdogs = KnownWatchdogs(memory=ReadOnlyStore(JsonFile(site.state_dir / WATCHDOGS_FILE)))
+    watchdogs = KnownWatchdogs(Documents(path=site.state_dir / STATE_FILE))
     setups = {setup.name: setup for line in site.config.lines for setup in setups_of(line)}
     limits_s = {name: watchdogs.limit_s(setup) for name, setup in setups.items()}
     return list(restart_gaps(site.prospects, limit_of=limits_s.get))

@@ -12,12 +12,6 @@ from gateway.config.load import load
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config
 from gateway.config.secrets import metrics_token, mqtt_password, sparkplug_password
-from gateway.starters.identity.registry import IDENTITIES_FILE
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
-from gateway.starters.policy.write_budget import WEAR_FILE
-from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE
-from gateway.starters.telemetry.transitions import FAULTS_FILE
-from gateway.storage.json_file import JsonFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,23 +64,3 @@ class Site:
 
 def _without_polls(prospects: tuple[LineCapacity, ...]) -> tuple[LineCapacity, ...]:
     return tuple(line.without_polls() for line in prospects)
-
-
-class StateFiles:
-    """The files of one gateway.
-
-    Watchdogs and published faults are stored always: they change without any command.
-    The other files are written only while operators are configured.
-    """
-
-    def __init__(self, state_dir: Path, *, has_operators: bool) -> None:
-        self.watchdogs = JsonFile(state_dir / WATCHDOGS_FILE)
-        self.published_faults = JsonFile(state_dir / FAULTS_FILE)
-        names = (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE)
-        self._switched = [JsonFile(state_dir / name, is_on=has_operators) for name in names]
-        self.motor_history, self.identities, self.write_budget = self._switched
-
-    def switch(self, *, has_operators: bool) -> None:
-        """Write the files that depend on operators from now on, or no longer."""
-        for store in self._switched:
-            store.is_on = has_operators

@@ -23,6 +23,7 @@ from gateway.contract import (
     GatewayRecord,
     PublishEvent,
     Record,
+    ResultRecord,
     RetainedTopic,
     Sink,
     Topics,
@@ -41,7 +42,7 @@ from gateway.mqtt import (
     message_of,
 )
 from gateway.starters.policy.freshness import Tokens
-from gateway.storage.outbox import OutboxDisk
+from gateway.store import OutboxTable, Store, Work
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 
@@ -49,7 +50,7 @@ log = logging.getLogger(__name__)
 
 FAREWELL_S = 3.0
 RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
-STORE_WITHIN_S = 2.0
+STORE_WITHIN_S = 1.0
 MOVED = "the configuration names another broker or another login"
 
 
@@ -61,6 +62,7 @@ class Uplink:
         site: Site,
         tokens: Tokens,
         *,
+        store: Store,
         clock: Clock,
         sink: Sink,
         publish_event: PublishEvent,
@@ -77,11 +79,12 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run)
+        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run, utc_of=clock.utc_s)
         self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,
-            OutboxDisk(site.state_dir),
+            store,
+            OutboxTable(),
             clock=clock,
             publish_event=publish_event,
             wake=self.publisher.wake,
@@ -206,11 +209,15 @@ class Uplink:
         self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
         self._moved.set()
 
-    def publish_again(self, records: Sequence[Record]) -> None:
-        """Publish results, starts and trips that a crash may have prevented, unless the outbox has them too.
+    def stage(self, result: ResultRecord) -> Work | None:
+        """Return what stores a final result for the broker, in the transaction of its command.
 
-        They must have a key.
+        None for a result that is no final one, or has no id.
         """
+        return self.disk_sync.stage(message_of(result, self.topics.base)) if result.key else None
+
+    def publish_again(self, records: Sequence[Record]) -> None:
+        """Publish starts and trips that a crash may have prevented, unless the outbox has them too."""
 
         def publish() -> None:
             for record in records:

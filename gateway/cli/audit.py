@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections import deque
+import os
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.errors import UsageError
-from gateway.storage.audit.chain import FIRST_HASH, verify
-from gateway.storage.audit.segments import FOLDER, lines, read_anchor
+from gateway.store import FIRST_HASH, STATE_FILE, Anchor, Verification, read_audit, verify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,46 +34,51 @@ def run(args: argparse.Namespace) -> int:
     """Print, and return 0; 1 when a check found something."""
     if args.last is not None and args.last < 1:
         raise UsageError(f"--last {args.last} shows nothing (1 or more)")
-    folder = _folder(Path(args.path))
+    path = _file(Path(args.path))
     if args.action == "verify":
-        return _verify(folder, args.contains)
-    shown = lines(folder)
-    for _, line in shown if args.last is None else deque(shown, maxlen=args.last):
-        print(line if args.json else _readable(line))
-    return 0
+        return _verify(path, args.contains)
+
+    def show(_: Anchor, lines: Iterator[tuple[str, str]]) -> int:
+        for _place, line in lines:
+            print(line if args.json else _readable(line))
+        return 0
+
+    return read_audit(path, show, last=args.last)
 
 
-def _folder(path: Path) -> Path:
-    """Return the folder with the segments; UsageError when there is none."""
-    if path.is_file():
+def _file(path: Path) -> Path:
+    """Return the file with the audit; UsageError when there is none."""
+    if path.is_file() and path.suffix == ".toml":
         path = path.parent / load(path).gateway.state_dir
-    with suppress(PermissionError):
-        for folder in (path / FOLDER, path):
-            if folder.is_dir() and any(folder.glob("audit-*.jsonl")):
-                return folder
+    file = path / STATE_FILE if path.is_dir() else path
+    if os.access(file, os.R_OK) and file.is_file():
+        return file
     raise UsageError(
         f"no audit in {path} (give the configuration, or its state_dir, as a user who may read it)"
     )
 
 
-def _verify(folder: Path, wanted: str | None) -> int:
-    anchor, is_found = read_anchor(folder), wanted is None
+def _verify(path: Path, wanted: str | None) -> int:
+    is_found = wanted is None
 
-    def passing() -> Iterator[tuple[str, str]]:
-        nonlocal is_found
-        for place, line in lines(folder):
-            is_found = is_found or f'"hash":"{wanted}"' in line
-            yield place, line
+    def check(anchor: Anchor, lines: Iterator[tuple[str, str]]) -> tuple[Anchor, Verification]:
+        def passing() -> Iterator[tuple[str, str]]:
+            nonlocal is_found
+            for place, line in lines:
+                is_found = is_found or f'"hash":"{wanted}"' in line
+                yield place, line
 
-    verdict = verify(passing(), after=anchor.head)
+        return anchor, verify(passing(), after=anchor.head)
+
+    anchor, verdict = read_audit(path, check)
     problems = list(verdict.problems)
     if anchor.head is None:
-        problems.append("the anchor of the removed segments cannot be read")
+        problems.append("where the chain stood before its first line cannot be read")
     for problem in problems:
         print(problem)
     described = "broken" if problems else "whole"
     since = f"line {anchor.head.number + 1}" if anchor.head else "?"
-    print(f"{folder}: {verdict.count} entries from {since} on, chain {described}")
+    print(f"{path}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
     is_found = is_found or wanted == (anchor.head and anchor.head.hash)

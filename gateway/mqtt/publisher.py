@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
 
 from gateway.contract import (
@@ -20,8 +19,6 @@ from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import RunToken
 from gateway.system.clock import Clock
-
-log = logging.getLogger(__name__)
 
 EVERY_S = 30.0  # gateway/outbox
 LOOK_EVERY_S = 1.0  # whether something was dropped or refused
@@ -105,28 +102,12 @@ class Publisher:
         reported = (0, 0)
         due_s = self._clock.now_s()
         while True:
-            losses = self._losses()
+            losses = (self._outbox.backlog.losses.dropped, self._outbox.refusals.count)
             if losses != reported or self._clock.now_s() >= due_s:
                 self._sink.put(OutboxRecord(**self._outbox.statistics(self._clock.now_s())))
-                self._log_losses(reported, losses)
                 reported = losses
                 due_s = self._clock.now_s() + EVERY_S
             await asyncio.sleep(LOOK_EVERY_S)
-
-    def _losses(self) -> tuple[int, int]:
-        return self._outbox.dropped, self._outbox.refused
-
-    def _log_losses(self, before: tuple[int, int], after: tuple[int, int]) -> None:
-        """Log the first of each kind; the counts are in `gateway/outbox`."""
-        if after[0] and not before[0]:
-            log.warning("outbox full: the oldest history, events and audit records are dropped")
-        if after[1] and not before[1]:
-            refusal = self._outbox.refusals[-1]
-            log.error(
-                "topic=%s refused by the broker, reason code 0x%02X; check its access list",
-                refusal.topic,
-                refusal.reason_code,
-            )
 
     def _forget(self, gone: ForgetRecord) -> None:
         for line in gone.lines:

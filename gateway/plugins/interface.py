@@ -17,6 +17,7 @@ from gateway.starters.policy.freshness import Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.history_table import HistoryRow
+from gateway.store import Documents
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
 from gateway.system.supervised import InThread
@@ -117,6 +118,7 @@ class Gateway:
     dispatcher: Dispatcher  # what would be refused now
     tokens: Tokens
     policy: Policy
+    documents: Documents
     starters: Mapping[str, ShownStarter]
     lines: Callable[[], Mapping[str, LineClient]]  # those of the present configuration
     mqtt: Mqtt

@@ -1,64 +1,34 @@
 """Every file of a state directory, and the format that this program reads and writes.
 
-A file that names no format has the first. A file of a later format than this program's is never opened, set
-aside or overwritten.
+A file of a later format than this program's is never opened, set aside or overwritten.
 """
 
 from __future__ import annotations
 
-import enum
+import os
 import re
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import NewerError
+from gateway.store import STATE, STATE_FILE
 
-FORMAT = 1  # of every file
-KEY = "version"  # of a JSON document; SQLite has PRAGMA user_version
-
-
-class FileKind(enum.Enum):
-    """How a file says its format, and how a consistent copy of it is made."""
-
-    SQLITE = "sqlite"
-    JSON = "json"
-
-
-@dataclass(frozen=True, slots=True)
-class StateFile:
-    """One file; `name` is its path in the state directory."""
-
-    name: str
-    kind: FileKind
-
-
-STATE_FILES = {
-    Path(each.name).name: each
-    for each in (
-        StateFile("gateway.sqlite", FileKind.SQLITE),
-        StateFile("outbox.sqlite", FileKind.SQLITE),
-        StateFile("history.db", FileKind.SQLITE),
-        StateFile("precautions.json", FileKind.JSON),
-        StateFile("identities.json", FileKind.JSON),
-        StateFile("watchdogs.json", FileKind.JSON),
-        StateFile("faults.json", FileKind.JSON),
-        StateFile("wear.json", FileKind.JSON),
-        StateFile("home-assistant.json", FileKind.JSON),
-        StateFile("sparkplug/bdseq.json", FileKind.JSON),
-    )
-}
+STATE_FILES = {STATE_FILE: len(STATE.steps), "outbox.sqlite": 1, "history.db": 1}  # the newest known formats
+FORMAT = 1  # of the last two
 LOCK_FILE = "gateway.lock"
+OTHERS = 0o077
 
-# Also SQLite's journals, and new and damaged files.
+# Also SQLite's journals, the reserve, and new and damaged files.
 OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*STATE_FILES, LOCK_FILE))})([.-].*)?")
 
 
 def newer_text(path: Path, version: int) -> str:
     """Return what is wrong with a file that a later version of this program has written; empty: nothing."""
-    if version <= FORMAT:
+    known = STATE_FILES.get(path.name, FORMAT)
+    if version <= known:
         return ""
     return (
-        f"{path} has format {version}, and this program knows formats up to {FORMAT} "
+        f"{path} has format {version}, and this program knows formats up to {known} "
         "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
     )
 
@@ -67,3 +37,17 @@ def require_known(path: Path, version: int) -> None:
     """Raise NewerError for a file that a later version of this program has written."""
     if text := newer_text(path, version):
         raise NewerError(text)
+
+
+def keep_private(folder: Path) -> None:
+    """Give the gateway's own files in a folder mode 0600, also those that this process makes from now on.
+
+    All others are left as they are: the folder may be one that other programs use too. So is what belongs to
+    another user; folders keep their modes.
+    """
+    os.umask(OTHERS)
+    with suppress(OSError):
+        for path in [path for path in folder.iterdir() if OWN_NAMES.fullmatch(path.name)]:
+            with suppress(OSError):
+                if path.lstat().st_mode & OTHERS and path.is_file() and not path.is_symlink():
+                    path.chmod(0o600)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from gateway.storage.state_dir import StateDir
 
 from gateway import contract
 from gateway.app.record_log import RecordLog, log_failure
@@ -23,7 +24,6 @@ from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
-from gateway.storage.state_dir import StateDir
 
 
 class Subscriber:

@@ -7,17 +7,17 @@ import json
 from pathlib import Path
 
 import pytest
+from gateway.storage.audit.chain import Head, verify
+from gateway.storage.audit.segments import FOLDER, lines
+from gateway.storage.json_file import JsonFile
+from gateway.storage.ledger_table import LedgerTable
 
 from gateway.cli.main import main
 from gateway.cli.restore.caution import locked_document
 from gateway.config.load import load
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.storage.audit.chain import Head, verify
-from gateway.storage.audit.segments import FOLDER, lines
 from gateway.storage.database import Database
 from gateway.storage.formats import STATE_FILES
-from gateway.storage.json_file import JsonFile
-from gateway.storage.ledger_table import LedgerTable
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in

@@ -12,6 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from gateway.storage.journal import Remembered
+
 from gateway.app.record_log import log_failure
 from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError
@@ -37,7 +39,6 @@ from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-from gateway.storage.journal import Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock

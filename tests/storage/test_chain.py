@@ -5,10 +5,9 @@ import json
 from typing import Any
 
 import pytest
+from gateway.storage.audit.chain import Head, canonical, link, read_line, verify
 from hypothesis import given
 from hypothesis import strategies as st
-
-from gateway.storage.audit.chain import Head, canonical, link, read_line, verify
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),

@@ -8,24 +8,21 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from gateway.storage.json_file import JsonFile
+from gateway.storage.ledger_table import LedgerTable
 
 from gateway.cli.main import main
 from gateway.errors import DamagedError, NewerError
 from gateway.storage.database import Database, stored_version
-from gateway.storage.json_file import JsonFile
 from gateway.storage.upkeep.versions import refuse_newer
-from tests.storage.store_rig import Things, insert
 
 JSON, SQLITE = "wear.json", "history.db"
 
 
-def database_with(folder: Path, text: str) -> Path:
-    path = folder / SQLITE
-    database = Database(path, [Things()], 2**20)
+def make_database(folder: Path) -> None:
+    database = Database(folder / SQLITE, [LedgerTable()], 2**20)
     assert database.open() == ""
-    database.transact([insert(text)])
     database.close()
-    return path
 
 
 def names(folder: Path) -> set[str]:
@@ -49,7 +46,7 @@ def test_a_version_that_is_none_is_damage(version: object, tmp_path: Path) -> No
 
 
 def test_every_file_of_a_later_version_is_named_and_none_is_touched(tmp_path: Path) -> None:
-    database_with(tmp_path, "a")
+    make_database(tmp_path)
     set_version(tmp_path / SQLITE, 4)
     (tmp_path / JSON).write_text('{"version": 2}')
     (tmp_path / "faults.json").write_text("damaged")

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 from gateway.storage.audit.segments import Anchor, write_anchor
-from gateway.storage.database import Database
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.state_dir import OWN_NAMES, keep_private
+
+from gateway.storage.database import Database
 
 
 @pytest.fixture(autouse=True)

@@ -10,16 +10,13 @@ from pathlib import Path
 
 from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.config.schema import Config
-from gateway.errors import DamagedError
+from gateway.errors import StoreError
 from gateway.families import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
-from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
-from gateway.storage.audit.segments import FOLDER as AUDIT
-from gateway.storage.formats import STATE_FILES
-from gateway.storage.json_file import JsonFile
-from gateway.storage.ledger import INTEND_WITHIN_S
+from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
 from gateway.storage.upkeep.state_copy import own_files
+from gateway.store import INTEND_WITHIN_S, STATE_FILE, read_document
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
 
@@ -40,7 +37,6 @@ class DoctorFinding:
         return f"{self.weight or 'ok':8}{self.where}: {self.text}"
 
 
-OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in STATE_FILES.values())})
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
 
@@ -86,8 +82,8 @@ def dated_remark(
 def wear_remarks(folder: Path) -> list[DoctorFinding]:
     """Return how often the gateway of this state directory has written to the starters' memories."""
     try:
-        writes = totals_in(JsonFile(folder / WEAR_FILE).load() or {"writes": {}})
-    except DamagedError as error:
+        writes = read_document(folder / STATE_FILE, "writes", WRITES) or {}
+    except StoreError as error:
         return [DoctorFinding("state_dir", f"{error}", Weight.NOTE)]
     return [_wear_remark(starter, count) for starter, count in sorted(writes.items())]
 
@@ -129,10 +125,6 @@ def _state_dir_trouble(folder: Path) -> str:
 def _foreign_in(folder: Path) -> Iterator[Path]:
     """Yield what this user may not write; for root, who may, what is not the folder's owner's."""
     owner = folder.stat().st_uid
-    for path in (each for each in folder.iterdir() if each.is_dir() and not each.is_symlink()):
-        if path.name in OWN_FOLDERS and not os.access(path, os.R_OK | os.W_OK | os.X_OK):
-            yield path
-            return
     for path in own_files(folder):
         with suppress(OSError):  # removed meanwhile
             is_another = os.geteuid() == 0 and path.lstat().st_uid != owner

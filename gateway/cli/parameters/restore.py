@@ -23,30 +23,31 @@ from pathlib import Path
 from gateway.cli.command import Progress
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
 from gateway.contract import CommandError, Note, ResultCode
-from gateway.errors import DamagedError, StoreError, UsageError
+from gateway.errors import StoreError, UsageError
 from gateway.families import Identity, reading
 from gateway.line import new_precise_loop
-from gateway.starters.identity.registry import IDENTITIES_FILE, mismatch_in
+from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, mismatch_in
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd
 from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, plan_restore, restore_codes
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
+from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.preconditions import refusal
-from gateway.starters.policy.write_budget import WEAR_FILE, totals_in
+from gateway.starters.policy.write_budget import WRITES
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.storage.json_file import JsonFile, ReadOnlyStore
-from gateway.storage.state_dir import keep_private
+from gateway.starters.telemetry.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownWatchdogs
+from gateway.storage.formats import keep_private
+from gateway.store import STATE_FILE, Documents, read_document, write_document
 from gateway.system.clock import read_clocks
 
 
 def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
     """Return why this may be another starter; empty when it is the known one, or the first one seen here."""
     try:
-        mismatch = mismatch_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
-    except DamagedError as error:
+        known = read_document(state_dir / STATE_FILE, FINGERPRINTS, KNOWN) or {}
+    except StoreError as error:
         return f"whether it is the starter that the gateway knows is unknown: {error}"
+    mismatch = mismatch_in(known.get(setup.name), setup, identity)
     return "" if mismatch is None else mismatch.event.text
 
 
@@ -57,11 +58,11 @@ def count_writes(state_dir: Path, starter: str, writes: int) -> str:
     """
     if not writes or not state_dir.is_dir():
         return ""
-    memory = JsonFile(state_dir / WEAR_FILE)
+    path = state_dir / STATE_FILE
     try:
-        totals = totals_in(memory.load() or {"writes": {}})
-        memory.write({"writes": {**totals, starter: totals.get(starter, 0) + writes}})
-    except (DamagedError, StoreError) as error:
+        totals = read_document(path, "writes", WRITES) or {}
+        write_document(path, "writes", WRITES, {**totals, starter: totals.get(starter, 0) + writes})
+    except StoreError as error:
         return f"writes to the memory of {starter} that are not counted: {writes}; {error}"
     return ""
 
@@ -70,18 +71,18 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
     """Return why nothing may be set in this starter; None when it is not locked."""
     logbook = MotorHistory([starter])
     try:
-        document = JsonFile(state_dir / PRECAUTIONS_FILE).load()
-        if document is not None:
-            logbook.restore(document, now_s=0.0, reading=read_clocks())
-    except DamagedError as error:
+        stored = read_document(state_dir / STATE_FILE, LOCKS, MOTORS)
+    except StoreError as error:
         return CommandError(ResultCode.LOCKED, "unreadable", starter=starter, error=error)
+    if stored is not None:
+        logbook.restore(stored, now_s=0.0, reading=read_clocks())
     lock = logbook.lock_of(starter)
     return None if lock is None else refusal(lock)
 
 
 def known_watchdogs(state_dir: Path, starters: Iterable[StarterSetup]) -> KnownWatchdogs:
     """Return what the gateway knew last of the starters of a line."""
-    watchdogs = KnownWatchdogs(memory=ReadOnlyStore(JsonFile(state_dir / WATCHDOGS_FILE)))
+    watchdogs = KnownWatchdogs(Documents(path=state_dir / STATE_FILE))
     for setup in starters:
         watchdogs.add(setup)
     return watchdogs
@@ -95,7 +96,7 @@ def save_watchdogs(state_dir: Path, watchdogs: KnownWatchdogs) -> str:
     if not state_dir.is_dir():
         return ""
     try:
-        JsonFile(state_dir / WATCHDOGS_FILE).write(watchdogs.to_document())
+        write_document(state_dir / STATE_FILE, WATCHDOGS, KNOWN_ROWS, watchdogs.known())
     except StoreError as error:
         return f"the next run does not know the watchdogs until it has read them: {error}"
     return ""

@@ -10,7 +10,7 @@ import argparse
 import asyncio
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -31,13 +31,12 @@ from gateway.cli.report.text import to_text
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_object, rfc3339
-from gateway.errors import DamagedError, GatewayError, NewerError
+from gateway.errors import GatewayError, StoreError
 from gateway.families import LANGUAGES, load_profile
 from gateway.mqtt import Incoming, connected
-from gateway.starters.identity.registry import IDENTITIES_FILE
-from gateway.storage.audit.segments import FOLDER, lines
+from gateway.starters.identity.registry import FINGERPRINTS, KNOWN
 from gateway.storage.history import read_history
-from gateway.storage.json_file import JsonFile
+from gateway.store import STATE_FILE, Anchor, read_audit, read_document
 
 ASKED_WITHIN_S = 2.0  # retained messages come at once
 CONNECTED_WITHIN_S = 5.0
@@ -114,27 +113,34 @@ def make_report(
     return report
 
 
-def _audit(state_dir: Path, report: HealthReport) -> Iterator[Mapping[str, Any]]:
-    """Give the entries of the audit, the oldest first; a line that is none is left out."""
-    if not (state_dir / FOLDER).is_dir():
-        return
-    try:
-        for _, text in lines(state_dir / FOLDER):
+def _audit(state_dir: Path, report: HealthReport) -> Sequence[Mapping[str, Any]]:
+    """Return the entries of the audit, the oldest first; a line that is none is left out."""
+    if not (state_dir / STATE_FILE).exists():
+        return []
+
+    def entries(_: Anchor, lines: Iterator[tuple[str, str]]) -> list[Mapping[str, Any]]:
+        found: list[Mapping[str, Any]] = []
+        for _place, text in lines:
             with suppress(ValueError):
                 entry = json.loads(text)
                 if isinstance(entry, dict):
-                    yield entry
-    except OSError as error:
-        report.notes.append(f"the audit cannot be read ({error.strerror}): changed parameters are left out")
+                    found.append(entry)
+        return found
+
+    try:
+        return read_audit(state_dir / STATE_FILE, entries)
+    except StoreError as error:
+        report.notes.append(f"the audit cannot be read ({error}): changed parameters are left out")
+        return []
 
 
 def _known_identity(state_dir: Path, name: str) -> Mapping[str, Any]:
     """Return the fingerprint that the gateway has stored; empty without one."""
     try:
-        known = (JsonFile(state_dir / IDENTITIES_FILE).load() or {})["starters"][name]
-    except (DamagedError, NewerError, KeyError, TypeError):
+        known = (read_document(state_dir / STATE_FILE, FINGERPRINTS, KNOWN) or {}).get(name)
+    except StoreError:
         return {}
-    return known if isinstance(known, dict) else {}
+    return {} if known is None else known.fingerprint.as_data()
 
 
 def _identity(

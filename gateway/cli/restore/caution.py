@@ -13,87 +13,62 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
-from gateway.contract import MAX_TTL_S, LockRecord, rfc3339
+from gateway.contract import MAX_TTL_S, LockRecord
 from gateway.errors import DamagedError
+from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
+from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
 from gateway.starters.policy.freshness import MAX_AHEAD_S
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
+from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
 from gateway.starters.policy.policy import GATEWAY
-from gateway.storage.audit.segments import FOLDER
-from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
-from gateway.storage.formats import STATE_FILES
-from gateway.storage.json_file import JsonFile
+from gateway.store import STATE_FILE, append_note, mark_restored, read_document, write_document
 from gateway.system.clock_steps import ClockReading
 
-LEDGER = "gateway.sqlite"
-BDSEQ = "bdseq.json"
-BIRTHS = 256  # numbers of births, then 0 again [Sparkplug 3.0, bdSeq]
 HELD = f"for {MAX_TTL_S + MAX_AHEAD_S:.0f} s after its first start the gateway takes no command but stop"
 
 
-def lock_all(
-    state_dir: Path, config: Config, reading: ClockReading, what: str, content: bytes | None
-) -> list[str]:
-    """Store starts and locks of the past, with every starter locked that can be; return those locked by it.
-
-    `content` is the file's of then; it is never in place without the locks.
-    """
-    file = JsonFile(state_dir / PRECAUTIONS_FILE)
+def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) -> list[str]:
+    """Lock every starter that can be in the state of a backup; return those locked by it. StoreError."""
+    path = state_dir / STATE_FILE
     try:
-        document = None if content is None else file.understood(content)
+        stored = read_document(path, LOCKS, MOTORS)
     except DamagedError:
-        document = None
-    stored, locked = locked_document(document, config, reading, what)
-    if stored:
-        file.write(stored)
-    return locked
-
-
-def locked_document(
-    document: Mapping[str, Any] | None, config: Config, reading: ClockReading, what: str
-) -> tuple[dict[str, Any], list[str]]:
-    """Return what is to be stored of starts and locks, and which starters are locked by it."""
+        stored = None
     names = [starter.name for starter in config.starters]
     history, here = MotorHistory(names), reading
-    if document is not None:
-        at = document.get("at") or {}
-        here = ClockReading(reading.up_s, float(at.get("utc_s", reading.utc_s)), reading.boot_id)
-        moved = {**document, "at": {"up_s": here.up_s, "utc_s": here.utc_s, "boot_id": here.boot_id}}
-        try:
-            history.restore(moved, now_s=here.up_s, reading=here)
-        except DamagedError:
-            history = MotorHistory(names)
+    if stored is not None:
+        here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
+        history.restore(_moved(stored, here), now_s=here.up_s, reading=here)
     rights = rights_of(config)
     locked = [name for name in names if rights.is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
         text = f"{what}: locks and starts since then are not known; look, then unlock"
         history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=text))
-    is_empty = document is None and not locked
-    return {} if is_empty else history.to_document(now_s=here.up_s, reading=here), locked
+    if stored is not None or locked:
+        write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
+    return locked
 
 
-def note_past(state_dir: Path, reading: ClockReading, what: str) -> None:
-    """Let births be counted from elsewhere, and say in the audit that this state is one of before."""
-    numbers = JsonFile(state_dir / STATE_FILES[BDSEQ].name)
+def _moved(stored: StoredMotors, here: ClockReading) -> StoredMotors:
+    """Return the same with its times as they are, and read by the clocks of this machine."""
+    at = stored.at.model_copy(update={"up_s": here.up_s, "boot_id": here.boot_id})
+    return stored.model_copy(update={"at": at})
+
+
+def note_past(state_dir: Path, what: str) -> None:
+    """Count births from elsewhere, say in the audit that this state is one of before, and mark it."""
+    path = state_dir / STATE_FILE
     with suppress(DamagedError):
-        before = (numbers.load() or {}).get("bdSeq")
-        if isinstance(before, int):
-            numbers.write({"bdSeq": (before + BIRTHS // 2) % BIRTHS})
-    writer = AuditWriter(state_dir / FOLDER, SEGMENT_BYTES, MOST_SEGMENTS)
-
-    def note(code: str, text: str) -> dict[str, Any]:
-        return {"kind": "note", "boot": "", "time": rfc3339(reading.utc_s), "code": code, "text": text}
-
-    try:
-        writer.append([note("state_restored", what)], note=note)
-    finally:
-        writer.close()
+        before = read_document(path, BIRTHS, NUMBER)
+        if before is not None:
+            write_document(path, BIRTHS, NUMBER, (before + SEQ_NUMBERS // 2) % SEQ_NUMBERS)
+    append_note(path, "state_restored", what)
+    mark_restored(path)
 
 
 def give_to_owner_of(folder: Path, paths: Iterable[Path]) -> None:

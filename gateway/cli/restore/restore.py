@@ -22,9 +22,6 @@ from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
 from gateway.errors import ConfigError, DamagedError, NewerError, StartError, StoreError
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
-from gateway.storage.audit.segments import FOLDER as AUDIT
-from gateway.storage.audit.segments import LOCK as AUDIT_LOCK
 from gateway.storage.formats import STATE_FILES, newer_text
 from gateway.storage.upkeep.archive import Archive, open_archive
 from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
@@ -134,17 +131,11 @@ def _give_state_dir(archive: Archive, place: _Place, *, is_new: bool) -> None:
 def _write_state(archive: Archive, place: _Place, stage: Path) -> list[str]:
     """Write the state as it is to be; return the starters that are locked in it."""
     what, reading = f"restored from a backup of {archive.manifest['made']}", read_clocks()
-    before = place.state.get(PRECAUTIONS_FILE)
-    content = None if before is None else archive.read(before)
-    locked = lock_all(stage, place.config, reading, what, content)
     for name, stored in sorted(place.state.items()):
-        if name != PRECAUTIONS_FILE:
-            path = stage / name
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            archive.extract(stored, path)
+        archive.extract(stored, stage / name)
     refuse_newer(stage)
-    note_past(stage, reading, what)
-    (stage / AUDIT / AUDIT_LOCK).unlink(missing_ok=True)
+    locked = lock_all(stage, place.config, reading, what)
+    note_past(stage, what)
     give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
     return locked
 
@@ -171,11 +162,10 @@ def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -
 def _refuse_newer(facts: Mapping[str, Any]) -> None:
     """Raise NewerError when this program could not read what would be restored."""
     versions = facts.get("state")
-    known = {each.name for each in STATE_FILES.values()}
     texts = [
         newer_text(Path(name), version)
         for name, version in (versions.items() if isinstance(versions, dict) else ())
-        if name in known and isinstance(version, int)
+        if name in STATE_FILES and isinstance(version, int)
     ]
     if any(texts):
         raise NewerError("\n".join(text for text in texts if text))

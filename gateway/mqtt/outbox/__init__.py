@@ -1,4 +1,5 @@
-"""What is to be published and not yet acknowledged, in memory and on the disk.
+"""What is to be published and not yet acknowledged: in memory what comes next, in a table all of it.
 
-Start at `outbox`; `backlog` keeps the order, `segment` is one queue of it, `disk_sync` writes it to the disk.
+Start at `outbox`, which says what goes out next; `backlog` knows where each row is, `queue` the order of one
+rank, `losses` what will never come; `disk_sync` alone talks to the disk.
 """

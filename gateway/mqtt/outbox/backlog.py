@@ -1,316 +1,343 @@
-"""What waits for the broker while it is away: results, events, and values that a newer one replaced.
+"""The rows that wait for the broker: which of them are in memory, and what the table must be told.
 
-Each entry stays until the broker has acknowledged it. A disk, where there is one, stores it a moment later,
-and holds what exceeds the memory. This class does no I/O: `collect` returns what the disk has to write next.
+A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
+being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
+memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
+written, and `written` or `unwritten` must follow. What was delivered is deleted apart from that, by
+`take_delivered`: on a full disk only deleting is possible, and makes room.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, islice
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
+from typing import NamedTuple
 
-from gateway.mqtt.message import Message
-from gateway.mqtt.outbox.segment import (
-    LOWEST,
-    MessageState,
-    QueuedMessage,
-    Segment,
-    Wanted,
-    entry_of,
-    in_order,
-    row_of,
-)
-from gateway.storage.spool import Changes, Kind, Loss, Recalled, Refusal, SpoolPage, merged
+from gateway.mqtt.outbox.losses import Losses
+from gateway.mqtt.outbox.queue import HIGHEST, RankQueue
+from gateway.store import DAMAGED, DISK_FULL, Deleted, Loss, OutboxRow, Page, Rank, Total, losses_of
 
-HIGHEST = 2**62
-MOST_AT_ONCE = 500  # rows in one transaction
-MOST_REFUSALS = 100  # that wait for the disk
-MEMORY, STORE = "memory_full", "store_lost"  # why something was lost
-WINDOWS = {Kind.VALUE: 2000, Kind.EVENT: 1000, Kind.RESULT: 1000}  # in memory, when there is more on a disk
+MEMORY_FULL, STORE_LOST = "memory_full", "store_lost"  # why something was lost
+WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
+LOOKAHEAD = 1000  # rows among which a history is gathered
+MOST_VALUES = 500  # in one transaction
+MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
+
+
+class Batch(NamedTuple):
+    """What is to be written in one transaction."""
+
+    rows: Sequence[OutboxRow]
+    lost: Mapping[int, Rank]  # rows that are to be deleted, by id
+    losses: Sequence[Loss] | None  # None: the table has them
+    keep: frozenset[int]  # what may not be deleted for room
+
+    @property
+    def is_flushed(self) -> bool:
+        """Return whether it must be on the disk itself, not only in the kernel's hands."""
+        return self.losses is not None or any(row.rank is not Rank.VALUE for row in self.rows)
 
 
 class Backlog:
-    """Six segments: three kinds, each of this run and of earlier runs; bounded in memory by rows and bytes.
+    """Three queues, one a rank. `on_work` is called when something must reach the disk now.
 
-    `on_work` is called when there is something for the disk to do. Times are the steady clock's.
+    Times are the steady clock's, and `utc_of` makes wall times of them. While `is_table_away` what is in
+    memory does not wait for what is only in the table.
     """
 
-    def __init__(self, *, boot: str, max_rows: int, max_bytes: int) -> None:
-        self._boot = boot
-        self._max_rows = max_rows
-        self._max_bytes = max_bytes
-        self._old = {kind: Segment(kind, window=WINDOWS[kind], end=1) for kind in Kind}
-        self._new = {kind: Segment(kind, window=WINDOWS[kind], end=HIGHEST) for kind in Kind}
-        self._segments = (*self._old.values(), *self._new.values())
-        self._out: dict[int, QueuedMessage] = {}  # taken and not acknowledged
-        self._out_bytes = 0
-        self._numbers = 0
-        self.has_news = False  # whether `next` may have something; looked at for each value that is sent
-        self._fresh: dict[int, QueuedMessage] = {}
-        self._writing: list[QueuedMessage] = []
-        self._gone: list[tuple[Kind, int]] = []
-        self._refusals: deque[Refusal] = deque(maxlen=MOST_REFUSALS)
-        self._losses: tuple[Loss, ...] = ()  # of memory; times of the steady clock
-        self._keys: frozenset[str] = frozenset()
-        self.dropped = 0
-        self.is_disk_away: Callable[[], bool] = lambda: True
+    def __init__(self, *, max_rows: int, max_bytes: int, utc_of: Callable[[float], float]) -> None:
+        self._max_rows, self._max_bytes = max_rows, max_bytes
+        self._utc_of = utc_of
+        self._queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
+        self._memory: dict[int, OutboxRow] = {}
+        self._bytes = 0  # in memory, but for what is held
+        self._held: set[int] = set()
+        self._flying: set[int] = set()
+        self._unwritten: dict[int, None] = {}
+        self._writing: frozenset[int] = frozenset()
+        self._delivered: dict[int, Rank] = {}  # what the table has to delete
+        self._lost: dict[int, Rank] = {}  # likewise, together with a loss
+        self.losses = Losses()
+        self.is_table_away: Callable[[], bool] = lambda: True
         self.on_work: Callable[[], None] = lambda: None
 
     @property
-    def last_number(self) -> int:
-        """Return the number of the newest entry."""
-        return self._numbers
-
-    @property
     def is_empty(self) -> bool:
-        """Return whether nothing waits, here or on the disk."""
-        return not self._out and not any(len(segment) or segment.sunk.rows for segment in self._segments)
+        """Return whether nothing waits, here or in the table."""
+        return not self._flying and not any(queue.rows for queue in self._queues.values())
 
     @property
     def has_history(self) -> bool:
         """Return whether values wait to be published late."""
-        segments = (self._old[Kind.VALUE], self._new[Kind.VALUE])
-        return any(not entry.is_held for segment in segments for entry in segment) or any(
-            segment.sunk.rows for segment in segments
-        )
-
-    def knows(self, key: str) -> bool:
-        """Return whether an earlier run has left the message of this key behind."""
-        return key in self._keys
-
-    def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> QueuedMessage:
-        """Add a message or a value; when memory is full the oldest values go first, results last."""
-        self._numbers += 1
-        entry = QueuedMessage(
-            self._numbers, kind, message, self._boot, since_s, self._new[kind], is_held=is_held
-        )
-        entry.segment.add(entry)
-        self._fresh[entry.number] = entry
-        self.has_news |= kind is not Kind.VALUE
-        self._make_room()
-        self.on_work()
-        return entry
-
-    def next(self, late_upto: int) -> QueuedMessage | None:
-        """Return the result or event that comes next; what is not `late` does not wait for what is."""
-        is_away = self.is_disk_away()
-        result, event = (self._first(kind, is_away, late_upto) for kind in (Kind.RESULT, Kind.EVENT))
-        if result is None or event is None:
-            self.has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
-            return result or event
-        is_result_late = result.number <= late_upto
-        is_event_first = event.number < result.number and (is_result_late or event.number > late_upto)
-        return event if is_event_first else result
-
-    def take(self, entry: QueuedMessage) -> None:
-        """Remove what `next` returned, until it is done or given back."""
-        entry.segment.take(entry)
-        self._fly(entry)
-
-    def take_history(self, most: int) -> list[QueuedMessage]:
-        """Remove some values of one run and starter, until they are done or given back."""
-        is_away = self.is_disk_away()
-        for segment in (self._old[Kind.VALUE], self._new[Kind.VALUE]):
-            batch = segment.take_batch(most, is_disk_away=is_away)
-            if batch:
-                for entry in batch:
-                    self._fly(entry)
-                self.on_work()  # another page may be wanted
-                return batch
-        return []
-
-    def done(self, entries: Sequence[QueuedMessage]) -> None:
-        """Note that the broker has acknowledged what was taken."""
-        for entry in entries:
-            del self._out[entry.number]
-            self._out_bytes -= entry.size
-            entry.is_gone = True
-            self._note_gone(entry)
-        self.on_work()
-
-    def cancel(self, entry: QueuedMessage) -> None:
-        """Remove an entry that is no longer needed: its value was published live."""
-        if not entry.is_gone:
-            entry.segment.cancel(entry)
-            self._note_gone(entry)
-            self.on_work()
-
-    def release(self, entry: QueuedMessage) -> None:
-        """Let the history include a value that was held for its live publication."""
-        entry.is_held = False
-        if entry.is_gone:
-            self._lose(MEMORY, entry)
-
-    def give_back_all(self) -> None:
-        """Put everything that was taken and not done back, in its old order."""
-        for segment in self._segments:
-            taken = in_order(entry for entry in self._out.values() if entry.segment is segment)
-            segment.give_back(taken)
-        self._out.clear()
-        self._out_bytes = 0
-        self.has_news = True
-
-    def refuse(self, refusal: Refusal) -> None:
-        """Set aside what the broker would not take; its time is the steady clock's."""
-        self._refusals.append(refusal)
+        return self._queues[Rank.VALUE].rows > 0
 
     def waiting(self) -> tuple[int, int, float | None]:
-        """Return how many rows wait (here, on their way, and on the disk), how many bytes, and since when."""
-        shares = [segment.sunk for segment in self._segments if segment.sunk.rows]
-        since_s = [share.first_s for share in shares]
-        since_s += [entry.since_s for entry in chain(*self._segments, self._out.values())]
-        rows = (
-            sum(len(segment) for segment in self._segments)
-            + len(self._out)
-            + sum(each.rows for each in shares)
-        )
-        return rows, self._bytes + sum(each.bytes for each in shares), min(since_s, default=None)
+        """Return how many rows wait (in flight and in the table too), how many bytes, and since when."""
+        flying = [self._memory[id_] for id_ in self._flying]
+        queues = [queue for queue in self._queues.values() if queue.rows]
+        since_s = [row.time_s for row in flying]
+        since_s += [self._memory[queue.ids[0]].time_s for queue in queues if queue.ids]
+        since_s += [queue.first_s for queue in queues if queue.beyond]
+        rows = len(flying) + sum(queue.rows for queue in queues)
+        size = sum(row.size for row in flying) + sum(queue.bytes for queue in queues)
+        return rows, size, min(since_s, default=None)
 
-    # What the disk has to write.
+    # Rows come, wait for their word, go out, and are gone.
 
-    def collect(self, utc_of: Callable[[float], float]) -> Changes | None:
-        """Return what the disk is to do next, None for nothing; `written` or `unwritten` must follow."""
-        self._writing = list(islice(self._fresh.values(), MOST_AT_ONCE))
-        for entry in self._writing:
-            del self._fresh[entry.number]
-            entry.state = MessageState.WRITING
-        changes = Changes(
-            rows=tuple(row_of(entry, utc_of) for entry in self._writing),
-            gone=tuple(self._gone),
-            refusals=tuple(each._replace(time_s=utc_of(each.time_s)) for each in self._refusals),
-        )
-        self._gone.clear()
-        self._refusals.clear()
-        return changes if changes.rows or changes.gone or changes.refusals else None
+    def put(self, row: OutboxRow) -> None:
+        """Take a row; when memory is full the oldest values go first, results last."""
+        self._memory[row.id] = row
+        self._enqueue(row, is_new=True)
 
-    def written(self) -> None:
-        """Note that the disk has done what `collect` returned."""
-        for entry in self._writing:
-            entry.state = MessageState.WRITTEN
-            if entry.is_gone:
-                self._note_gone(entry)
-        self._writing = []
-        for segment in self._segments:
-            segment.thin()
+    def hold(self, row: OutboxRow, *, is_staged: bool = False) -> None:
+        """Have a row stored that waits to be released; one that is staged somebody else stores."""
+        self._memory[row.id] = row
+        self._held.add(row.id)
+        if not is_staged:
+            self._unwritten[row.id] = None
 
-    def unwritten(self, changes: Changes) -> None:
-        """Note that the disk could not do it."""
-        again = [entry for entry in self._writing if not entry.is_gone]
-        for entry in again:
-            entry.state = MessageState.FRESH
-        self._fresh = {entry.number: entry for entry in again} | self._fresh
-        self._writing = []
-        self._gone[:0] = changes.gone
-        self._refusals.extendleft(reversed(changes.refusals))
+    def holds(self, id_: int) -> bool:
+        """Return whether a row is held."""
+        return id_ in self._held
 
-    def take_losses(self, utc_of: Callable[[float], float]) -> tuple[Loss, ...]:
-        """Return what memory could not hold since the last time."""
-        losses, self._losses = self._losses, ()
-        return tuple(
-            each._replace(
-                first_s=None if each.first_s is None else utc_of(each.first_s),
-                last_s=None if each.last_s is None else utc_of(each.last_s),
-            )
-            for each in losses
-        )
+    def release(self, id_: int) -> None:
+        """Let a held row be sent."""
+        self._held.remove(id_)
+        row = self._memory[id_]
+        # Whether a staged row could be stored is not known here: it is stored again, which changes nothing.
+        self._enqueue(row, is_new=bool(row.key))
 
-    # What the disk reports.
+    def cancel(self, id_: int) -> None:
+        """Remove a row if it is held: the broker has its message."""
+        if id_ in self._held:
+            self._held.remove(id_)
+            self._have_deleted(self._memory.pop(id_), self._delivered)
 
-    def recall(self, recalled: Recalled) -> None:
-        """Begin with what earlier runs have left behind; its times are the steady clock's."""
-        self._keys = recalled.keys
-        self.has_news = True
-        for kind, share in recalled.shares.items():
-            self._old[kind].begin(share)
+    def first(self, rank: Rank) -> OutboxRow | None:
+        """Return the row of a rank that comes next; None when there is none, or it is being read."""
+        queue = self._queues[rank]
+        if not queue.rows:
+            return None
+        if not queue.is_next_here:
+            if not self.is_table_away():
+                return None
+            self._bring_strays(rank)
+        return self._memory[queue.ids[0]] if queue.ids else None
 
-    def wanted(self) -> Iterator[tuple[Segment, Wanted]]:
-        """Yield what is to be read from the disk; call `page`, or the segment's `no_page`, after each."""
-        for segment in self._segments:
-            if (wanted := segment.wanted()) is not None:
-                yield segment, wanted
+    def take(self, row: OutboxRow) -> None:
+        """Remove what `first` returned, until it is done or given back."""
+        self._queues[row.rank].remove(row)
+        self._flying.add(row.id)
 
-    def page(self, segment: Segment, page: SpoolPage) -> None:
-        """Take what was read; its times are the steady clock's."""
-        known = {entry.number for entry in segment} | self._out.keys() | {number for _, number in self._gone}
-        entries = [entry_of(row, segment) for row in page.rows if row.number not in known]
-        lost = sum(each.rows for each in page.losses)
-        upto = max((row.number for row in page.rows), default=LOWEST)
-        missing = segment.page(entries, upto=upto, is_last=page.is_last, lost=lost)
-        self.dropped += lost
-        self.has_news = True
-        if missing:
-            self._add_loss(Loss(STORE, segment.kind, missing, None, None))
+    def take_history(self, most: int) -> list[OutboxRow]:
+        """Remove the next values of one run and starter, until they are done or given back."""
+        first = self.first(Rank.VALUE)
+        if first is None:
+            return []
+        queue = self._queues[Rank.VALUE]
+        upto = queue.upto if queue.is_next_here else HIGHEST
+        near = (self._memory[id_] for id_ in queue.ids[:LOOKAHEAD] if id_ <= upto)
+        batch = [row for row in near if (row.topic, row.boot) == (first.topic, first.boot)][:most]
+        for row in batch:
+            self.take(row)
+        return batch
 
-    def drop(self, loss: Loss) -> None:
-        """Give up what the disk had no room for."""
-        segments = (self._old[loss.kind], self._new[loss.kind])
-        out = (
-            each
-            for each in self._out.values()
-            if each.segment in segments and each.state is MessageState.WRITTEN
-        )
-        rest = loss.rows - sum(each.number <= loss.upto for each in out)
-        rest -= sum(segment.forget(loss.upto) for segment in segments)
-        for segment in segments:
-            rest -= segment.forget_sunk(max(rest, 0))
-        self.dropped += loss.rows
+    def done(self, rows: Iterable[OutboxRow]) -> None:
+        """Note that the broker has acknowledged what was taken."""
+        for row in rows:
+            self._flying.remove(row.id)
+            self._forget(row, self._delivered)
 
-    def lose_disk(self) -> None:
-        """Declare what was only on the disk; all the rest is written again."""
-        for segment in self._segments:
-            first_s = segment.sunk.first_s
-            if lost := segment.lose_disk():
-                self._add_loss(Loss(STORE, segment.kind, lost, first_s, None))
-        self._gone.clear()
-        entries = in_order(chain(*self._segments, self._out.values()))
-        for entry in entries:
-            if entry.state is MessageState.WRITTEN:
-                entry.state = MessageState.FRESH
-        self._fresh = {entry.number: entry for entry in entries if entry.state is MessageState.FRESH}
+    def give_back(self) -> None:
+        """Put everything that was taken and not done back into its place."""
+        flown = [self._memory[id_] for id_ in sorted(self._flying)]
+        self._flying.clear()
+        for row in flown:
+            self._queues[row.rank].add(row)
+            self._leave_to_table(row)
+
+    # What the table must be told.
+
+    def take_delivered(self) -> dict[int, Rank]:
+        """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
+        some = dict(list(self._delivered.items())[:MOST_DELETED])
+        for id_ in some:
+            del self._delivered[id_]
+        return some
+
+    def give_back_delivered(self, some: Mapping[int, Rank]) -> None:
+        """Have rows deleted later."""
+        self._delivered = {**some, **self._delivered}
+
+    def batch(self) -> Batch | None:
+        """Return what is to be written next, None for nothing.
+
+        All events and results are in it, so that what declares a loss is written with the loss.
+        """
+        ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
+        values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
+        ids += islice(values, MOST_VALUES)
+        losses = self.losses.unsaved()
+        if not ids and not self._lost and losses is None:
+            return None
+        for id_ in ids:
+            del self._unwritten[id_]
+        self._writing = frozenset(ids)
+        lost, self._lost = self._lost, {}
+        rows = [self.in_utc(self._memory[id_]) for id_ in ids]
+        return Batch(rows, lost, losses, keep=frozenset(self._held | self._flying))
+
+    def written(self, batch: Batch, deleted: Sequence[Deleted]) -> None:
+        """Note that a batch is in the table, and what was deleted for it."""
+        self._writing = frozenset()
+        for row in batch.rows:
+            if row.id in self._memory:
+                self._leave_to_table(self._memory[row.id])
+        self._note_deleted(DISK_FULL, deleted)
+
+    def unwritten(self, batch: Batch) -> None:
+        """Note that a batch could not be written."""
+        self._writing = frozenset()
+        again = {row.id: None for row in batch.rows if row.id in self._memory}
+        self._unwritten = again | self._unwritten
+        self._lost = {**batch.lost, **self._lost}
+        if batch.losses is not None:
+            self.losses.save_again()
+
+    def in_utc(self, row: OutboxRow) -> OutboxRow:
+        """Return a row as the table has it."""
+        return row._replace(time_s=self._utc_of(row.time_s))
+
+    # What the table says.
+
+    def expect_table(self) -> None:
+        """Take it that there is a table, whose rows of earlier runs come first."""
+        for queue in self._queues.values():
+            queue.expect_table()
+
+    def recall(self, totals: Mapping[Rank, Total], losses: Iterable[Loss]) -> None:
+        """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
+        self.losses.recall(losses)
+        for rank, queue in self._queues.items():
+            if rank in totals:
+                queue.recall(totals[rank])
+            else:
+                self._bring_strays(rank)
+                queue.read(HIGHEST, 0.0)
+
+    def wanted(self) -> list[tuple[Rank, int]]:
+        """Return what is to be read: the ranks, and after which row."""
+        return [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+
+    def page(self, rank: Rank, page: Page) -> None:
+        """Take what was read; the times of its rows are the steady clock's."""
+        queue = self._queues[rank]
+        rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
+        for row in rows:
+            self._memory[row.id] = row
+            self._bytes += row.size
+        queue.bring(row.id for row in rows)
+        self._note_deleted(DAMAGED, page.damaged)
+        self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
+        if page.is_last:
+            self._lose_beyond(rank)
+        queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
+
+    def lose_table(self) -> None:
+        """Declare what was only in the table, which is a new one; all the rest is written again."""
+        self._delivered.clear()
+        self._lost.clear()
+        for rank, queue in self._queues.items():
+            self._bring_strays(rank)
+            self._lose_beyond(rank)
+            queue.read(HIGHEST, 0.0)
+        self._unwritten = dict.fromkeys(sorted(self._memory))
+        self.losses.save_again()
         self.on_work()
 
     # Inside.
 
+    def _enqueue(self, row: OutboxRow, *, is_new: bool) -> None:
+        if is_new:
+            self._unwritten[row.id] = None
+        self._bytes += row.size
+        self._queues[row.rank].add(row)
+        self._leave_to_table(row)
+        while self._is_full and (victim := self._oldest()) is not None:
+            self._queues[victim.rank].remove(victim)
+            self._forget(victim, self._lost)
+            time_s = self._utc_of(victim.time_s)
+            self.losses.add([Loss(MEMORY_FULL, victim.rank, 1, time_s, time_s)], is_saved=False)
+        if row.rank is not Rank.VALUE:
+            self.on_work()
+
     @property
-    def _bytes(self) -> int:
-        return sum(segment.bytes for segment in self._segments) + self._out_bytes
+    def _is_full(self) -> bool:
+        return self._bytes > self._max_bytes or len(self._memory) - len(self._held) > self._max_rows
 
-    def _first(self, kind: Kind, is_away: bool, late_upto: int = HIGHEST) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
-        """Return the oldest, or what is not late; what is late waits while earlier runs' is being read."""
-        old, new = self._old[kind], self._new[kind].first(is_disk_away=is_away)
-        if new is not None and new.number > late_upto:
-            return new
-        first = old.first(is_disk_away=is_away)
-        return first if first is not None or (old.sunk.rows and not is_away) else new
+    def _oldest(self) -> OutboxRow | None:
+        """Return the oldest row of the lowest rank that is in memory and waits."""
+        for rank, queue in self._queues.items():
+            if not queue.ids:
+                self._bring_strays(rank)
+            if queue.ids:
+                return self._memory[queue.ids[0]]
+        return None
 
-    def _fly(self, entry: QueuedMessage) -> None:
-        self._out[entry.number] = entry
-        self._out_bytes += entry.size
+    def _leave_to_table(self, row: OutboxRow) -> None:
+        """Forget a row that the table has, unless it is held, in flight or within the window."""
+        is_written = row.id not in self._unwritten and row.id not in self._writing
+        is_here = row.id in self._held or row.id in self._flying or row.id in self._queues[row.rank]
+        if is_written and not is_here:
+            del self._memory[row.id]
+            self._bytes -= row.size
 
-    def _make_room(self) -> None:
-        while (
-            self._bytes > self._max_bytes or sum(len(segment) for segment in self._segments) > self._max_rows
-        ):
-            victims = (self._first(kind, is_away=True) for kind in Kind)
-            victim = next((each for each in victims if each is not None), None)
-            if victim is None:
-                return
-            victim.segment.take(victim)
-            victim.is_gone = True
-            self._note_gone(victim)
-            if not victim.is_held:
-                self._lose(MEMORY, victim)
+    def _forget(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+        """Let go of a row that is in no place any more."""
+        del self._memory[row.id]
+        self._bytes -= row.size
+        self._have_deleted(row, gone)
 
-    def _note_gone(self, entry: QueuedMessage) -> None:
-        """Have the disk forget an entry that it knows."""
-        self._fresh.pop(entry.number, None)
-        if entry.state in (MessageState.WRITTEN, MessageState.SUNK):
-            self._gone.append((entry.kind, entry.number))
+    def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+        """Have the table delete a row that it has, or may have: what has a key may have been staged."""
+        is_written = row.id not in self._unwritten
+        self._unwritten.pop(row.id, None)
+        if is_written or row.key:
+            gone[row.id] = row.rank
 
-    def _lose(self, reason: str, entry: QueuedMessage) -> None:
-        self._add_loss(Loss(reason, entry.kind, 1, entry.since_s, entry.since_s))
+    def _is_gone(self, id_: int) -> bool:
+        return id_ in self._delivered or id_ in self._lost
 
-    def _add_loss(self, loss: Loss) -> None:
-        self._losses = merged((*self._losses, loss))
-        self.dropped += loss.rows
+    def _note_deleted(self, reason: str, deleted: Sequence[Deleted]) -> None:
+        """Let go of rows that the table has given up; what was taken meanwhile is not lost."""
+        lost = []
+        for each in deleted:
+            row = self._memory.get(each.id)
+            if each.id in self._flying:
+                self._unwritten[each.id] = None
+            elif not self._is_gone(each.id):
+                lost.append(each)
+                if row is None:
+                    self._queues[each.rank].lose_beyond(1, each.size)
+                else:
+                    self._queues[each.rank].remove(row)
+                    del self._memory[each.id]
+                    self._bytes -= each.size
+        self.losses.add(losses_of(reason, lost), is_saved=len(lost) == len(deleted))
+
+    def _lose_beyond(self, rank: Rank) -> None:
+        """Declare what the table should have and has not; everything in memory is within the queue."""
+        queue = self._queues[rank]
+        if queue.beyond:
+            size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
+            first_s, last_s = self._utc_of(queue.first_s), self._utc_of(queue.last_s)
+            self.losses.add([Loss(STORE_LOST, rank, queue.beyond, first_s, last_s)], is_saved=False)
+            queue.lose_beyond(queue.beyond, size)
+
+    def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:
+        """Have rows of beyond that are still in memory within the queue."""
+        queue = self._queues[rank]
+        if queue.beyond:
+            places = self._held | self._flying | set(queue.ids)
+            rows = (row for row in self._memory.values() if row.rank is rank and row.id <= upto)
+            queue.bring(row.id for row in rows if row.id not in places)

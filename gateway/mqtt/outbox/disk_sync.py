@@ -1,52 +1,54 @@
-"""Keeps the outbox's file up to date, paces the history, and declares losses.
+"""Keeps the outbox's table up to date, paces the history, and declares losses.
 
-Sending never waits for the disk: a message goes out whether it is on the disk or not, and one that was
-acknowledged before it was written is never written.
+Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
-1. Every BATCH_S, what is new or acknowledged is written in one transaction (`DiskSync.run`). Events, results
-   and losses are flushed to the disk, values at the latest after FLUSH_S.
-2. While the broker is connected, rows of earlier times are read back page by page, and values that were
-   replaced before they were sent are published as history, at most 200 every PACE_S (`DiskSync.pace`).
+1. Events and results are written at once, values and what the broker has acknowledged every LOOK_S.
+2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
+   were replaced before they were sent are published as history, at most 200 every PACE_S.
 3. What memory or disk could not hold is declared once, in the event `gap`.
+4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
-from typing import assert_never
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import TypeVar
 
-from gateway.contract import EventCode, PublishEvent
+from gateway.contract import PublishEvent
 from gateway.errors import StoreError
-from gateway.mqtt.outbox.losses import Losses
+from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
+from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.storage.outbox import OutboxDisk
-from gateway.storage.spool import Changes, Kind, Recalled
-from gateway.storage.worker import News
+from gateway.store import Connection, Deleted, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
+from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
 
-BATCH_S = 0.2  # what is put within this time goes to the disk at once
-FLUSH_S = 5.0  # values may be in the kernel's hands for so long
+T = TypeVar("T")
+
+LOOK_S = 0.5  # what need not be written at once waits for so long
 RETRY_S = 1.0
+HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
-REFUSED_EVERY_S = 3600.0
 
 
 class DiskSync:
-    """Links one outbox and its disk; `publish_event` publishes an event, `wake` has the outbox sent.
+    """Links one outbox and its table in a store; `wake` has the outbox sent.
 
-    The caller runs the two endless loops, `run` and `pace`, between `start` and `close`.
+    The caller runs the two endless loops, `run` and `pace`, until `close`, and passes on the store's news.
     """
 
     def __init__(
         self,
         outbox: Outbox,
-        disk: OutboxDisk,
+        store: Store,
+        table: OutboxTable,
         *,
         clock: Clock,
         publish_event: PublishEvent,
@@ -54,25 +56,19 @@ class DiskSync:
     ) -> None:
         self._outbox = outbox
         self._backlog = outbox.backlog
-        self._disk = disk
+        self._store = store
+        self._table = table
         self._clock = clock
         self._publish_event = publish_event
         self._wake = wake
         self._work = asyncio.Event()
-        self._history = asyncio.Event()
         self._stepping = asyncio.Lock()
-        self._is_recalled = self._is_away = False
+        self._is_recalled = self._is_unreadable = False
         self._waiting: list[Callable[[], None]] = []
-        self._losses = Losses()
-        self._flushed_s = self._refused_logged_s = float("-inf")
-        self._refused = 0
-        self._backlog.is_disk_away = lambda: bool(disk.trouble)
-        self._backlog.on_work = self._note_work
-
-    def start(self) -> None:
-        """Begin to store what waits; a thread opens the file."""
-        self._disk.start(self._on_disk_news)
-        asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
+        self._asked_s: float | None = None  # since when the disk is at something
+        self._backlog.is_table_away = self._is_away
+        self._backlog.on_work = self._work.set
+        self._backlog.expect_table()
 
     def when_recalled(self, call: Callable[[], None]) -> None:
         """Call when it is known what earlier runs have left behind, or when that takes too long."""
@@ -81,65 +77,55 @@ class DiskSync:
         else:
             self._waiting.append(call)
 
+    def note_news(self, news: News, _text: str) -> None:
+        """Write everything again when the store has begun with a new file, and at once when it is back."""
+        if news is News.LOST:
+            self._backlog.lose_table()
+        self._work.set()
+
+    def stage(self, message: Message) -> Work:
+        """Return what stores a message that has a key; once the outbox has it, that stores it by itself."""
+        row = self._outbox.stage(message, self._clock.now_s())
+
+        def store(connection: Connection) -> None:
+            if self._outbox.is_staged(message):
+                self._table.insert(connection, [row])
+
+        return store
+
     async def run(self) -> None:
         """Keep the disk up to date, until cancelled."""
-        self._work.set()  # also after a restart of this loop
+        asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            await self._work.wait()
-            await asyncio.sleep(BATCH_S)
+            await is_set_within(self._work, LOOK_S)
             self._work.clear()
             async with self._stepping:
                 is_done = await self._step()
             if not is_done:
                 await asyncio.sleep(RETRY_S)
-                self._work.set()
 
     async def pace(self) -> None:
         """Publish the history a little at a time, until cancelled."""
-        self._history.set()
         while True:
-            await self._history.wait()
-            self._history.clear()
-            while self._outbox.is_connected and self._backlog.has_history:
-                self._outbox.grant_history()
+            is_due = self._outbox.is_connected and self._backlog.has_history
+            self._outbox.grant_history(MAX_HISTORY_ITEMS if is_due else 0)
+            if is_due:
                 self._wake()
-                await asyncio.sleep(PACE_S)
-            self._outbox.grant_history(0)
+            await asyncio.sleep(PACE_S)
 
     async def close(self, *, within_s: float) -> None:
-        """Write what was not sent, and close the disk; nothing is sent any more."""
+        """Write what was not sent; nothing is sent any more."""
         self._outbox.disconnected()
         try:
-            async with asyncio.timeout(within_s / 2), self._stepping:
-                if not self._disk.trouble:
-                    await self._write()
+            async with asyncio.timeout(within_s), self._stepping:
+                await self._write()
         except (TimeoutError, StoreError) as error:
             log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
-        if not await self._disk.close(within_s / 2):
-            log.warning("outbox: the disk took too long")
 
-    def _note_work(self) -> None:
-        self._work.set()
-        if self._outbox.is_connected:
-            self._history.set()
-
-    def _on_disk_news(self, news: News, text: str) -> None:
-        match news:
-            case News.OPEN:
-                log.info("outbox %s", text)
-                if self._is_away:
-                    self._publish_event(EventCode.OUTBOX_AVAILABLE)
-                self._is_away = False
-            case News.AWAY:
-                self._is_away = True
-                self._publish_event(EventCode.OUTBOX_UNAVAILABLE, trouble=text)
-            case News.LOST:
-                self._backlog.lose_disk()
-                self._losses.lose_disk()
-                self._publish_event(EventCode.OUTBOX_LOST, trouble=text)
-            case _:
-                assert_never(news)
-        self._work.set()
+    def _is_away(self) -> bool:
+        """Return whether what is only in the table cannot be had now."""
+        hangs = self._asked_s is not None and self._clock.now_s() - self._asked_s > HANG_S
+        return hangs or self._is_unreadable
 
     def _wait_no_longer(self) -> None:
         waiting, self._waiting = self._waiting, []
@@ -147,93 +133,93 @@ class DiskSync:
             call()
 
     async def _step(self) -> bool:
-        self._losses.note(self._backlog.take_losses(self._clock.utc_s))
+        """Do what is to be done, and return whether all of it could be."""
+        self._outbox.hold_slow(self._clock.now_s())
         self._declare()
-        self._publish_refused()
-        if self._disk.trouble:
-            return False
         try:
             if not self._is_recalled:
-                self._recall(await self._disk.recall())
-            await self._write()
+                await self._recall()
             await self._read()
+        except StoreError as error:
+            log.debug("outbox: %s", error)
+            self._is_unreadable = True
+            self._wake()
+            return False
+        self._is_unreadable = False
+        try:
+            await self._write()
         except StoreError as error:
             log.debug("outbox: %s", error)
             return False
         return True
 
-    def _recall(self, recalled: Recalled) -> None:
+    async def _recall(self) -> None:
+        totals, keys, losses = await self._do(self._recalled, is_freeing=True)
+        for rank, total in totals.items():
+            first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
+            totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
-        shares = {
-            kind: share._replace(first_s=self._steady_s(share.first_s))
-            for kind, share in recalled.shares.items()
-        }
-        self._backlog.recall(recalled._replace(shares=shares))
-        self._losses.note_saved(recalled.losses)
+        self._outbox.recall(totals, keys, losses)
         self._wait_no_longer()
-        self._note_work()
+        self._wake()
+
+    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], frozenset[str], Iterable[Loss]]:
+        table = self._table
+        return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self) -> None:
-        while (changes := self._changes()) is not None:
+        """Delete what was delivered, which makes room on a full disk, then write what waits for it."""
+        while delivered := self._backlog.take_delivered():
+            ids = [(rank, id_) for id_, rank in delivered.items()]
             try:
-                losses = await self._disk.apply(changes)
+                await self._do(partial(self._table.delete, ids=ids), is_freeing=True)
             except BaseException:
-                self._backlog.unwritten(changes)
-                self._losses.unwritten(changes)
+                self._backlog.give_back_delivered(delivered)
                 raise
-            self._backlog.written()
-            for loss in losses:
-                self._backlog.drop(loss)
-            self._losses.note_saved(losses)
-            if changes.is_flushed:
-                self._flushed_s = self._clock.now_s()
+        while (batch := self._backlog.batch()) is not None:
+            try:
+                deleted = await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
+            except BaseException:
+                self._backlog.unwritten(batch)
+                raise
+            self._backlog.written(batch, deleted)
 
-    def _changes(self) -> Changes | None:
-        changes = self._losses.changes(self._backlog.collect(self._clock.utc_s))
-        if changes is None:
-            return None
-        is_old = self._clock.now_s() - self._flushed_s > FLUSH_S
-        matters = bool(changes.losses) or any(row.kind is not Kind.VALUE for row in changes.rows)
-        return changes._replace(is_flushed=is_old or matters)
+    def _written(self, batch: Batch, connection: Connection) -> list[Deleted]:
+        self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
+        self._table.insert(connection, batch.rows)
+        if batch.losses is not None:
+            self._table.set_losses(connection, batch.losses)
+        return self._table.trim(connection, batch.keep)
 
     async def _read(self) -> None:
         """Read rows back into memory while they are being sent."""
-        is_read = False
-        for segment, wanted in self._backlog.wanted() if self._outbox.is_connected else ():
-            try:
-                page = await self._disk.page(
-                    segment.kind, after=wanted.after, before=wanted.before, most=PAGE_ROWS
-                )
-            except BaseException:
-                segment.no_page()
-                raise
-            rows = tuple(row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows)
-            self._backlog.page(segment, page._replace(rows=rows))
-            self._losses.note_saved(page.losses)
-            is_read = True
-        if is_read:
+        for rank, after in self._backlog.wanted() if self._outbox.is_connected else ():
+            work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
+            page = await self._do(work, is_freeing=True)
+            rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
+            self._backlog.page(rank, page._replace(rows=rows))
+            self._work.set()  # another page may be wanted
             self._wake()
-            self._note_work()
+
+    async def _do(
+        self, work: Callable[[Connection], T], *, is_freeing: bool = False, is_flushed: bool = False
+    ) -> T:
+        """Have work done in the store's thread; what needs no room is done on a full disk too."""
+        self._asked_s = self._clock.now_s()
+        try:
+            future = self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing)
+            return await asyncio.wrap_future(future)
+        finally:
+            self._asked_s = None
 
     def _steady_s(self, utc_s: float) -> float:
         """Return a wall time of the past on the steady clock; the future counts as now."""
         return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
 
     def _declare(self) -> None:
-        """Publish what was lost, once there is a connection."""
+        """Publish what was lost or refused, once there is a connection."""
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
-            if declaration := self._losses.declare(now_s):
-                self._publish_event(declaration)
-            elif wait_s := self._losses.wait_s(now_s):
-                asyncio.get_running_loop().call_later(wait_s, self._work.set)
-
-    def _publish_refused(self) -> None:
-        """Publish, once an hour at most, that the broker refuses messages; the others are counted."""
-        now_s = self._clock.now_s()
-        count = self._outbox.refused - self._refused
-        if count and now_s - self._refused_logged_s >= REFUSED_EVERY_S:
-            self._refused += count
-            self._refused_logged_s = now_s
-            topic, code = self._outbox.refusals[-1]
-            self._publish_event(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)
+            for each in (self._backlog.losses, self._outbox.refusals):
+                if event := each.declare(now_s):
+                    self._publish_event(event)

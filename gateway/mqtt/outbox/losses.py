@@ -1,83 +1,110 @@
-"""What was lost before the broker had it: summed up, stored on the disk, and declared once."""
+"""What no subscriber will ever see: lost before the broker had it, or refused by the broker.
+
+Losses are summed up, stored in the table, and declared once; refusals are counted, and told once an hour.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterable, Sequence
 
 from gateway.contract import Event, EventCode, event_of, phrase, rfc3339
-from gateway.storage.spool import Changes, Loss, merged
+from gateway.store import Loss, merged
+
+log = logging.getLogger(__name__)
 
 DECLARE_EVERY_S = 60.0  # losses that go on are summed up
+REFUSED_EVERY_S = 3600.0
 
 
 class Losses:
-    """Losses that are not declared yet, and those that the disk does not have yet."""
+    """Losses that are not declared yet; the table has a copy, which a change of them must reach."""
 
     def __init__(self) -> None:
-        self._undeclared: tuple[Loss, ...] = ()
-        self._unsaved: tuple[Loss, ...] = ()
-        self._is_declaring_unsaved = False
+        self.dropped = 0  # rows, in this run
+        self._sums: Sequence[Loss] = ()
+        self._is_saved = True
         self._declared_s = float("-inf")
 
-    def note(self, losses: Sequence[Loss]) -> None:
-        """Note what memory could not hold."""
-        self._undeclared = merged((*self._undeclared, *losses))
-        self._unsaved = merged((*self._unsaved, *losses))
+    @property
+    def pending(self) -> Sequence[Loss]:
+        """Return the losses that are not declared yet."""
+        return self._sums
 
-    def note_saved(self, losses: Sequence[Loss]) -> None:
-        """Note losses that the disk has already."""
-        self._undeclared = merged((*self._undeclared, *losses))
+    def add(self, losses: Iterable[Loss], *, is_saved: bool) -> None:
+        """Note losses of this run; those that are saved the table has noted by itself."""
+        losses = tuple(losses)
+        if losses and not self.dropped:
+            log.warning("outbox: messages are lost before the broker has them: %s", losses[0].reason)
+        self.dropped += sum(loss.rows for loss in losses)
+        self.recall(losses)
+        self._is_saved = self._is_saved and (is_saved or not losses)
 
-    def lose_disk(self) -> None:
-        """Have everything written again: the disk is a new one."""
-        self._unsaved = self._undeclared
+    def recall(self, losses: Iterable[Loss]) -> None:
+        """Begin with what earlier runs have not declared."""
+        self._sums = merged((*self._sums, *losses))
 
-    def changes(self, changes: Changes | None) -> Changes | None:
-        """Return these changes with what the disk does not know of losses, None for none at all."""
-        if changes is None and not self._unsaved and not self._is_declaring_unsaved:
-            return None
-        changes = (changes or Changes())._replace(
-            losses=self._unsaved, are_losses_declared=self._is_declaring_unsaved
-        )
-        self._unsaved, self._is_declaring_unsaved = (), False
-        return changes
+    def unsaved(self) -> Sequence[Loss] | None:
+        """Return all of them when the table has others, else None; `save_again` when it cannot be told."""
+        is_saved, self._is_saved = self._is_saved, True
+        return None if is_saved else self._sums
 
-    def unwritten(self, changes: Changes) -> None:
-        """Note that the disk could not do what `changes` returned."""
-        self._unsaved = merged((*changes.losses, *self._unsaved))
-        self._is_declaring_unsaved |= changes.are_losses_declared
+    def save_again(self) -> None:
+        """Have the table told once more."""
+        self._is_saved = False
 
     def declare(self, now_s: float) -> Event | None:
-        """Return the event that declares all; None when there is none, or too soon."""
-        if not self._undeclared or self.wait_s(now_s) > 0:
+        """Return the event that declares all, which must reach the table with the next change of it.
+
+        None when there is nothing to declare, or when it is too soon.
+        """
+        if not self._sums or now_s < self._declared_s + DECLARE_EVERY_S:
             return None
-        event = _gap(self._undeclared)
-        self._undeclared, self._unsaved = (), ()
-        self._is_declaring_unsaved = True
+        event = _gap(self._sums)
+        self._sums = ()
+        self._is_saved = False
         self._declared_s = now_s
         return event
 
-    def wait_s(self, now_s: float) -> float:
-        """Return how long losses that there are have to wait until they are declared."""
-        return max(0.0, self._declared_s + DECLARE_EVERY_S - now_s) if self._undeclared else 0.0
+
+class Refusals:
+    """Publications that the broker would not take; they are not sent again."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._told = 0
+        self._told_s = float("-inf")
+        self._last = ("", 0)
+
+    def add(self, topic: str, reason_code: int) -> None:
+        """Note one."""
+        self.count += 1
+        self._last = (topic, reason_code)
+
+    def declare(self, now_s: float) -> Event | None:
+        """Return the event that tells of them; None when there is no new one, or when it is too soon."""
+        count = self.count - self._told
+        if not count or now_s < self._told_s + REFUSED_EVERY_S:
+            return None
+        self._told, self._told_s = self.count, now_s
+        topic, code = self._last
+        return event_of(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)
 
 
 def _gap(losses: Sequence[Loss]) -> Event:
-    firsts = [loss.first_s for loss in losses if loss.first_s is not None]
-    lasts = [loss.last_s for loss in losses if loss.last_s is not None]
     named = (
-        phrase(EventCode.GAP, "loss", count=loss.rows, kind=loss.kind.name.lower(), reason=loss.reason)
+        phrase(EventCode.GAP, "loss", count=loss.rows, kind=loss.rank.name.lower(), reason=loss.reason)
         for loss in losses
     )
     return event_of(
         EventCode.GAP,
         count=sum(loss.rows for loss in losses),
-        first=rfc3339(min(firsts, default=None)),
-        last=rfc3339(max(lasts, default=None)),
+        first=rfc3339(min(loss.first_s for loss in losses)),
+        last=rfc3339(max(loss.last_s for loss in losses)),
         lost=[
             {
                 "reason": loss.reason,
-                "kind": loss.kind.name.lower(),
+                "kind": loss.rank.name.lower(),
                 "count": loss.rows,
                 "first": rfc3339(loss.first_s),
                 "last": rfc3339(loss.last_s),

@@ -13,33 +13,35 @@ import logging
 import math
 import secrets
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
+
+from pydantic import TypeAdapter
 
 from gateway.contract import Event, InfoRecord, Record
-from gateway.errors import DamagedError, StoreError
+from gateway.errors import StoreError
 from gateway.mqtt import Message, cleared
 from gateway.plugins.homeassistant.birth import BirthPause
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.site_facts import SiteFacts, facts_of
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
-from gateway.storage.json_file import JsonFile
+from gateway.store import STATE_FILE, read_document
 from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
 
 MISSING: Event | None = None  # it needs nothing besides
-FILE = "home-assistant.json"  # in state_dir
+ANNOUNCED = "announced"  # the document
+TOPICS = TypeAdapter(set[str])
 SETTLE_S = 0.5  # what is known of the starters changes in quick succession
 LOOK_S = 1.0  # whether the broker has deleted what it was to delete
 
 
 @dataclass(frozen=True, slots=True)
 class HomeAssistantSettings:
-    """What discovery depends on, if it is wanted, and where is stored what was announced."""
+    """What discovery depends on, if it is wanted."""
 
     facts: SiteFacts | None
-    file: Path
 
 
 class HomeAssistantService:
@@ -49,10 +51,10 @@ class HomeAssistantService:
         self._gateway = gateway
         self._mqtt = gateway.mqtt
         self._clock = gateway.clock
-        self._store = JsonFile(settings.file)
+        self._document = gateway.documents.open(ANNOUNCED, TOPICS, lambda: self._topics)
         self._birth = BirthPause(secrets.randbits(32))
         self._birth_topic = ""
-        self._topics: set[str] = set()  # that the broker holds, or may hold
+        self._topics = self._document.loaded or set()  # that the broker holds, or may hold
         self._clearing: set[str] = set()
         self._changed = asyncio.Event()
         self._dirty: set[str] = set()  # starters whose message may be another one now; empty: the gateway
@@ -72,7 +74,6 @@ class HomeAssistantService:
 
     async def run(self) -> None:
         """Announce until cancelled; what was announced stays at the broker then."""
-        self._topics = await self._gateway.in_thread(self._recalled)
         try:
             while True:
                 self._changed.clear()
@@ -85,16 +86,6 @@ class HomeAssistantService:
                     await asyncio.sleep(SETTLE_S)
         finally:
             self._listen("")
-
-    def _recalled(self) -> set[str]:
-        """Return the topics that an earlier run has announced; reads the disk."""
-        try:
-            document = self._store.load() or {}
-        except DamagedError as error:
-            log.warning("%s; what an earlier run announced to Home Assistant is not deleted", error)
-            self._store.set_aside()
-            document = {}
-        return set(document.get("topics", ()))
 
     async def _announce(self) -> None:
         """Publish what has changed, and have the broker delete what is not wanted any more."""
@@ -157,10 +148,9 @@ class HomeAssistantService:
         self._changed.set()
 
     async def _save(self) -> None:
-        try:
-            await self._store.save({"topics": sorted(self._topics)})
-        except StoreError as error:
-            log.warning("%s; a later run cannot delete what was announced to Home Assistant", error)
+        self._document.touch()
+        if not await self._document.saved():
+            log.warning("not stored: a later run cannot delete what was announced to Home Assistant")
 
 
 def load(gateway: Gateway) -> Callable[[HomeAssistantSettings], Plugin]:
@@ -170,7 +160,14 @@ def load(gateway: Gateway) -> Callable[[HomeAssistantSettings], Plugin]:
 
 def settings_of(site: PluginSite) -> HomeAssistantSettings | None:
     """Return what is announced, until everything is deleted that was and is not wanted any more."""
-    file = site.state_dir / FILE
-    if site.config.home_assistant is None and not file.exists():
+    if site.config.home_assistant is None and not _is_announced(site):
         return None
-    return HomeAssistantSettings(facts_of(site.config), file)
+    return HomeAssistantSettings(facts_of(site.config))
+
+
+def _is_announced(site: PluginSite) -> bool:
+    """Return whether anything was announced that the broker may still hold."""
+    with suppress(StoreError):
+        topics = read_document(site.state_dir / STATE_FILE, ANNOUNCED, TOPICS)
+        return bool(topics)
+    return False

@@ -15,7 +15,6 @@ from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.sparkplug.settings import SparkplugSettings
 
 MISSING = event_of(EventCode.SPARKPLUG_AWAY, "missing", severity=Severity.ERROR)
-FOLDER, NUMBERS_FILE = "sparkplug", "bdseq.json"  # in state_dir
 LARGEST_PACKET = 8192  # bytes: what a host may ask has half of it, topic and properties the rest
 
 
@@ -34,7 +33,6 @@ def settings_of(site: PluginSite) -> SparkplugSettings | None:
         table=table,
         node=table.node or config.gateway.name,
         servers=tuple(_servers(site, table)),
-        numbers_file=site.state_dir / FOLDER / NUMBERS_FILE,
         starters=tuple(starter.name for starter in config.starters),
         lines=tuple(line.name for line in config.lines),
         rights=tuple(each for each in rights_of(config).operators if each.client == table.operator),

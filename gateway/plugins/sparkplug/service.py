@@ -60,7 +60,7 @@ class SparkplugService:
         if settings.operator:
             mapper = CommandMapper(settings.operator, ttl_s=settings.table.ttl_s)
             self._host_commands = HostCommands(mapper, gateway, self._show_done)
-        self._numbers = BirthNumbers(settings.numbers_file, gateway)
+        self._numbers = BirthNumbers(gateway)
         self._attempts = Attempts(settings.servers[0], seed=secrets.randbits(32))
         self._server = 0
         self._host = PrimaryHost(settings.table.primary_host)

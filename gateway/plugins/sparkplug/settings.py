@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from gateway.config.integration_tables import SparkplugTable
 from gateway.contract import Operator
@@ -18,7 +17,6 @@ class SparkplugSettings:
     table: SparkplugTable
     node: str  # its id
     servers: tuple[BrokerSettings, ...]
-    numbers_file: Path  # of births, in state_dir
     starters: tuple[str, ...]
     lines: tuple[str, ...]
     rights: tuple[Operator, ...]  # of the table's operator

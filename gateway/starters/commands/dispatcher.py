@@ -6,7 +6,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
-from functools import partial
 from math import inf
 from typing import Any, TypeVar
 
@@ -44,11 +43,10 @@ from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.storage.journal import Journal, NoJournal, Remembered
+from gateway.store import Journal, NoJournal, Remembered
 
 logger = logging.getLogger(__name__)
 
-SAVED_WITHIN_S = 1.0  # at the end
 AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
 _Work = TypeVar("_Work", CommandExecution, Stopping)
 NOT_TAKEN = (  # without the ledger, what it has may say something else
@@ -219,7 +217,6 @@ class Dispatcher:
         if self._tasks:
             await asyncio.wait(self._tasks)
         self._overload_refusals.close()
-        await self._policy.saver.close(within_s=SAVED_WITHIN_S)
 
     def _preview(self, request: CommandRequest) -> None:
         self._admission.check_sender(request)
@@ -252,11 +249,7 @@ class Dispatcher:
             error = CommandError(ResultCode.ID_REUSED, verb=earlier.verb, starter=earlier.starter)
             self._refuse(request, error, is_stored=False)
             return
-        answer = partial(self._reporting.records.put, as_repetition(earlier, request))
-        if request.verb == STOP:
-            answer()
-        else:  # a crash must not change what the client has read of it
-            self._journal.after(answer)
+        self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:

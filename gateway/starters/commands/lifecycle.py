@@ -22,7 +22,7 @@ from gateway.contract import (
 )
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.policy.write_budget import WriteBudget
-from gateway.storage.journal import Journal, NoJournal
+from gateway.store import Journal, NoJournal
 
 NEXT: Mapping[Phase | None, frozenset[Phase]] = {
     None: frozenset({Phase.ACCEPTED, Phase.REJECTED}),  # just received

@@ -61,7 +61,7 @@ class LocalVerbs:
         self._motor_history = policy.motor_history
         self._selections = policy.selections
         self._identities = policy.identities
-        self._saver = policy.saver
+        self._document = policy.document
         self._clock = clock
         self._set_baseline = set_baseline
 
@@ -123,7 +123,7 @@ class LocalVerbs:
     ) -> None:
         """Give the result once it is on the disk; an unlocking that cannot be stored is undone."""
         request, is_lock = report.request, report.request.verb == LOCK
-        if await self._saver.saved(within_s=SAVED_WITHIN_S):
+        if await self._document.saved(within_s=SAVED_WITHIN_S):
             notes = [NOTICE] if is_lock else []
             why = request.args.get("reason", request.reason)
             owner = None if is_lock or before is None or before.by == request.client else before
@@ -199,7 +199,7 @@ class LocalVerbs:
     def _set_lock(self, starter: StarterControlView, lock: LockRecord | None) -> None:
         self._motor_history.set_lock(starter.setup.name, lock)
         starter.republish_state()
-        self._saver.touch()
+        self._document.touch()
 
     def _check_select(self, request: CommandRequest, starter: StarterControlView) -> None:
         target = target_of(request)

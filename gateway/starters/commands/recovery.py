@@ -12,7 +12,7 @@ from gateway.starters.commands.execution import LOOK, MAY_ACT_LATER, MAY_BE_TURN
 from gateway.starters.commands.lifecycle import Reporting, audit
 from gateway.starters.telemetry.transitions import UNKNOWN
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.storage.journal import Remembered
+from gateway.store import Remembered
 
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 STATUS_WITHIN_S = 10.0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from gateway.contract import (
     CommandError,
@@ -14,20 +15,17 @@ from gateway.contract import (
     EventCode,
     RecordWriter,
     ResultCode,
-    Severity,
     event_of,
     phrase,
 )
-from gateway.errors import DamagedError
 from gateway.families import Identity, decode
 from gateway.starters.setup import StarterSetup
-from gateway.storage.json_file import JsonStore, NoStore, Saver
+from gateway.store import Documents
 
 logger = logging.getLogger(__name__)
 
-SAVED_WITHIN_S = 2.0
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
-IDENTITIES_FILE = "identities.json"  # in state_dir
+FINGERPRINTS = "fingerprints"  # the document
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,20 +55,8 @@ class Known:
     fingerprint: Fingerprint
     despite_model: str | None = None  # what stood in the configuration when an operator accepted it
 
-    def as_data(self) -> dict[str, str | None]:
-        """Return it as it is stored."""
-        return {**self.fingerprint.as_data(), "despite_model": self.despite_model}
 
-
-def known_from(document: Any) -> Known | None:
-    """Return what `Known.as_data` stored; None when it is no such thing."""
-    if not isinstance(document, Mapping):
-        return None
-    stored = {name: document.get(name) for name in (*FIELDS, "despite_model")}
-    if any(value is not None and not isinstance(value, str) for value in stored.values()):
-        return None
-    despite_model = stored.pop("despite_model")
-    return Known(Fingerprint(**stored), despite_model)
+KNOWN = TypeAdapter(dict[str, Known])  # by starter
 
 
 def fingerprint_of(identity: Identity) -> Fingerprint:
@@ -158,24 +144,21 @@ class IdentityMismatch:
 
 
 class IdentityRegistry:
-    """Judges who answers by who was there before; the file is read when this is made.
+    """Judges who answers by who was there before, which an earlier run may have saved.
 
     A starter that was never seen is taken as it is. All calls on the app's loop.
     """
 
-    def __init__(self, records: RecordWriter, memory: JsonStore | None = None) -> None:
+    def __init__(self, records: RecordWriter, documents: Documents | None = None) -> None:
         self._publish = records.event
         self._known: dict[str, Known] = {}
         self._mismatches: dict[str, IdentityMismatch] = {}
         self._published: dict[str, IdentityMismatch] = {}
         self._on_accepted: dict[str, Callable[[], None]] = {}
-        self._saver = Saver(
-            memory or NoStore(),
-            self._document,
-            on_trouble=self._publish_trouble,
-            delay_s=SAVED_TOGETHER_S,
+        self._document = (documents or Documents()).open(
+            FINGERPRINTS, KNOWN, lambda: self._known, delay_s=SAVED_TOGETHER_S, is_for_operators=True
         )
-        self._restore(memory or NoStore())
+        self._known |= self._document.loaded or {}
 
     def when_accepted(self, starter: str, call: Callable[[], None]) -> None:
         """Have something done each time the device of this starter is accepted."""
@@ -224,7 +207,7 @@ class IdentityRegistry:
         mismatch = self.waiting(starter)
         self.forget(starter)
         self._known[starter] = Known(mismatch.seen, mismatch.configured)
-        self._saver.touch()
+        self._document.touch()
         self._publish(
             starter,
             EventCode.IDENTITY_ACCEPTED,
@@ -237,15 +220,11 @@ class IdentityRegistry:
 
     def store(self) -> None:
         """Store what is known now, in the background."""
-        self._saver.touch()
+        self._document.touch()
 
     async def saved(self) -> bool:
         """Return whether what is known now is on disk."""
-        return await self._saver.saved(within_s=SAVED_WITHIN_S)
-
-    async def close(self) -> None:
-        """Save what is not on disk yet, and then do nothing more."""
-        await self._saver.close(within_s=SAVED_WITHIN_S)
+        return await self._document.saved()
 
     def _keep(self, name: str, known: Known | None, seen: Fingerprint) -> None:
         now = Known(seen) if known is None else Known(completed(seen, known.fingerprint), known.despite_model)
@@ -254,43 +233,12 @@ class IdentityRegistry:
             logger.info("%s seen for the first time: %s", name, said)
         if now != known:
             self._known[name] = now
-            self._saver.touch()
-
-    def _document(self) -> dict[str, Any]:
-        return {"starters": {name: known.as_data() for name, known in self._known.items()}}
-
-    def _restore(self, memory: JsonStore) -> None:
-        try:
-            starters = _starters_in(memory.load() or {})
-        except DamagedError as error:
-            memory.set_aside()
-            self._publish("", EventCode.MEMORY_DAMAGED, "fingerprints", severity=Severity.ERROR, damage=error)
-            return
-        for name, stored in starters.items():
-            known = known_from(stored)
-            if known is not None:
-                self._known[name] = known
-
-    def _publish_trouble(self, trouble: str) -> None:
-        if trouble:
-            self._publish("", EventCode.IDENTITIES_AWAY, trouble=trouble)
-        else:
-            self._publish("", EventCode.IDENTITIES_BACK)
+            self._document.touch()
 
 
-def mismatch_in(
-    document: Mapping[str, Any], setup: StarterSetup, identity: Identity
-) -> IdentityMismatch | None:
-    """Return what differs from the device that a stored document knows; DamagedError when it is damaged."""
-    known = known_from(_starters_in(document).get(setup.name))
+def mismatch_in(known: Known | None, setup: StarterSetup, identity: Identity) -> IdentityMismatch | None:
+    """Return in what a device differs from the one that is known; None when in nothing."""
     return _mismatch_of(known, fingerprint_of(identity), setup.variant.model)
-
-
-def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    starters = document.get("starters", {})
-    if not isinstance(starters, Mapping):
-        raise DamagedError("the fingerprints of the starters are damaged")
-    return starters
 
 
 def _mismatch_of(known: Known | None, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:

@@ -6,18 +6,15 @@ their ages by that, and adds what has certainly passed since. No step of the wal
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from gateway.contract import LockRecord
-from gateway.errors import DamagedError
 from gateway.system.clock_steps import ClockReading, certain_s
 
-PRECAUTIONS_FILE = "precautions.json"  # in state_dir
-VERSION = 1
+LOCKS = "locks"  # the document
 HISTORY_S = 3600.0  # the longest that any rule looks back
 MOST_STARTS = 1000
 OURS_WITHIN_S = 30.0  # a motor that begins to move this soon after our start obeys it
@@ -61,10 +58,14 @@ class _StoredReading(_Strict):
     boot_id: str
 
 
-class _Stored(_Strict):
-    version: int = Field(default=VERSION, ge=VERSION, le=VERSION)
-    at: _StoredReading | None = None  # None: a file of before 0.2.0, whose times only the wall clock dates
+class StoredMotors(_Strict):
+    """What is stored of all motors: times are UTC, and `at` all clocks when it was."""
+
+    at: _StoredReading
     starters: dict[str, _StoredPage]
+
+
+MOTORS = TypeAdapter(StoredMotors)
 
 
 class MotorHistory:
@@ -119,31 +120,24 @@ class MotorHistory:
         page.standing_since_s = page.written_s = None
         return True
 
-    def to_document(self, *, now_s: float, reading: ClockReading) -> dict[str, Any]:
+    def stored(self, *, now_s: float, reading: ClockReading) -> StoredMotors:
         """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
 
         def utc_of(at_s: float) -> float:
             return reading.utc_s - (now_s - at_s)
 
-        return {
-            "version": VERSION,
-            "at": {"up_s": reading.up_s, "utc_s": reading.utc_s, "boot_id": reading.boot_id},
-            "starters": {name: _to_stored(page, utc_of) for name, page in self._pages.items()},
-        }
+        return StoredMotors(
+            at=_StoredReading(up_s=reading.up_s, utc_s=reading.utc_s, boot_id=reading.boot_id),
+            starters={name: _to_stored(page, utc_of) for name, page in self._pages.items()},
+        )
 
-    def restore(self, document: Mapping[str, Any], *, now_s: float, reading: ClockReading) -> None:
-        """Apply what was stored of the configured starters; DamagedError when the document is damaged."""
-        try:
-            stored = _Stored.model_validate(document)
-        except ValidationError as error:
-            raise DamagedError(f"not what was stored: {error.error_count()} mistakes") from error
-        stored_utc_s, passed_s = reading.utc_s, 0.0
-        if stored.at is not None:
-            before = ClockReading(stored.at.up_s, stored.at.utc_s, stored.at.boot_id)
-            stored_utc_s, passed_s = before.utc_s, certain_s(before, reading)
+    def restore(self, stored: StoredMotors, *, now_s: float, reading: ClockReading) -> None:
+        """Apply what was stored of the configured starters."""
+        before = ClockReading(stored.at.up_s, stored.at.utc_s, stored.at.boot_id)
+        passed_s = certain_s(before, reading)
 
         def steady_of(utc_s: float) -> float:
-            return now_s - passed_s - max(stored_utc_s - utc_s, 0.0)
+            return now_s - passed_s - max(before.utc_s - utc_s, 0.0)
 
         for name, page in stored.starters.items():
             if name in self._pages:
@@ -154,16 +148,16 @@ class MotorHistory:
         page.starts = [*recent, now_s][-MOST_STARTS:]
 
 
-def _to_stored(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
+def _to_stored(page: _Page, utc_of: Callable[[float], float]) -> _StoredPage:
     lock, since_s = page.lock, page.standing_since_s
-    return {
-        "starts": [utc_of(start_s) for start_s in page.starts],
-        "moving": page.is_moving,
-        "standing_since": None if since_s is None else utc_of(since_s),
-        "lock": None
+    return _StoredPage(
+        starts=[utc_of(start_s) for start_s in page.starts],
+        moving=page.is_moving,
+        standing_since=None if since_s is None else utc_of(since_s),
+        lock=None
         if lock is None
-        else {"by": lock.by, "since": lock.since_s, "reason": lock.reason, "operator": lock.operator},
-    }
+        else _StoredLock(by=lock.by, since=lock.since_s, reason=lock.reason, operator=lock.operator),
+    )
 
 
 def _from_stored(stored: _StoredPage, *, steady_of: Callable[[float], float]) -> _Page:

@@ -10,20 +10,18 @@ from gateway.contract import (
     LockRecord,
     Record,
     RecordWriter,
-    Severity,
     StateRecord,
 )
-from gateway.errors import DamagedError
 from gateway.starters.identity.registry import IdentityRegistry
-from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
 from gateway.starters.policy.preconditions import Expectation, Guard
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook
-from gateway.starters.policy.write_budget import WriteBudget
+from gateway.starters.policy.write_budget import WRITES, WriteBudget
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.storage.json_file import JsonStore, NoStore, Saver
+from gateway.store import Documents
 
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 
@@ -43,9 +41,7 @@ class Policy:
         *,
         rights: Rights,
         records: RecordWriter,
-        memory: JsonStore | None = None,
-        identities_memory: JsonStore | None = None,
-        write_budget_memory: JsonStore | None = None,
+        documents: Documents | None = None,
         watchdogs: KnownWatchdogs | None = None,
         published_faults: PublishedFaults | None = None,
     ) -> None:
@@ -53,30 +49,31 @@ class Policy:
         self.motor_history = MotorHistory(starters)
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         self.selections = Selections()
-        self.identities = IdentityRegistry(records, identities_memory)
+        documents = documents or Documents()
+        self.identities = IdentityRegistry(records, documents)
         self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
         self.write_budget = WriteBudget(on_count=self._publish_write_count)
-        self._write_budget_saver = Saver(
-            write_budget_memory or NoStore(), self.write_budget.to_document, on_trouble=lambda _: None
-        )
-        self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._publish_trouble)
+        self._writes = documents.open("writes", WRITES, self.write_budget.totals, is_for_operators=True)
+        self.write_budget.restore(self._writes.loaded or {})
+        self.document = documents.open(LOCKS, MOTORS, self._stored, is_for_operators=True)
         self._clock = records.clock
         self._records = records
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
-        self._restore(memory or NoStore(), starters, rights)
-        self._restore_write_budget(write_budget_memory or NoStore())
-        if damage := self.watchdogs.damage:
-            self._records.event(
-                "", EventCode.MEMORY_DAMAGED, "watchdogs", severity=Severity.WARNING, damage=damage
+        if self.document.loaded is not None:
+            self.motor_history.restore(
+                self.document.loaded, now_s=self._clock.now_s(), reading=self._clock.reading()
             )
+        elif self.document.damage:  # lock each starter that somebody may unlock
+            self._unsure = set(starters)
+            self._lock_unsure(rights)
 
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
         if isinstance(record, StateRecord) and self.motor_history.note_state(
             record.starter, record.state, now_s=self._clock.now_s()
         ):
-            self.saver.touch()
+            self.document.touch()
 
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
         """Judge by other settings from now on; return the starters that are locked by it.
@@ -86,7 +83,7 @@ class Policy:
         self.settings = settings
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         locked = self._lock_unsure(rights)
-        self.saver.touch()
+        self.document.touch()
         self.identities.store()
         return locked
 
@@ -97,42 +94,16 @@ class Policy:
             expectations,
             motor_history=self.motor_history,
             rulebook=self.rulebook,
-            saver=self.saver,
+            document=self.document,
             clock=self._clock,
         )
 
-    def _document(self) -> dict[str, object]:
-        return self.motor_history.to_document(now_s=self._clock.now_s(), reading=self._clock.reading())
-
-    def _restore(self, memory: JsonStore, starters: Collection[str], rights: Rights) -> None:
-        """Apply what was stored; where that is damaged, lock each starter that somebody may unlock."""
-        now_s, reading = self._clock.now_s(), self._clock.reading()
-        try:
-            document = memory.load()
-            if document is not None:
-                self.motor_history.restore(document, now_s=now_s, reading=reading)
-        except DamagedError as error:
-            memory.set_aside()
-            self._unsure = set(starters)
-            count = len(self._lock_unsure(rights))
-            self._records.event(
-                "", EventCode.MEMORY_DAMAGED, "locks", severity=Severity.ERROR, damage=error, count=count
-            )
-
-    def _restore_write_budget(self, memory: JsonStore) -> None:
-        try:
-            document = memory.load()
-            if document is not None:
-                self.write_budget.restore(document)
-        except DamagedError as error:
-            memory.set_aside()
-            self._records.event(
-                "", EventCode.MEMORY_DAMAGED, "writes", severity=Severity.WARNING, damage=error
-            )
+    def _stored(self) -> StoredMotors:
+        return self.motor_history.stored(now_s=self._clock.now_s(), reading=self._clock.reading())
 
     def _publish_write_count(self, starter: str, writes: int) -> None:
         """Publish and store how often a starter's memory was written; a lost count is no event."""
-        self._write_budget_saver.touch()
+        self._writes.touch()
         self._records.event(
             starter,
             EventCode.MEMORY_WRITTEN,
@@ -152,9 +123,3 @@ class Policy:
                 name, LockRecord(by=GATEWAY, since_s=self._clock.utc_s(), reason=reason)
             )
         return locked
-
-    def _publish_trouble(self, trouble: str) -> None:
-        if trouble:
-            self._records.event("", EventCode.MEMORY_AWAY, "locks", severity=Severity.ERROR, trouble=trouble)
-        else:
-            self._records.event("", EventCode.MEMORY_BACK, "locks")

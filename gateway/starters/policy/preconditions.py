@@ -10,9 +10,9 @@ from typing import Any
 
 from gateway.contract import CommandError, CommandRequest, LockRecord, Note, Reason, ResultCode
 from gateway.families import STATES, Profile, command, reading, state_of
-from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.motor_history import MotorHistory, StoredMotors
 from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
-from gateway.storage.json_file import Saver
+from gateway.store import Document
 from gateway.system.clock import Clock
 
 STATE = "state"
@@ -107,14 +107,14 @@ class Guard:
         *,
         motor_history: MotorHistory,
         rulebook: Rulebook,
-        saver: Saver,
+        document: Document[StoredMotors],
         clock: Clock,
     ) -> None:
         self._request = request
         self._expectations = expectations
         self._motor_history = motor_history
         self._rulebook = rulebook
-        self._saver = saver
+        self._document = document
         self._clock = clock
         self._is_start = is_start(request.verb, request.args)
         self._is_counted = False  # the start, in the motor history: it must not stand in its own way
@@ -141,9 +141,9 @@ class Guard:
         starter = self._request.starter
         self._is_counted = True
         self._motor_history.note_start(starter, now_s=self._clock.now_s())
-        self._saver.touch()
+        self._document.touch()
         if self._rulebook.of(starter).is_counting:
-            if not await self._saver.saved(within_s=SAVED_WITHIN_S):
+            if not await self._document.saved(within_s=SAVED_WITHIN_S):
                 raise CommandError(ResultCode.NOT_KEPT, "start")
             self._check_time_and_lock()
 

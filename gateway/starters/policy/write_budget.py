@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
+
+from pydantic import NonNegativeInt, TypeAdapter
 
 from gateway.contract import CommandError, ResultCode
-from gateway.errors import DamagedError
 
 HOUR_S = 3600.0
 MOST_PER_HOUR = 120
 WRITES_BORNE = 10_000  # by flash, usually; no manual says so
-WEAR_FILE = "wear.json"  # in state_dir
+WRITES = TypeAdapter(dict[str, NonNegativeInt])  # totals by starter
 
 
 class WriteBudget:
@@ -60,13 +60,13 @@ class WriteBudget:
         """Return how many of them are in the hour that counts for the limit."""
         return len(self._times.get(starter, ()))
 
-    def to_document(self) -> dict[str, Any]:
-        """Return what is to be stored."""
-        return {"writes": dict(self._totals)}
+    def totals(self) -> dict[str, int]:
+        """Return the writes of each starter, to be stored."""
+        return self._totals
 
-    def restore(self, document: Mapping[str, Any]) -> None:
-        """Apply what `to_document` returned; DamagedError when it is no such thing."""
-        self._totals = totals_in(document)
+    def restore(self, totals: Mapping[str, int]) -> None:
+        """Go on from what an earlier run has stored."""
+        self._totals = dict(totals)
 
     def refusal(self, wait_s: float) -> CommandError:
         """Return why a command must wait so long."""
@@ -74,12 +74,3 @@ class WriteBudget:
             return CommandError(ResultCode.WEAR_LIMIT, "never", most=self.most_per_hour)
         minutes = math.ceil(wait_s / 60)
         return CommandError(ResultCode.WEAR_LIMIT, "wait", most=self.most_per_hour, minutes=minutes)
-
-
-def totals_in(document: Mapping[str, Any]) -> dict[str, int]:
-    """Return the writes of each starter that a document holds; DamagedError when it is no such thing."""
-    writes = document.get("writes")
-    counts = writes.values() if isinstance(writes, Mapping) else [None]
-    if not all(type(count) is int and count >= 0 for count in counts):
-        raise DamagedError("the counts of writes to the starters' memories are damaged")
-    return {str(name): count for name, count in document["writes"].items()}

@@ -11,22 +11,24 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isinf
-from typing import Any, TypeVar
+from typing import Annotated, TypeVar
+
+from pydantic import Field, TypeAdapter
 
 from gateway.contract import CommandError, EventCode, Note, Reason, ResultCode, phrase
-from gateway.errors import DamagedError
 from gateway.families import Procedure, Profile, diagnosis, once_per_profile
 from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
-from gateway.storage.json_file import JsonStore, NoStore, Saver
+from gateway.store import Documents
 from gateway.system.supervised import InThread
 
-WATCHDOGS_FILE = "watchdogs.json"  # in state_dir
+WATCHDOGS = "watchdogs"  # the document
 UNKEPT = "watchdog_unkept"
 SAVED_WITHIN_S = 1.0
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+Word = Annotated[int, Field(ge=0, le=0xFFFF, strict=True)]
 T = TypeVar("T")
 
 
@@ -35,37 +37,33 @@ async def _at_once(work: Callable[[], T]) -> T:
 
 
 @dataclass(slots=True)
-class _Known:
+class KnownRows:
     """What is known of one starter, whether it is configured at present or not."""
 
-    rows: dict[str, tuple[int, ...]] = field(default_factory=dict)  # as last read
-    written: dict[str, tuple[int, ...]] = field(default_factory=dict)  # by us, and not read since
-    is_being_written: bool = False
+    rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)  # as last read
+    written: dict[str, tuple[Word, ...]] = field(default_factory=dict)  # by us, and not read since
+    is_being_written: Annotated[bool, Field(exclude=True)] = False
+
+
+KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
 
 
 class KnownWatchdogs:
-    """Keeps the lines' deadlines; the file is read when this is made. All calls on the app's loop.
+    """Keeps the lines' deadlines, by what an earlier run has saved too. All calls on the app's loop.
 
     `in_thread` carries out computations of some tenths of a second.
     """
 
-    def __init__(
-        self,
-        *,
-        memory: JsonStore | None = None,
-        in_thread: InThread = _at_once,
-        on_trouble: Callable[[str], None] = lambda _: None,
-    ) -> None:
+    def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
         self._in_thread = in_thread
-        self._known: dict[str, _Known] = {}
         self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
         self._lines: dict[str, LineClient | None] = {}  # by starter
         self._codes: dict[str, frozenset[str]] = {}  # by starter: the rows that say what its watchdog is
         self._given_s: dict[str, float | None] = {}  # by starter: what its line was given
-        self._saver = Saver(
-            memory or NoStore(), self.to_document, on_trouble=on_trouble, delay_s=SAVED_TOGETHER_S
+        self._document = (documents or Documents()).open(
+            WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
         )
-        self.damage = self._restore(memory or NoStore())  # why nothing is known from earlier; empty: it is
+        self._known = self._document.loaded or {}
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
@@ -80,7 +78,7 @@ class KnownWatchdogs:
 
     def rows(self, name: str) -> Rows:
         """Return the settings as last read, in this run or an earlier one, without what we wrote since."""
-        known = self._known.get(name, _Known())
+        known = self._known.get(name, KnownRows())
         return {code: words for code, words in known.rows.items() if code not in known.written}
 
     def is_known(self, setup: StarterSetup) -> bool:
@@ -106,14 +104,14 @@ class KnownWatchdogs:
         if setup is None or self._codes[name].isdisjoint(rows):
             return
         codes = self._codes[name] & rows.keys()
-        known = self._known.setdefault(name, _Known())
+        known = self._known.setdefault(name, KnownRows())
         changed = any(known.rows.get(code) != rows[code] for code in codes)
         known.rows |= {code: rows[code] for code in codes}
         if not known.is_being_written and not codes.isdisjoint(known.written):
             known.written = {code: words for code, words in known.written.items() if code not in codes}
             changed = True
         if changed:
-            self._saver.touch()
+            self._document.touch()
         self._keep(setup)
 
     async def admit(self, name: str, procedure: Procedure) -> None:
@@ -131,8 +129,8 @@ class KnownWatchdogs:
             return
         await self._check(setup, written)
         self._keep(setup)
-        self._saver.touch()
-        await self._saver.saved(within_s=SAVED_WITHIN_S)
+        self._document.touch()
+        await self._document.saved(within_s=SAVED_WITHIN_S)
 
     async def check(self, name: str, rows: Rows) -> None:
         """Demand that the line could keep a starter whose settings were these; CommandError."""
@@ -154,7 +152,7 @@ class KnownWatchdogs:
         known.written = {
             code: words for code, words in known.written.items() if known.rows.get(code) != words
         }
-        self._saver.touch()
+        self._document.touch()
         if name in self._setups:
             self._keep(self._setups[name])
 
@@ -165,25 +163,13 @@ class KnownWatchdogs:
         missed: dict[str, str] = await self._in_thread(partial(_missed_on, found, limits_s))
         return missed
 
-    def to_document(self) -> dict[str, Any]:
-        """Return what must outlive the gateway."""
-        return {
-            "starters": {
-                name: {
-                    "rows": {code: list(words) for code, words in known.rows.items()},
-                    "written": {code: list(words) for code, words in known.written.items()},
-                }
-                for name, known in self._known.items()
-            }
-        }
-
-    async def close(self) -> None:
-        """Save what is left to be saved, and then do nothing more."""
-        await self._saver.close(within_s=SAVED_WITHIN_S)
+    def known(self) -> dict[str, KnownRows]:
+        """Return what must outlive the gateway, by starter."""
+        return self._known
 
     async def _check(self, setup: StarterSetup, written: Rows) -> None:
         """Reserve the line's time for what is to be written, or give it back and refuse."""
-        known = self._known.setdefault(setup.name, _Known())
+        known = self._known.setdefault(setup.name, KnownRows())
         before_s = self._limits_s(setup.line)
         earlier = dict(known.written)
         known.written, known.is_being_written = {**known.written, **written}, True
@@ -207,32 +193,11 @@ class KnownWatchdogs:
         self._given_s[setup.name] = limit_s
         line.set_deadline(setup.address, limit_s)
 
-    def _restore(self, memory: JsonStore) -> str:
-        try:
-            starters = (memory.load() or {}).get("starters", {})
-            for name, stored in starters.items():
-                self._known[name] = _Known(_rows_in(stored["rows"]), _rows_in(stored["written"]))
-        except DamagedError as error:
-            memory.set_aside()
-            return str(error)
-        except (AttributeError, KeyError, TypeError, ValueError):
-            self._known.clear()
-            memory.set_aside()
-            return "the file of the watchdogs is damaged"
-        return ""
-
 
 @once_per_profile
 def setting_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that say what a starter's watchdog is."""
     return frozenset(diagnosis.watchdog_codes(profile))
-
-
-def _rows_in(stored: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
-    rows = {str(code): tuple(words) for code, words in stored.items()}
-    if any(type(word) is not int or not 0 <= word <= 0xFFFF for words in rows.values() for word in words):
-        raise ValueError(rows)
-    return rows
 
 
 def _shortest_s(setup: StarterSetup, rows: Rows) -> float | None:

@@ -14,10 +14,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
-from gateway.errors import DamagedError
 from gateway.families import Alarm
-from gateway.storage.json_file import JsonStore, NoStore, Saver
+from gateway.store import Documents
 
 UNKNOWN = "unknown"
 STARTED = frozenset({"starting", "running"})
@@ -237,18 +238,16 @@ class AlarmBook:
         return cleared
 
 
-FAULTS_FILE = "faults.json"  # in state_dir
+FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
 LASTING_S = 5.0
-SAVED_WITHIN_S = 1.0
 
 
 class PublishedFaults:
-    """The standing faults of all starters; the file is read when this is made."""
+    """The standing faults of all starters, also those that an earlier run has published."""
 
-    def __init__(self, *, memory: JsonStore | None = None) -> None:
-        self._codes: dict[str, tuple[str, ...]] = {}
-        self._saver = Saver(memory or NoStore(), self.to_document, on_trouble=lambda _: None)
-        self._restore(memory or NoStore())
+    def __init__(self, documents: Documents | None = None) -> None:
+        self._document = (documents or Documents()).open("faults", FAULTS, lambda: self._codes)
+        self._codes = self._document.loaded or {}
 
     def has(self, starter: str, codes: tuple[str, ...]) -> bool:
         """Return whether an earlier run has published the fault that these alarm codes name."""
@@ -262,21 +261,4 @@ class PublishedFaults:
             self._codes[starter] = codes
         else:
             del self._codes[starter]
-        self._saver.touch()
-
-    def to_document(self) -> dict[str, Any]:
-        """Return what must outlive the gateway."""
-        return {"faults": {starter: list(codes) for starter, codes in self._codes.items()}}
-
-    async def close(self) -> None:
-        """Save what is left to be saved, and then do nothing more."""
-        await self._saver.close(within_s=SAVED_WITHIN_S)
-
-    def _restore(self, memory: JsonStore) -> None:
-        try:
-            faults = (memory.load() or {}).get("faults", {})
-            if not isinstance(faults, Mapping):
-                raise DamagedError("no faults in it")  # noqa: TRY301 - set aside as any other damage is
-            self._codes = {str(name): tuple(str(code) for code in codes) for name, codes in faults.items()}
-        except (DamagedError, TypeError):
-            memory.set_aside()  # then a fault that stands is published once more
+        self._document.touch()

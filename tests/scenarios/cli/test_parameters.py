@@ -11,6 +11,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, frames, play, row
 from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, line, starter
+from tests.rig.state import stored_document, with_document
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
@@ -38,9 +39,9 @@ def entered_once(plant: RigPlant) -> str:
 
 
 def _watchdog_stored(plant: RigPlant) -> str:
-    path = plant.folder / "state/watchdogs.json"
-    rows = json.loads(path.read_text())["starters"]["pump"]["rows"]
-    return "" if (rows["P314"], path.stat().st_mode & 0o777) == ([60], 0o600) else f"{rows}"
+    rows = stored_document(plant, "watchdogs")["pump"]["rows"]
+    mode = (plant.folder / "state/state.sqlite").stat().st_mode & 0o777
+    return "" if (rows["P314"], mode) == ([60], 0o600) else f"{rows} {mode:o}"
 
 
 CROWD = line() + starter("pump", 1, "ssw07")
@@ -231,7 +232,7 @@ SETS = [
     row(
         "writes that cannot be counted are reported",
         given=SSW07,
-        at={1.0: ["end", lambda plant: (plant.folder / "state/wear.json").write_text("damaged")]},
+        at={1.0: ["end", with_document("writes", "damaged")]},
         then={1.0: restore("pump", out="writes to the memory of pump that are not counted: 1")},
         **wanted("ssw07", P314=30),
     ),

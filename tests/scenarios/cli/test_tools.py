@@ -11,9 +11,9 @@ from typing import Any
 import comtrade
 import pytest
 
-from gateway.storage.audit.segments import ANCHOR
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
+from tests.rig.state import stored_document, with_document, with_sql
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
@@ -89,7 +89,7 @@ def _cut_off(plant: RigPlant) -> str:
     """Take away the newest line of the audit: the chain is whole, but a hash that was noted is missing."""
     noted = plant.cli("audit", "verify", str(plant.path)).out.split("hash ")[1].strip()
     wrong = cli(f"audit verify CONFIG --contains {noted}")(plant)
-    changed("state/audit/audit-00000001.jsonl", r"[^\n]+\n\Z", "")(plant)
+    with_sql("DELETE FROM audit WHERE number = (SELECT max(number) FROM audit)")(plant)
     wrong += cli("audit verify CONFIG", out="chain whole")(plant)
     missing = f"no line has the hash {noted}"
     return wrong + cli(f"audit verify CONFIG --contains {noted}", code=1, out=(missing, "chain whole"))(plant)
@@ -433,7 +433,7 @@ PARAMETERS = [
         "the writes of a restore are counted",
         given=SSW07,
         at={3.0: ["end", ran(SAVED), OTHER_P314, ran(RESTORE)]},
-        then={3.0: lines_of("state/wear.json", '"pump": 1')},
+        then={3.0: lambda plant: "" if stored_document(plant, "writes") == {"pump": 1} else "not counted"},
     ),
     row(
         "where nothing differs nothing is written",
@@ -466,7 +466,14 @@ PARAMETERS = [
     row(
         "nor to another starter than the gateway knows",
         given=SSW07 + ALICE,
-        at={12.0: ["end", ran(SAVED), OTHER_P314, changed("state/identities.json", r"1\.40", "1.30")]},
+        at={
+            12.0: [
+                "end",
+                ran(SAVED),
+                OTHER_P314,
+                with_sql("UPDATE documents SET body = replace(body, '1.40', '1.30')"),
+            ]
+        },
         then={
             12.0: [
                 cli(
@@ -484,15 +491,8 @@ PARAMETERS = [
     row(
         "nor where it cannot be read whether it is locked",
         given=SSW07,
-        at={
-            3.0: [
-                "end",
-                ran(SAVED),
-                OTHER_P314,
-                lambda plant: (plant.folder / "state/precautions.json").write_text("["),
-            ]
-        },
-        then={3.0: [cli(RESTORE, code=1, err=("locked: ", "cannot be read")), frames("pump")]},
+        at={3.0: ["end", ran(SAVED), OTHER_P314, with_document("locks", "[")]},
+        then={3.0: [cli(RESTORE, code=1, err=("locked: ", "is damaged")), frames("pump")]},
     ),
     row(
         "a starter that is silent is not saved",
@@ -554,20 +554,16 @@ AUDIT = [
         given=SSW07 + ALICE,
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", changed("state/audit/audit-00000001.jsonl", '"alice"', '"mallory"')],
+            6.0: ["end", with_sql("UPDATE audit SET line = replace(line, 'alice', 'mallory')")],
         },
-        then={
-            6.0: cli(
-                "audit verify CONFIG", code=1, out=("audit-00000001.jsonl:2: was changed", "chain broken")
-            )
-        },
+        then={6.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken"))},
     ),
     row(
         "so does one that was taken out",
         given=SSW07 + ALICE,
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", changed("state/audit/audit-00000001.jsonl", r'\n.*"accepted".*\n', r"\n")],
+            6.0: ["end", with_sql("DELETE FROM audit WHERE line LIKE '%accepted%'")],
         },
         then={6.0: cli("audit verify CONFIG", code=1)},
     ),
@@ -580,22 +576,22 @@ AUDIT = [
     row(
         "an anchor that cannot be read is a problem",
         given=SSW07,
-        at={3.0: ["end", lambda plant: (plant.folder / "state/audit" / ANCHOR).write_text("nonsense")]},
-        then={3.0: cli("audit verify CONFIG", code=1, out="anchor")},
+        at={3.0: ["end", with_document("audit", "nonsense")]},
+        then={3.0: cli("audit verify CONFIG", code=1, out="before its first line cannot be read")},
     ),
     *(
         row(
             f"what is no entry is shown as such: {text}",
             given=SSW07,
-            at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"\n\Z", rf"\n{text}\n")]},
+            at={3.0: ["end", with_sql("INSERT INTO audit (line) VALUES (?)", text)]},
             then={3.0: cli("audit show CONFIG --last 1", out=f"?  {text!r}\n")},
         )
         for text in ("nonsense", "[]")
     ),
     row(
-        "an empty file is an empty chain",
+        "an empty table is an empty chain",
         given=SSW07,
-        at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"(?s).+", "")]},
+        at={3.0: ["end", with_sql("DELETE FROM audit")]},
         then={3.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole")},
     ),
 ]
@@ -687,13 +683,13 @@ BACKUP = [
             6.0: [
                 cli(
                     "backup CONFIG DIR/b.tar.gz",
-                    out=("gateway.sqlite", "left out (--secrets takes them): the password of login anna"),
+                    out=("state.sqlite", "left out (--secrets takes them): the password of login anna"),
                 ),
                 cli("backup CONFIG DIR/b.tar.gz"),  # in place of the earlier one
                 cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
                 cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
                 cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
-                file_there("new/state/gateway.sqlite"),
+                file_there("new/state/state.sqlite"),
                 cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
                 cli("restore DIR/none.tar.gz", code=1, out="", err="none.tar.gz: No such file or directory"),
             ]
@@ -819,11 +815,11 @@ UPGRADE = [
     row(
         "a state of a later version is refused and stays as it is",
         given=SSW07,
-        at={3.0: ["end", lambda plant: (plant.folder / "state/watchdogs.json").write_text('{"version": 9}')]},
+        at={3.0: ["end", with_sql("PRAGMA user_version = 9")]},
         then={
             3.0: [
-                cli("check CONFIG --upgrade", code=78, out="", err="watchdogs.json has format 9"),
-                lines_of("state/watchdogs.json", '{"version": 9}'),
+                cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
+                cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
             ]
         },
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import count
 
 import pytest
@@ -24,6 +24,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, Expectation, act
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
+from tests.rig.state import fail_disk, heal_disk, with_document
 from tests.scenarios.commands import do
 from tests.scenarios.line.wires import chatter
 
@@ -412,15 +413,10 @@ STOPS = [
 ]
 
 
-def full_disk(name: str) -> Action:
-    """Let this file of the state be written no more: a folder stands in its place."""
-
-    def block(plant: RigPlant) -> None:
-        path = plant.folder / "state" / name
-        path.unlink(missing_ok=True)
-        path.mkdir()
-
-    return block
+@pytest.fixture(autouse=True)
+def sound_disk() -> Iterator[None]:
+    yield
+    heal_disk()
 
 
 DISK = [
@@ -428,30 +424,27 @@ DISK = [
         "a lock that cannot be stored holds, and an unlocking that cannot be stored does not",
         given=SITE,
         at={
-            3.0: [full_disk("precautions.json"), do("pump lock", reason="belt")],
-            6.0: do("pump start"),
-            7.0: do("pump unlock"),
-            10.0: do("pump start"),
+            3.0: [fail_disk, do("pump lock", reason="belt")],
+            6.0: heal_disk,
+            15.0: do("pump start"),
+            17.0: [fail_disk, do("pump unlock")],
+            20.0: heal_disk,
+            30.0: do("pump start"),
         },
         then={
-            5.9: [result("lock failed not_kept"), event("memory_away")],
-            6.9: result("start rejected locked"),
-            9.9: result("unlock failed not_kept"),
-            12.0: [result("start rejected locked"), frames("pump")],
+            5.9: [result("lock failed not_kept"), event("store_unavailable")],
+            16.9: [event("store_available"), result("start rejected locked")],
+            19.9: result("unlock failed not_kept"),
+            32.0: [result("start rejected locked"), frames("pump")],
         },
     ),
     row(
         "a start that cannot be counted is refused where starts are counted",
         given=SITE + table("[rules]", starters=["*"], starts_per_hour=5),
         sim={"pump": QUICK},
-        at={
-            3.0: [full_disk("precautions.json"), do("pump start")],
-            8.0: lambda plant: (plant.folder / "state" / "precautions.json").rmdir(),
-            30.0: do("pump start"),
-        },
+        at={3.0: [fail_disk, do("pump start")], 8.0: heal_disk, 30.0: do("pump start")},
         then={
-            7.0: [result("start rejected not_kept"), frames("pump")],
-            29.0: event("memory_back"),
+            7.0: [result("start rejected ledger_unavailable"), frames("pump")],
             35.0: result("start confirmed ok"),
         },
     ),
@@ -459,22 +452,13 @@ DISK = [
         "an acceptance that cannot be stored counts for this run",
         given=SITE.replace('"ssw07"', '"ssw07"\nmodel = "SSW-07 130A"'),
         sim={"pump": QUICK},
-        at={15.0: [full_disk("identities.json"), do("pump accept")], 20.0: do("pump start")},
-        then={
-            19.0: [result("accept failed not_kept"), event("identities_away")],
-            24.0: result("start confirmed ok"),
-        },
+        at={15.0: [fail_disk, do("pump accept")], 18.0: heal_disk, 30.0: do("pump start")},
+        then={19.0: result("accept failed not_kept"), 34.0: result("start confirmed ok")},
     ),
     row(
-        "with a damaged file of identities every starter counts as new, and an event says so",
+        "with a damaged document of fingerprints every starter counts as new, and an event says so",
         given=SITE,
-        at={
-            10.0: [
-                "end",
-                lambda plant: (plant.folder / "state" / "identities.json").write_text('{"starters": 7}'),
-                "start",
-            ]
-        },
+        at={10.0: ["end", with_document("fingerprints", '{"pump": 7}'), "start"]},
         then={
             20.0: [
                 event("memory_damaged", text=re.compile("every starter counts as new")),

@@ -24,6 +24,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
+from tests.rig.state import with_document
 from tests.scenarios.commands import do
 
 SITE = SSW07 + ALICE
@@ -411,7 +412,7 @@ LOCKS = [
         sim={"pump": QUICK},
         at={
             3.0: "end",
-            4.0: [lambda plant: (plant.folder / "state" / "precautions.json").write_text("{"), "start"],
+            4.0: [with_document("locks", "{"), "start"],
             8.0: do("pump start"),
             9.0: do("pump unlock"),
             10.0: do("pump start"),

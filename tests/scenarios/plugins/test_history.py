@@ -606,7 +606,7 @@ def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_
     connect, is_away = sqlite3.connect, True
 
     def connect_unless_away(path: Path, **options: Any) -> Any:
-        if is_away and path.name == "history.db":
+        if is_away and Path(path).name == "history.db":
             raise OSError("the disk is away")
         return connect(path, **options)
 

@@ -27,6 +27,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK, SSW07, operator
+from tests.rig.state import with_document
 from tests.scenarios.plugins.doors import device, entity, press, shown
 
 RIGHTS = operator("ha", ("stop", "start", "reset"))
@@ -306,12 +307,6 @@ PRESSES = [
 ]
 
 
-def announced_before(plant: RigPlant, text: str) -> None:
-    """Let this be the file that an earlier run has left."""
-    (plant.folder / "state").mkdir(exist_ok=True)
-    (plant.folder / "state" / "home-assistant.json").write_text(text)
-
-
 REMOVAL = [
     row(
         "a starter that leaves the configuration is deleted, the others stay",
@@ -344,14 +339,14 @@ REMOVAL = [
     row(
         "a damaged list of what was announced hinders nothing",
         given=SSW07 + HOME_ASSISTANT,
-        before=lambda plant: announced_before(plant, "no list"),
+        before=with_document("announced", "no list"),
         then={5.0: [retained(device("pump"), components=...), retained(device(""), components=...)]},
     ),
     row(
         "what is stored as announced before is deleted where nothing announces it now",
         given=SSW07 + HOME_ASSISTANT,
         before=lambda plant: (
-            announced_before(plant, json.dumps({"topics": [device("old")]})),
+            with_document("announced", json.dumps([device("old")]))(plant),
             plant.publish(device("old"), b"{}", retain=True),
         ),
         then={5.0: [retained(device("old")), retained(device("pump"), components=...)]},

@@ -28,6 +28,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SPARKPLUG, SSW07, operator, starter
+from tests.rig.state import with_document
 from tests.scenarios.plugins.doors import born, write
 
 NODE = SSW07 + SPARKPLUG
@@ -290,20 +291,8 @@ DEATHS = [
     ),
 ]
 
-NUMBER = "sparkplug/bdseq.json"
 OWN = SSW07 + SPARKPLUG + 'urls = ["mqtt://10.0.0.2", "mqtt://10.0.0.3"]\nallow_plaintext = true\n'
 WITH_HOST = OWN + 'primary_host = "scada"\n'
-
-
-def stored(text: str) -> Any:
-    """Let this be the number of the last connection, on the disk."""
-
-    def write_it(plant: RigPlant) -> None:
-        path = plant.folder / "state" / NUMBER
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-
-    return write_it
 
 
 def says_online(plant: RigPlant, host_name: str, *, is_online: bool = True) -> None:
@@ -354,13 +343,18 @@ SERVERS = [
     row(
         "the number of each connection is stored before it, and 255 is followed by 0",
         given=NODE,
-        at={1.0: "end", 2.0: [stored('{"bdSeq": 253}'), "start"], 5.0: "broker drops", 20.0: "broker drops"},
+        at={
+            1.0: "end",
+            2.0: [with_document("births", "253"), "start"],
+            5.0: "broker drops",
+            20.0: "broker drops",
+        },
         then={40.0: bd_seqs("NBIRTH", 0, 254, 255, 0)},
     ),
     row(
         "a damaged number begins again at 0 and stops nothing",
         given=NODE,
-        before=stored("no number"),
+        before=with_document("births", "no number"),
         then={5.0: [bd_seqs("NBIRTH", 0), seen(born("DBIRTH", "pump"))]},
     ),
     row(

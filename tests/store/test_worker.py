@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from gateway.errors import StoreError
-from gateway.storage.database import Connection
-from gateway.storage.worker import News
-from tests.storage.store_rig import PATIENCE_S, Make, insert, texts
+from gateway.store.database import Connection, FullError
+from gateway.store.reserve import Reserve
+from gateway.store.worker import News
+from tests.store.store_rig import PATIENCE_S, Keeping, Make, insert, texts
 
 
 def test_work_is_done_in_the_order_in_which_it_was_submitted(keeping: Make) -> None:
@@ -39,7 +42,7 @@ def test_a_bug_in_one_piece_of_work_corrupts_no_other(
 
 
 def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.storage.worker.MOST_WAITING", 2)
+    monkeypatch.setattr("gateway.store.worker.MOST_WAITING", 2)
     one = keeping()
     one.until(News.OPEN)
     gate, busy = threading.Event(), threading.Event()
@@ -59,7 +62,7 @@ def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.storage.worker.HANG_S", 0.0)
+    monkeypatch.setattr("gateway.store.worker.HANG_S", 0.0)
     one = keeping()
     one.until(News.OPEN)
     gate, busy = threading.Event(), threading.Event()
@@ -101,3 +104,57 @@ def test_what_can_never_fit_is_refused_and_the_rest_goes_on(keeping: Make) -> No
         assert one.kinds().count(News.OPEN) <= 2
     one.do(insert("b"))
     assert one.do(texts)[-1] == "b"
+
+
+def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping: Make) -> None:
+    one = keeping()
+    gate, done = threading.Event(), list[str]()
+
+    def step(name: str) -> Callable[[Connection], None]:
+        return lambda connection: done.append(name)
+
+    one.store.submit(lambda connection: gate.wait(PATIENCE_S))
+    one.store.submit(lambda connection: one.store.submit(step("urgent"), is_urgent=True) and None)
+    last = [one.store.submit(step(f"{number}")) for number in range(100)][-1]
+    gate.set()
+    last.result(PATIENCE_S)
+
+    assert done == ["urgent", *map(str, range(100))]
+
+
+def test_without_a_path_all_is_in_memory(keeping: Make) -> None:
+    one = Keeping(None)
+    one.do(insert("a"))
+
+    assert one.do(texts) == ["a"]
+    one.close()
+
+
+def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    one = keeping()
+    one.do(insert("a"))
+    has_room = False
+
+    def write(connection: Connection) -> None:
+        if not has_room:
+            raise FullError("the disk is full")
+
+    monkeypatch.setattr(Reserve, "take", lambda _: has_room)
+    with pytest.raises(StoreError, match="full"):
+        one.do(write)
+    with pytest.raises(StoreError, match="full"):
+        one.do(insert("b"))
+    freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
+    freed.result(PATIENCE_S)
+    (reserve,) = tmp_path.rglob("*-reserve")
+
+    assert one.kinds() == [News.OPEN, News.AWAY]
+    assert reserve.stat().st_size == 0
+
+    has_room = True
+    while one.store.trouble:
+        pass
+    assert one.do(texts) == []
+    assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]

@@ -7,25 +7,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from gateway.storage.database import Connection
-from gateway.storage.worker import News, Store
+from gateway.store.database import Connection, Schema
+from gateway.store.worker import News, Store
 
 T = TypeVar("T")
 PATIENCE_S = 10.0
 INSERT = "INSERT INTO thing (text) VALUES (?)"
 
 
-class Things:
-    """A table of texts."""
+def _create(connection: Connection) -> None:
+    connection.execute("CREATE TABLE thing (number INTEGER PRIMARY KEY, text TEXT NOT NULL)")
 
-    def create(self, connection: Connection) -> None:
-        connection.execute(
-            "CREATE TABLE IF NOT EXISTS thing (number INTEGER PRIMARY KEY, text TEXT NOT NULL)"
-        )
-        connection.execute("SELECT number, text FROM thing LIMIT 1")
 
-    def make_room(self, connection: Connection) -> None:
-        connection.execute("DELETE FROM thing WHERE number IN (SELECT number FROM thing LIMIT 20)")
+def _make_room(connection: Connection) -> None:
+    connection.execute("DELETE FROM thing WHERE number IN (SELECT number FROM thing LIMIT 20)")
+
+
+THINGS = Schema("things", 0x7E57, (_create,))  # a table of texts
 
 
 def insert(text: str) -> Callable[[Connection], None]:
@@ -42,10 +40,10 @@ def texts(connection: Connection) -> list[str]:
 class Keeping:
     """A store with its news, until `close`."""
 
-    def __init__(self, path: Path, *, max_bytes: int = 2**20) -> None:
+    def __init__(self, path: Path | None, *, max_bytes: int = 2**20) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, [Things()], max_bytes=max_bytes, retry_s=0.02)
+        self.store = Store(path, THINGS, make_room=_make_room, max_bytes=max_bytes, retry_s=0.02)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

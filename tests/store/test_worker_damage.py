@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.storage.database import MOST_ASIDE, stored_version
-from gateway.storage.worker import News
-from tests.storage.store_rig import Keeping, Make, insert, texts
+from gateway.store.database import MOST_ASIDE, stored_version
+from gateway.store.worker import News
+from tests.store.store_rig import THINGS, Keeping, Make, insert, texts
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_a_file_removed_while_it_is_in_use_is_made_anew_and_reported(keeping: Ma
 def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
     keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.storage.database.LOCKED_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.store.database.LOCKED_WITHIN_S", 0.01)
     holder = sqlite3.connect(path, isolation_level=None)
     holder.execute("PRAGMA locking_mode = EXCLUSIVE")
     holder.execute("INSERT INTO thing (text) VALUES ('a')")
@@ -152,4 +152,4 @@ def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, pat
 
     assert "has format 2, and this program knows formats up to 1" in text
     assert not list(path.parent.glob("*.aside-*"))
-    assert stored_version(path) == 2
+    assert stored_version(path, THINGS) == 2

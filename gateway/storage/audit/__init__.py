@@ -1,1 +1,0 @@
-"""The audit log: a hash chain in segment files. Start at `log`; `chain` verifies."""

@@ -1,0 +1,82 @@
+"""What outlives a run: two SQLite files, each with one thread that writes it.
+
+`schema` says what is in them, `worker` writes, `database` alone knows SQLite. From outside everything is
+imported from here.
+"""
+
+from gateway.store.audit import Anchor, append_note, read_audit
+from gateway.store.chain import FIRST_HASH, Verification, verify
+from gateway.store.commands import INTEND_WITHIN_S, CommandTable, Journal, NoJournal, Remembered
+from gateway.store.database import (
+    Connection,
+    FullError,
+    Schema,
+    Work,
+    mark_restored,
+    newer_text,
+    read_file,
+    snapshot,
+    stored_version,
+)
+from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.outbox import (
+    DAMAGED,
+    DISK_FULL,
+    Deleted,
+    Loss,
+    OutboxRow,
+    OutboxTable,
+    Page,
+    Rank,
+    Total,
+    losses_of,
+    merged,
+)
+from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.state import State
+from gateway.store.worker import RETRY_S, News, OnNews, Store
+
+__all__ = [
+    "DAMAGED",
+    "DISK_FULL",
+    "FIRST_HASH",
+    "INTEND_WITHIN_S",
+    "RETRY_S",
+    "STATE",
+    "STATE_FILE",
+    "Anchor",
+    "CommandTable",
+    "Connection",
+    "Deleted",
+    "Document",
+    "Documents",
+    "FullError",
+    "Journal",
+    "Loss",
+    "News",
+    "NoJournal",
+    "OnNews",
+    "OutboxRow",
+    "OutboxTable",
+    "Page",
+    "Rank",
+    "Remembered",
+    "Schema",
+    "State",
+    "Store",
+    "Total",
+    "Verification",
+    "Work",
+    "append_note",
+    "losses_of",
+    "mark_restored",
+    "merged",
+    "newer_text",
+    "read_audit",
+    "read_document",
+    "read_file",
+    "snapshot",
+    "stored_version",
+    "verify",
+    "write_document",
+]

@@ -1,0 +1,412 @@
+"""One SQLite file that may be damaged, foreign, full or away; the only module that knows sqlite3.
+
+Invariants: a file is ours by its application id, and of this program by its version; its tables have exactly
+the shape that the schema's steps make; whatever else stands in its place is renamed, never overwritten.
+Without a path the same lives in memory.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from gateway.errors import DamagedError, NewerError, StoreError
+from gateway.store.reserve import Reserve
+from gateway.system.whole_files import NEW, private, put_in_place, sync_file, without_waiting
+
+log = logging.getLogger(__name__)
+
+Connection = sqlite3.Connection
+Work = Callable[[Connection], Any]
+T = TypeVar("T")
+
+PAGE_BYTES = 4096
+CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
+LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
+LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
+MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
+SPARE_PAGES = 8  # of a bounded file, which the next transaction may need
+LAST_VERSION = 999  # a file that says a higher one is damaged
+SHRUNK_PAGES = 100  # given back to a full disk at a time: they pass through the write-ahead log
+
+_DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
+_COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
+_ASIDE = ".aside-"
+_STAMP_DIGITS = 20
+_HEADER_BYTES = 100
+_CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
+_NOTE = "REPLACE INTO meta VALUES (?, ?)"
+_SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
+
+
+class FullError(StoreError):
+    """The file has reached its bound, or the disk its end."""
+
+
+class Schema(NamedTuple):
+    """What is in a file. The version of a file is the number of steps that it has been taken through."""
+
+    name: str  # of its thread and in logs
+    application_id: int  # a file without it is not ours
+    steps: tuple[Work, ...]  # each makes one version of the one before
+
+    def shape(self) -> list[Any]:
+        """Return the SQL of everything that is in a file of the newest version."""
+        with closing(sqlite3.connect(":memory:")) as connection:
+            connection.execute(_CREATE_META)
+            for step in self.steps:
+                step(connection)
+            return connection.execute(_SHAPE).fetchall()
+
+
+class Database:
+    """The file, open or not; all calls belong to one thread.
+
+    `make_room` deletes what is least missed; it is called when the file has reached its bound.
+    """
+
+    def __init__(
+        self, path: Path | None, schema: Schema, *, max_bytes: int, make_room: Work | None = None
+    ) -> None:
+        self.path = path or Path(":memory:")
+        self.lost_s: float | None = None
+        self._is_file = path is not None
+        self._schema = schema
+        self._make_room = make_room
+        self._max_pages = max(max_bytes // PAGE_BYTES, 1)
+        self._reserve = Reserve(path)
+        self._connection: Connection | None = None
+        self._is_flushing = True
+        self._place: tuple[int, int] | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether work can be done."""
+        return self._connection is not None
+
+    @property
+    def is_in_place(self) -> bool:
+        """Return whether the open file is still the one of this name; SQLite itself would not notice."""
+        return not self._is_file or self._place == _place(self.path)
+
+    def open(self, *, is_lost: bool = False) -> str:
+        """Open or create the file; return what had to be put aside for it, if anything. StoreError."""
+        if self._is_file:
+            with _translated(self.path):
+                self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            self._connect(is_lost=is_lost)
+        except DamagedError as error:
+            return self.replace(error)
+        except FullError:
+            if not self._reserve.give_up():
+                raise
+            self._connect(is_lost=is_lost)
+        return ""
+
+    def replace(self, error: DamagedError) -> str:
+        """Put the file aside and open a new one; return what people should know of it."""
+        self.close()
+        with _translated(self.path):
+            aside = _put_aside(self.path) if self._is_file else self.path
+        self._connect(is_lost=True)
+        return f"{error}; put aside as {aside.name}, a new one is used"
+
+    def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
+        """Do the work in one transaction, and return its answers when it is on the disk.
+
+        What is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
+        next transaction that is.
+        """
+        connection = self._opened()
+        with _translated(self.path):
+            if is_flushed != self._is_flushing:
+                _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
+                self._is_flushing = is_flushed
+            connection.execute("BEGIN IMMEDIATE")
+            try:
+                answers = [work(connection) for work in works]
+                connection.execute("COMMIT")
+            except BaseException:
+                if connection.in_transaction:
+                    connection.execute("ROLLBACK")
+                raise
+        return answers
+
+    def make_room(self) -> bool:
+        """Delete what is least missed if the file has reached its own bound; return whether that was done."""
+        if self._make_room is None or not self._is_at_bound():
+            return False
+        self.transact([self._make_room])
+        return True
+
+    def take_reserve(self) -> None:
+        """Take the room again that was given up, as soon as the disk has it; FullError."""
+        with _translated(self.path):
+            if not self._reserve.take():
+                raise FullError(f"{self.path}: the disk is full")
+
+    def relieve(self, works: Iterable[Work]) -> list[Any]:
+        """Do work that deletes, by means of the reserve: the disk is full, and deleting needs room too."""
+        self._reserve.give_up()
+        answers = self.transact(works)
+        self.tidy()
+        return answers
+
+    def tidy(self) -> None:
+        """Write the log back into the file; give back to a full disk what the file does not need."""
+        connection = self._opened()
+        with _translated(self.path):
+            if not self._reserve.is_held:
+                connection.execute(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})").fetchall()
+                _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
+            else:
+                _ask(connection, "PRAGMA wal_checkpoint(PASSIVE)")
+
+    def close(self) -> None:
+        """Close the file."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            try:
+                connection.close()
+            except sqlite3.Error as error:  # its last checkpoint failed: the next one to open it does that
+                log.info("store=%s %s", self.path, error)
+
+    def _opened(self) -> Connection:
+        if self._connection is None:
+            raise StoreError(f"{self.path} is not open")
+        return self._connection
+
+    def _is_at_bound(self) -> bool:
+        """Return whether little is left of the file's own bound."""
+        with _translated(self.path):
+            connection = self._opened()
+            pages = _ask(connection, "PRAGMA page_count") - _ask(connection, "PRAGMA freelist_count")
+        return bool(self._max_pages - pages < max(SPARE_PAGES, self._max_pages // 20))
+
+    def _connect(self, *, is_lost: bool) -> None:
+        with _translated(self.path):
+            is_there = self._is_file and self.path.exists()
+            if is_there and not self.path.is_file():
+                raise DamagedError(f"{self.path} is no file")
+            if self._is_file and not is_there:
+                os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
+            connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
+            try:
+                self._prepare(connection, is_lost=is_lost, is_there=is_there)
+            except BaseException as error:
+                connection.close()
+                if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
+                    raise DamagedError(f"{self.path}: {error}") from error
+                raise
+        self._connection = connection
+        self._place = _place(self.path)
+
+    def _prepare(self, connection: Connection, *, is_lost: bool, is_there: bool) -> None:
+        """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
+        connection.text_factory = _text
+        version = 0
+        if _ask(connection, "SELECT count(*) FROM sqlite_master"):
+            version = _version(connection, self.path, self._schema)
+            if _ask(connection, "PRAGMA quick_check(1)") != "ok":
+                raise DamagedError(f"{self.path} is damaged")
+        else:
+            is_lost = is_lost or is_there
+            _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
+            _ask(connection, "PRAGMA auto_vacuum = INCREMENTAL")  # so that a full disk gets room back
+        if _ask(connection, "PRAGMA journal_mode = WAL") != "wal" and self._is_file:
+            raise StoreError(f"{self.path}: no write-ahead log is possible here")
+        for setting in (
+            "synchronous = FULL",
+            f"max_page_count = {self._max_pages}",
+            f"cache_size = -{CACHE_KIB}",
+            f"journal_size_limit = {LOG_BYTES}",
+        ):
+            _ask(connection, f"PRAGMA {setting}")
+        self._is_flushing = True
+        connection.execute("BEGIN IMMEDIATE")
+        if not version:
+            connection.execute(_CREATE_META)
+        for step in self._schema.steps[version:]:
+            step(connection)
+        connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
+        connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
+        is_restored = connection.execute("DELETE FROM meta WHERE key = 'restored_s'").rowcount > 0
+        for key in ("opened_s", "lost_s") if is_lost or is_restored else ("opened_s",):
+            connection.execute(_NOTE, (key, time.time()))
+        connection.execute("COMMIT")
+        if connection.execute(_SHAPE).fetchall() != self._schema.shape():
+            raise DamagedError(f"{self.path} has other tables")
+        lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
+        self.lost_s = lost_s if isinstance(lost_s, float) else None
+
+
+def snapshot(path: Path, copy: Path) -> None:
+    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
+
+    The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
+    later takes the file for one that was lost: what has happened since is missing in it.
+    """
+    new = copy.with_name(copy.name + NEW)
+    with _translated(copy):
+        new.unlink(missing_ok=True)
+        os.close(private(str(new), os.O_RDWR | os.O_CREAT))
+        with closing(_reader(path)) as source:
+            source.execute("VACUUM INTO ?", (str(new),))
+        mark_restored(new)
+        sync_file(new)
+        put_in_place(new, copy)
+
+
+def mark_restored(path: Path) -> None:
+    """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
+    with _translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute(_NOTE, ("restored_s", time.time()))
+
+
+def stored_version(path: Path, schema: Schema) -> int | None:
+    """Return the version of a database as it is; None when there is none, or none that can be read.
+
+    Where another process holds the file, its header must do, which lacks what is still in the write-ahead
+    log. Without such a log the header is enough, and nothing is made beside the file.
+    """
+    try:
+        if Path(f"{path}-wal").exists():
+            with suppress(StoreError, sqlite3.Error), _translated(path), closing(_reader(path)) as connection:
+                return _ours(*_marks(connection), schema)
+        with open(path, "rb", opener=without_waiting) as file:
+            header = file.read(_HEADER_BYTES)
+    except OSError:
+        return None
+    return _ours(
+        int.from_bytes(header[68:72]), int.from_bytes(header[60:64]), schema
+    )  # sqlite.org/fileformat2
+
+
+def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+    with _translated(path):
+        os.stat(path)
+        with closing(_reader(path)) as connection:
+            _version(connection, path, schema)
+            connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
+            try:
+                return work(connection)
+            except sqlite3.OperationalError as error:
+                if _code(error) != sqlite3.SQLITE_ERROR:
+                    raise
+                raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
+
+
+def _reader(path: Path) -> Connection:
+    """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
+
+    Without a log no process has it open, so what is read cannot change meanwhile (sqlite.org/wal.html 5).
+    """
+    is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
+    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
+    connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
+    connection.text_factory = _text
+    return connection
+
+
+def _text(octets: bytes) -> str:
+    """Return a text, also of a file that is damaged."""
+    return octets.decode("utf-8", "replace")
+
+
+def _marks(connection: Connection) -> tuple[int, int]:
+    return _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
+
+
+def _ours(application: int, version: int, schema: Schema) -> int | None:
+    return version if application == schema.application_id and 1 <= version <= LAST_VERSION else None
+
+
+def _version(connection: Connection, path: Path, schema: Schema) -> int:
+    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
+    version = _ours(*_marks(connection), schema)
+    if version is None:
+        raise DamagedError(f"{path} is another program's")
+    if version > len(schema.steps):
+        raise NewerError(newer_text(path, version, schema))
+    return version
+
+
+def newer_text(path: Path, version: int, schema: Schema) -> str:
+    """Return what is wrong with a file that a later version of this program has written."""
+    return (
+        f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
+        "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
+    )
+
+
+@contextmanager
+def _translated(path: Path) -> Iterator[None]:
+    """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
+    try:
+        yield
+    except OSError as error:
+        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:  # of a message that quotes what is damaged
+        raise DamagedError(f"{path}: a text in it is no UTF-8") from error
+    except sqlite3.Error as error:
+        code = _code(error)
+        if code in _DAMAGE:
+            raise DamagedError(f"{path}: {error}") from error
+        if code == sqlite3.SQLITE_FULL or _is_index_full(error):
+            raise FullError(f"{path}: {error}") from error
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise StoreError(f"{path} is in use by another process") from error
+        if code in (None, sqlite3.SQLITE_ERROR):
+            raise
+        raise StoreError(f"{path}: {error}") from error
+
+
+def _code(error: BaseException) -> int | None:
+    """Return the primary result code of an SQLite error (sqlite.org/rescode.html)."""
+    code = getattr(error, "sqlite_errorcode", None)
+    return None if code is None else code & 0xFF
+
+
+def _is_index_full(error: sqlite3.Error) -> bool:
+    """Return whether the log's index could not grow: SQLite has an error of its own for that."""
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_IOERR_SHMSIZE
+
+
+def _ask(connection: Connection, sql: str) -> Any:
+    row = connection.execute(sql).fetchone()
+    return None if row is None else row[0]
+
+
+def _place(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _put_aside(path: Path) -> Path:
+    """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
+    stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
+    for end in _COMPANIONS:
+        if os.path.lexists(f"{path}{end}"):
+            os.rename(f"{path}{end}", path.with_name(stem + end))
+    _forget_oldest(path)
+    return path.with_name(stem)
+
+
+def _forget_oldest(path: Path) -> None:
+    length = len(path.name) + len(_ASIDE) + _STAMP_DIGITS
+    entries = sorted(entry for entry in path.parent.iterdir() if entry.name.startswith(path.name + _ASIDE))
+    recent = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
+    for entry in entries:
+        if entry.name[:length] not in recent and not entry.is_dir():
+            entry.unlink()

@@ -1,0 +1,189 @@
+"""Documents: small models that outlive the process, each read once at the start and saved whole.
+
+What is saved is written behind, and the newest wins. A document that is not what its model says is as if it
+was not there, and one event says so. A file that could not be read has damaged them all.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from gateway.contract import EventCode, PublishEvent
+from gateway.errors import DamagedError, StoreError
+from gateway.store.database import Connection, Database, read_file
+from gateway.store.schema import STATE
+from gateway.store.worker import MAX_BYTES, Store
+from gateway.system.supervised import on_this_loop
+
+T = TypeVar("T")
+
+SAVED_WITHIN_S = 2.0
+
+_READ = "SELECT name, body FROM documents"
+_PUT = "REPLACE INTO documents VALUES (?, ?)"
+
+
+class Documents:
+    """All documents of a gateway, as an earlier run left them; without a store nothing is saved.
+
+    While `is_operated` is False, documents that only commands need are not saved.
+    """
+
+    def __init__(
+        self,
+        store: Store | None = None,
+        path: Path | None = None,
+        *,
+        is_operated: bool = True,
+        publish_event: PublishEvent | None = None,
+    ) -> None:
+        self.is_operated = is_operated
+        self.damage = ""  # why nothing is known from earlier; empty: it is
+        self._store = store
+        self._publish_event = publish_event
+        self._bodies: dict[str, str] = {}
+        self._documents: dict[str, Document[Any]] = {}
+        try:
+            self._bodies = read_bodies(path)
+        except StoreError as error:
+            self.damage = str(error)
+
+    def open(
+        self,
+        name: str,
+        kind: TypeAdapter[T],
+        provide: Callable[[], T],
+        *,
+        delay_s: float = 0.0,
+        is_for_operators: bool = False,
+    ) -> Document[T]:
+        """Return a document, as it was saved last; `provide` gives what is to be saved of it.
+
+        So long as `delay_s` a change may wait for others.
+        """
+
+        def save(body: str) -> Future[None] | None:
+            if self._store is None or (is_for_operators and not self.is_operated):
+                return None
+            self._bodies[name] = body
+            return self._store.submit(partial(put_body, name=name, body=body), is_urgent=True)
+
+        document = Document(kind, provide, save, delay_s=delay_s)
+        self._documents[name] = document
+        document.damage = self.damage
+        try:
+            document.loaded = parsed(kind, self._bodies.get(name), name)
+        except DamagedError as error:
+            document.damage = str(error)
+            if self._publish_event is not None:
+                self._publish_event(EventCode.MEMORY_DAMAGED, name, damage=error)
+        return document
+
+    def save_again(self, *, is_lost: bool) -> None:
+        """Save what the disk has missed; everything when it was lost."""
+        for document in self._documents.values():
+            if document.is_dirty or is_lost:
+                document.touch()
+
+    async def close(self) -> None:
+        """Save what has changed, if that is possible in time."""
+        await asyncio.gather(*(document.saved() for document in self._documents.values()))
+
+
+class Document(Generic[T]):
+    """One document. All calls on the app's loop."""
+
+    def __init__(
+        self,
+        kind: TypeAdapter[T],
+        provide: Callable[[], T],
+        save: Callable[[str], Future[None] | None],
+        *,
+        delay_s: float,
+    ) -> None:
+        self.loaded: T | None = None  # by an earlier run
+        self.damage = ""  # why it is not known what an earlier run saved
+        self.is_dirty = False
+        self._kind = kind
+        self._provide = provide
+        self._save = save
+        self._delay_s = delay_s
+        self._timer: asyncio.TimerHandle | None = None
+        self._latest: Future[None] | None = None
+
+    def touch(self) -> None:
+        """Have the document saved soon, because it has changed."""
+        self.is_dirty = True
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(self._delay_s, self._write)
+
+    async def saved(self, *, within_s: float = SAVED_WITHIN_S) -> bool:
+        """Return whether everything up to now is on the disk, after waiting for that at most so long."""
+        if self.is_dirty:
+            self._write()
+        if self._latest is not None:
+            await asyncio.wait((asyncio.wrap_future(self._latest),), timeout=within_s)
+        return self._latest is None or (self._latest.done() and self._latest.exception() is None)
+
+    def _write(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+        self.is_dirty = False
+        self._latest = self._save(self._kind.dump_json(self._provide()).decode())
+        if self._latest is not None:
+            self._latest.add_done_callback(on_this_loop(self._written))
+
+    def _written(self, future: Future[None]) -> None:
+        self.is_dirty = self.is_dirty or future.exception() is not None
+
+
+def read_bodies(path: Path | None) -> dict[str, str]:
+    """Return the documents in a file, by name; none when there is no file. StoreError."""
+    try:
+        return {} if path is None or not path.parent.exists() else read_file(path, STATE, _bodies)
+    except StoreError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            return {}
+        raise
+
+
+def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
+    """Return a document of a gateway, also of one that runs; None when there is none. StoreError."""
+    return parsed(kind, read_bodies(path).get(name), name)
+
+
+def write_document(path: Path, name: str, kind: TypeAdapter[T], document: T) -> None:
+    """Save a document for the next run of a gateway, which does not run now; StoreError."""
+    database = Database(path, STATE, max_bytes=MAX_BYTES)
+    try:
+        database.open()
+        database.transact([partial(put_body, name=name, body=kind.dump_json(document).decode())])
+    finally:
+        database.close()
+
+
+def put_body(connection: Connection, *, name: str, body: str) -> None:
+    """Replace a document."""
+    connection.execute(_PUT, (name, body))
+
+
+def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
+    """Return a document; DamagedError when it is not what its model says."""
+    if body is None:
+        return None
+    try:
+        return kind.validate_json(body)
+    except ValidationError as error:
+        raise DamagedError(f"what was stored of {name} is damaged: {error.error_count()} mistakes") from error
+
+
+def _bodies(connection: Connection) -> dict[str, str]:
+    return dict(connection.execute(_READ).fetchall())

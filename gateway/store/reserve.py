@@ -1,0 +1,56 @@
+"""Room on the disk that is given up while the disk is full: deleting rows needs room too.
+
+A file beside the database, allocated and never written. It is taken again only when the disk has as much
+left besides, so that a store at the margin does not change its mind every few seconds.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+from gateway.system.whole_files import private
+
+RESERVE_BYTES = 2**20
+
+
+class Reserve:
+    """The reserve of one database; of one in memory there is none to take."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = None if path is None else path.with_name(f"{path.name}-reserve")
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether the room is taken, by this run or an earlier one."""
+        try:
+            return self._path is None or self._path.stat().st_size == RESERVE_BYTES
+        except OSError:
+            return False
+
+    def take(self) -> bool:
+        """Take the room, and return whether there is enough; OSError."""
+        if self._path is None or self.is_held:
+            return True
+        disk = os.statvfs(self._path.parent)
+        if disk.f_bavail * disk.f_frsize < 2 * RESERVE_BYTES:
+            return False
+        descriptor = private(str(self._path), os.O_RDWR | os.O_CREAT)
+        try:
+            os.posix_fallocate(descriptor, 0, RESERVE_BYTES)
+        except OSError as error:
+            os.truncate(self._path, 0)
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                return False
+            raise
+        finally:
+            os.close(descriptor)
+        return True
+
+    def give_up(self) -> bool:
+        """Give the room back to the disk; return whether there was any."""
+        is_held = self._path is not None and self.is_held
+        if self._path is not None and is_held:
+            os.truncate(self._path, 0)
+        return is_held

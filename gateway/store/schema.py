@@ -1,0 +1,31 @@
+"""What is in a gateway's files, and how each version of them is made of the one before.
+
+`state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
+them all. A step never changes once it was released: whoever changes a table adds one.
+"""
+
+from __future__ import annotations
+
+from gateway.store.database import Connection, Schema
+from gateway.store.outbox import TABLES
+
+STATE_FILE = "state.sqlite"
+
+_COMMANDS = """
+    CREATE TABLE commands (
+        client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, verb TEXT NOT NULL,
+        phase TEXT NOT NULL, code TEXT NOT NULL, text TEXT NOT NULL, time_s REAL NOT NULL,
+        extra TEXT NOT NULL, is_final INTEGER NOT NULL, may_be_written INTEGER NOT NULL,
+        since_s REAL NOT NULL, PRIMARY KEY (client, id)
+    )
+"""
+_DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
+_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
+
+
+def _first(connection: Connection) -> None:
+    for sql in (_COMMANDS, *TABLES, _DOCUMENTS, _AUDIT):
+        connection.execute(sql)
+
+
+STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"

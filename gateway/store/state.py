@@ -1,0 +1,116 @@
+"""The state of a gateway: its commands, documents and audit, in one file with one thread.
+
+Nothing of it ever prevents the gateway's start or stop. Its news become events.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
+from gateway.store.audit import Audit, give_up_oldest
+from gateway.store.commands import CommandTable, Remembered, forget_harmless
+from gateway.store.database import Connection
+from gateway.store.documents import Documents
+from gateway.store.schema import STATE
+from gateway.store.worker import RETRY_S, News, OnNews, Store
+from gateway.system.clock import Clock
+from gateway.system.supervised import on_this_loop
+
+log = logging.getLogger(__name__)
+
+CLOSE_WITHIN_S = 2.0
+SETTLE_WITHIN_S = 2.0
+
+
+class State:
+    """All calls on the app's loop; `path` None: in memory.
+
+    `hold_s` is how long an old command might still pass for a new one. Without operators it is no error, only
+    a warning, when nothing can be stored. `follow` has others told the store's news, after its own parts.
+    """
+
+    takes = (AuditRecord,)
+
+    def __init__(
+        self,
+        path: Path | None,
+        *,
+        boot: str,
+        clock: Clock,
+        hold_s: float,
+        has_operators: bool,
+        publish_event: PublishEvent,
+        retry_s: float = RETRY_S,
+    ) -> None:
+        self._publish_event = publish_event
+        self.store = Store(path, STATE, make_room=_make_room, retry_s=retry_s)
+        self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
+        self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
+        self._audit = Audit(self.store, boot=boot)
+        self._followers: list[OnNews] = []
+        self._is_away = False
+
+    def follow(self, on_news: OnNews) -> None:
+        """Have this called with the store's news from now on."""
+        self._followers.append(on_news)
+
+    def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
+        """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
+        self.commands.on_recalled = on_recalled
+        self.store.start(on_this_loop(self._on_news))
+        self._audit.note("gateway_started", f"version {version}")
+
+    def put(self, record: Record) -> None:
+        """Store what belongs into the audit."""
+        if isinstance(record, AuditRecord):
+            self._audit.put(record)
+
+    def apply(self, *, has_operators: bool) -> None:
+        """Apply another configuration, and record in the audit from when."""
+        self.documents.is_operated = has_operators
+        self._audit.note("gateway_reloaded", "by another configuration from now on")
+
+    async def settle(self) -> None:
+        """Write the last results and documents, if the disk works, so that they can be published."""
+        await asyncio.gather(self.documents.close(), self.commands.settle(SETTLE_WITHIN_S))
+
+    async def close(self, reason: str) -> None:
+        """Write what waits, as far as the disk lets us."""
+        self._audit.note("gateway_ended", reason)
+        if not await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S):
+            log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
+
+    def _note_slow(self, seconds: float) -> None:
+        self._publish_event(EventCode.STORE_SLOW, severity=self._severity(), seconds=seconds)
+
+    def _on_news(self, news: News, text: str) -> None:
+        match news:
+            case News.OPEN:
+                log.info("store %s", text)
+                if self._is_away:
+                    self._publish_event(EventCode.STORE_AVAILABLE)
+                self._is_away = False
+                self.commands.resume()
+                self.documents.save_again(is_lost=False)
+            case News.AWAY:
+                self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
+                self._is_away = True
+            case News.LOST:
+                self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
+                self._audit.note("chain_begun_anew", text)
+                self.documents.save_again(is_lost=True)
+        self._audit.resume()
+        for follower in self._followers:
+            follower(news, text)
+
+    def _severity(self) -> Severity:
+        return Severity.ERROR if self.documents.is_operated else Severity.WARNING
+
+
+def _make_room(connection: Connection) -> None:
+    forget_harmless(connection)
+    give_up_oldest(connection)

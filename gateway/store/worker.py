@@ -1,0 +1,279 @@
+"""The thread that writes a database: intents and finals first, everything else in batches.
+
+The caller never waits for the disk. A piece's future completes when its transaction is on the disk. Urgent
+pieces have transactions of their own; a batch of the others ends after 500 pieces, after 50 ms, or when an
+urgent one comes. WAL with synchronous FULL survives a power cut, if the disk flushes when asked to
+(sqlite.org/pragma.html, synchronous). A bad file never stops the gateway: a damaged or foreign one is set
+aside, a failed write is reported to its caller, and the file is tried again. On a full disk only what deletes
+is done, by means of a reserve.
+"""
+
+from __future__ import annotations
+
+import enum
+import logging
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gateway.errors import DamagedError, StoreError, UnstorableError
+from gateway.store.database import Connection, Database, FullError, Schema, Work
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+MAX_BYTES = 128 * 2**20
+RETRY_S = 5.0  # between attempts on a file that cannot be written
+HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
+MOST_WAITING = 10_000  # pieces
+MOST_AT_ONCE = 500  # pieces in one transaction
+BATCH_S = 0.05  # of one transaction, while there is more to do
+IDLE_S = 1.0  # without work, after which the log is written back
+TIDY_AFTER = 100  # transactions
+MOST_ROOM_MADE = 4  # times for one transaction
+
+
+class News(enum.StrEnum):
+    """A change of a store's state."""
+
+    OPEN = "store_open"  # for the first time, or again after AWAY
+    AWAY = "store_away"  # nothing can be stored
+    LOST = "store_lost"  # the file was set aside or is gone; a new one is in use
+
+
+OnNews = Callable[[News, str], None]  # with a text for people
+
+
+class Store:
+    """The file and its thread; `path` None: the same in memory. `make_room` is of `Database`."""
+
+    def __init__(
+        self,
+        path: Path | None,
+        schema: Schema,
+        *,
+        max_bytes: int = MAX_BYTES,
+        make_room: Work | None = None,
+        retry_s: float = RETRY_S,
+    ) -> None:
+        self._file = Database(path, schema, max_bytes=max_bytes, make_room=make_room)
+        self._on_news: OnNews = lambda *_: None
+        self._urgent: deque[_Piece] = deque()
+        self._others: deque[_Piece] = deque()
+        self._wake: queue.SimpleQueue[str | None] = queue.SimpleQueue()  # None: the end
+        self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
+        self._trouble = "it is not open yet"
+        self._reported: News | None = None
+        self._pause_s = retry_s
+        self._retry_s = 0.0  # when what failed is tried again
+        self._busy_since_s: float | None = None
+        self._untidy = 0  # transactions since the log was written back
+        self._is_closed = False
+
+    @property
+    def trouble(self) -> str:
+        """Return why nothing can be stored now; empty when it can."""
+        since_s = self._busy_since_s
+        busy_s = 0.0 if since_s is None else time.monotonic() - since_s
+        if not self._trouble and busy_s > HANG_S:
+            return f"the disk has not answered for {busy_s:.0f} s"
+        return self._trouble
+
+    @property
+    def lost_s(self) -> float | None:
+        """Return when (UTC) the file before the present one was lost; None when there was none."""
+        return self._file.lost_s
+
+    def start(self, on_news: OnNews) -> None:
+        """Begin; the file is opened in the thread, which calls `on_news`."""
+        self._on_news = on_news
+        self._thread.start()
+
+    def submit(
+        self,
+        work: Callable[[Connection], T],
+        *,
+        is_urgent: bool = False,
+        is_flushed: bool = True,
+        is_freeing: bool = False,
+    ) -> Future[T]:
+        """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
+
+        What is urgent is done before everything that is not; otherwise the order is kept. What need not be
+        flushed at once outlives the process, but perhaps not a power cut. What is freeing only deletes, and
+        is done on a full disk too: it should touch less than a quarter of the reserve.
+        """
+        piece = _Piece(work, is_flushed, is_freeing)
+        if self._is_closed or len(self._urgent) + len(self._others) >= MOST_WAITING:
+            why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
+            piece.future.set_exception(StoreError(why))
+        else:
+            (self._urgent if is_urgent else self._others).append(piece)
+            self._wake.put("work")
+        return piece.future
+
+    def close(self, *, within_s: float) -> bool:
+        """Do what has been submitted, then close the file; return whether there was time for it."""
+        self._is_closed = True
+        self._wake.put(None)
+        if self._thread.ident is not None:
+            self._thread.join(within_s)
+        return not self._thread.is_alive()
+
+    # Everything below happens in the thread.
+
+    def _run(self) -> None:
+        self._do([])  # opens the file
+        is_over = False
+        while not is_over:
+            is_over = self._wait()
+            while batch := self._next_batch():
+                self._do(batch)
+        self._file.close()
+
+    def _wait(self) -> bool:
+        """Return when there may be work, and whether it is the last; be tidy when there is none."""
+        if self._trouble:
+            pause_s: float | None = self._pause_s
+        else:
+            pause_s = IDLE_S if self._untidy >= TIDY_AFTER else None
+        try:
+            return self._wake.get(timeout=pause_s) is None
+        except queue.Empty:
+            self._do([])
+            self._tidy()
+            return False
+
+    def _next_batch(self) -> list[_Piece]:
+        waiting = self._urgent or self._others
+        count = min(len(waiting), MOST_AT_ONCE)
+        pieces = (waiting.popleft() for _ in range(count))
+        return [piece for piece in pieces if piece.begin()]
+
+    def _do(self, batch: Sequence[_Piece]) -> None:
+        self._busy_since_s = time.monotonic()
+        self._serve(batch)
+        self._busy_since_s = None
+
+    def _serve(self, batch: Sequence[_Piece]) -> None:
+        """Do what there is time for in one transaction; one by one when a bug of one piece is in the way."""
+        try:
+            self._open()
+            answers = self._attempt(batch)
+        except FullError as error:
+            self._go_away(str(error))
+            self._relieve(batch, error)
+        except StoreError as error:
+            self._file.close()
+            self._go_away(str(error))
+            _fail(batch, error)
+        except Exception as error:  # the guard at the thread's top
+            if len(batch) > 1:
+                for piece in batch:
+                    self._serve([piece])
+                return
+            log.exception("store=%s a piece of work failed", self._file.path)
+            _fail(batch, UnstorableError(f"an error inside the gateway: {error!r}"))
+        else:
+            self._untidy += bool(answers)
+            for piece, answer in zip(batch, answers, strict=False):
+                piece.future.set_result(answer)
+            self._others.extendleft(reversed(batch[len(answers) :]))
+
+    def _open(self) -> None:
+        """See to it that the file is open, where it belongs, and has room; StoreError when it is not now."""
+        if self._file.is_open and not self._file.is_in_place:
+            self._file.close()
+            self._file.open(is_lost=True)
+            self._report(News.LOST, f"{self._file.path} was removed while in use; a new one is used")
+        if not self._trouble:
+            return
+        if time.monotonic() < self._retry_s:
+            raise FullError(self._trouble) if self._file.is_open else StoreError(self._trouble)
+        if not self._file.is_open and (lost := self._file.open()):
+            self._report(News.LOST, lost)
+        self._file.take_reserve()
+        self._trouble = ""
+        self._report(News.OPEN, f"{self._file.path} is open")
+
+    def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
+        """Do the work; once more after room was made, which may take a few times, or another file taken."""
+        is_flushed = any(piece.is_flushed for piece in batch)
+        for _ in range(MOST_ROOM_MADE):
+            try:
+                return self._file.transact(self._in_time(batch), is_flushed=is_flushed) if batch else []
+            except FullError:
+                if not self._file.make_room():
+                    raise
+            except DamagedError as error:
+                self._report(News.LOST, self._file.replace(error))
+        return self._file.transact(self._in_time(batch), is_flushed=is_flushed)
+
+    def _in_time(self, batch: Sequence[_Piece]) -> Iterator[Work]:
+        """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
+        until_s = time.monotonic() + BATCH_S
+        had_urgent = len(self._urgent)
+        for number, piece in enumerate(batch):
+            if number and (time.monotonic() > until_s or len(self._urgent) > had_urgent):
+                return
+            yield piece.work
+
+    def _relieve(self, batch: Sequence[_Piece], error: FullError) -> None:
+        """Do what deletes although the disk is full; all else fails."""
+        freeing = [piece for piece in batch if piece.is_freeing]
+        _fail([piece for piece in batch if not piece.is_freeing], error)
+        if not freeing:
+            return
+        try:
+            answers = self._file.relieve([piece.work for piece in freeing])
+        except StoreError as failure:
+            _fail(freeing, failure)
+            return
+        for piece, answer in zip(freeing, answers, strict=True):
+            piece.future.set_result(answer)
+
+    def _tidy(self) -> None:
+        """Write the log back; a failure shows in the next transaction as well."""
+        self._untidy = 0
+        if self._file.is_open:
+            try:
+                self._file.tidy()
+            except StoreError as error:
+                log.info("store=%s %s", self._file.path, error)
+
+    def _go_away(self, trouble: str) -> None:
+        if not self._trouble or time.monotonic() >= self._retry_s:
+            self._retry_s = time.monotonic() + self._pause_s
+        self._trouble = trouble
+        if self._reported is not News.AWAY:
+            self._report(News.AWAY, trouble)
+
+    def _report(self, news: News, text: str) -> None:
+        self._reported = news
+        self._on_news(news, text)
+
+
+@dataclass(slots=True)
+class _Piece:
+    work: Work
+    is_flushed: bool
+    is_freeing: bool
+    is_begun: bool = False
+    future: Future[Any] = field(default_factory=Future)
+
+    def begin(self) -> bool:
+        """Return whether it is to be done: nobody has given it up meanwhile."""
+        self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
+        return self.is_begun
+
+
+def _fail(pieces: Sequence[_Piece], error: StoreError) -> None:
+    for piece in pieces:
+        piece.future.set_exception(error)
