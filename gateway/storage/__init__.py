@@ -1,4 +1,1 @@
-"""What outlives a run: SQLite, the command ledger, the outbox's file, JSON files, the audit log.
-
-Start at `state_dir`; `worker` is the thread that writes.
-"""
+"""The files of a state directory as a whole: their names and formats, and copies of them."""

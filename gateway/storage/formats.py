@@ -11,10 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import NewerError
-from gateway.store import STATE, STATE_FILE
+from gateway.store import SCHEMAS
 
-STATE_FILES = {STATE_FILE: len(STATE.steps), "outbox.sqlite": 1, "history.db": 1}  # the newest known formats
-FORMAT = 1  # of the last two
+STATE_FILES = {name: len(schema.steps) for name, schema in SCHEMAS.items()}  # the newest known formats
 LOCK_FILE = "gateway.lock"
 OTHERS = 0o077
 
@@ -24,7 +23,7 @@ OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*STATE_FILES, 
 
 def newer_text(path: Path, version: int) -> str:
     """Return what is wrong with a file that a later version of this program has written; empty: nothing."""
-    known = STATE_FILES.get(path.name, FORMAT)
+    known = STATE_FILES.get(path.name, 1)
     if version <= known:
         return ""
     return (

@@ -19,6 +19,7 @@ from gateway.store.database import (
     stored_version,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.history import HistoryRow, HistoryStore, read_history
 from gateway.store.outbox import (
     DAMAGED,
     DISK_FULL,
@@ -32,7 +33,7 @@ from gateway.store.outbox import (
     losses_of,
     merged,
 )
-from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.schema import HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
 from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
@@ -40,8 +41,10 @@ __all__ = [
     "DAMAGED",
     "DISK_FULL",
     "FIRST_HASH",
+    "HISTORY_FILE",
     "INTEND_WITHIN_S",
     "RETRY_S",
+    "SCHEMAS",
     "STATE",
     "STATE_FILE",
     "Anchor",
@@ -51,6 +54,8 @@ __all__ = [
     "Document",
     "Documents",
     "FullError",
+    "HistoryRow",
+    "HistoryStore",
     "Journal",
     "Loss",
     "News",
@@ -75,6 +80,7 @@ __all__ = [
     "read_audit",
     "read_document",
     "read_file",
+    "read_history",
     "snapshot",
     "stored_version",
     "verify",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 import zlib
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Collection, Iterable, Sequence, Set
 from typing import NamedTuple
 
 from gateway.store.database import Connection
@@ -153,9 +153,16 @@ class OutboxTable:
         found = {rank: Total(*columns) for rank, *columns in connection.execute(_TOTALS)}
         return {rank: found[rank] for rank in Rank if rank in found}
 
-    def keys(self, connection: Connection) -> frozenset[str]:
-        """Return the keys of all rows that have one."""
-        return frozenset(key for (key,) in connection.execute("SELECT key FROM outbox WHERE key != ''"))
+    def keys(self, connection: Connection) -> list[str]:
+        """Return the keys of all rows that have one, the oldest first."""
+        return [key for (key,) in connection.execute("SELECT key FROM outbox WHERE key != '' ORDER BY id")]
+
+    def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
+        """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
+        wanted = f"SELECT * FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
+        found = connection.execute(wanted, tuple(keys))
+        rows = ((OutboxRow(id_, Rank(rank), *columns), checksum) for rank, id_, *columns, checksum in found)
+        return {row.key: row.payload for row, checksum in rows if _checksum(row) == checksum}
 
     def losses(self, connection: Connection) -> list[Loss]:
         """Return the losses that are not declared yet."""

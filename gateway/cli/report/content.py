@@ -10,7 +10,7 @@ from gateway.contract import CommandError, StartRecord, StartSamples, read_store
 from gateway.families import Parameter, Profile, parameters
 from gateway.plugins.history.baseline import Baseline, Month
 from gateway.plugins.history.counters import Totals, counted
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})
 TRENDS = ("acceleration_s", "peak_a", "i2t_a2s")

@@ -78,7 +78,6 @@ class Outbox:
         self._was_late = False
         self._history_credit = 0
         self.refusals = Refusals()
-        self.on_delivered: Callable[[str], None] = lambda _: None  # called with each key
 
     @property
     def latest(self) -> Mapping[str, Message]:
@@ -113,9 +112,9 @@ class Outbox:
         elif message.key not in self._left:
             self.backlog.put(self._row(message, now_s))
 
-    def recall(self, totals: Mapping[Rank, Total], keys: frozenset[str], losses: Iterable[Loss]) -> None:
+    def recall(self, totals: Mapping[Rank, Total], keys: Iterable[str], losses: Iterable[Loss]) -> None:
         """Begin with what earlier runs have left behind, which is sent word for word, and not put again."""
-        self._left = keys
+        self._left = frozenset(keys)
         self.backlog.recall(totals, losses)
 
     def forget(self, branches: Iterable[str], now_s: float) -> None:
@@ -182,8 +181,6 @@ class Outbox:
         message = sent.message
         if sent.rows:
             self.backlog.done(sent.rows)
-            if message.key:
-                self.on_delivered(message.key)
         else:
             if sent.news is not None:
                 self.backlog.cancel(sent.news.id)

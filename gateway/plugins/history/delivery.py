@@ -1,77 +1,74 @@
-"""Where the histories of all motors publish and store: nothing that a kill could undo or swallow.
+"""How a start or a trip gets to the broker and into the history, whatever is killed.
 
-1. A start or a trip is counted at once, and published when the file has it, or cannot have it. So are values
-   that the history publishes meanwhile: the number of starts is never published before the start is stored.
-2. In the transaction that stores it there is a copy, marked as not delivered. It goes when the broker has
-   acknowledged the record.
-3. The next run publishes the copies that are left once more, word for word, unless the outbox has them on its
-   disk. Id, `boot` and `seq` say that it is the same record.
+1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
+   the history after that, or when the disk takes too long: no number of starts is published that a kill
+   takes back.
+2. Its row in the outbox is the record, and stays until the history has it too.
+3. What earlier runs have left in the outbox, and the history lacks, it takes over at the start, by its id.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, ValueRecord, read_stored
-from gateway.errors import StoreError
-from gateway.storage.history import HistoryStore
-from gateway.storage.history_table import HistoryRow
+from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
+from gateway.store import HistoryRow, HistoryStore
+from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
-UNDELIVERED = "undelivered"  # kind of the copies in the store; the id is "<kind of the record>/<its id>"
-MOST_COPIES = 20  # of each starter: as many starts as have their curves
 HELD_AT_MOST_S = 2.0  # a disk that is busy for longer is not waited for
-KINDS: Mapping[str, type[StartRecord | TripRecord]] = {"start": StartRecord, "trip": TripRecord}
+KINDS: Mapping[str, type[StartRecord | TripRecord]] = {"start": StartRecord, "trip": TripRecord}  # of rows too
 
-PublishAgain = Callable[[Sequence[Record]], None]
+
+@dataclass(frozen=True, slots=True)
+class StoredRecords:
+    """What is stored for the broker, by the keys of the records."""
+
+    keep: Callable[[Record], Future[None]]  # stores one; once it is put, it is sent
+    payloads: Callable[[Sequence[str]], Awaitable[Mapping[str, bytes]]]  # StoreError
+    let_go: Callable[[str], None]  # one need not stay any more when the broker has it
 
 
 class Delivery:
-    """A sink of records, and the store by starter; all calls on the app's loop."""
+    """A way to the broker and the file, for the histories of all motors; all calls on the app's loop."""
 
-    def __init__(
-        self,
-        records: RecordWriter,
-        store: HistoryStore,
-        *,
-        count: Callable[[StartRecord | TripRecord], None],
-        publish_again: PublishAgain,
-    ) -> None:
-        self.records = replace(records, sink=self)
-        self._sink = records.sink
+    def __init__(self, records: RecordWriter, store: HistoryStore, outbox: StoredRecords) -> None:
+        self.records = records
         self._store = store
-        self._count = count
-        self._publish_again = publish_again
-        self._held: deque[tuple[int, Record]] = deque()  # by the start or trip that they wait for
-        self._number = 0  # of starts and trips so far
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._outbox = outbox
+        self._pending: deque[tuple[Record, Callable[[], None]]] = deque()  # on their way into the outbox
+        self._taken = 0  # from there, ever
+        self._latest: Future[None] | None = None
+        self._left: dict[str, dict[str, list[str]]] = {}  # by starter and kind: ids of earlier runs
 
-    def put(self, record: Record) -> None:
-        """Publish a record; a value after a start or trip only when the file has that."""
-        if self._held and isinstance(record, ValueRecord):
-            self._held.append((self._number, record))
-        else:
-            self._sink.put(record)
+    def publish(self, record: StartRecord | TripRecord, keep: Callable[[], None]) -> None:
+        """Publish a start or a trip; `keep` has it counted and stored, as soon as it is certain."""
+        self._pending.append((record, keep))
+        release = partial(self._release, self._taken + len(self._pending))
+        self._latest = self._outbox.keep(record)
+        self._latest.add_done_callback(on_this_loop(lambda _: release()))
+        asyncio.get_running_loop().call_later(HELD_AT_MOST_S, release)
 
-    def publish(self, record: StartRecord | TripRecord) -> None:
-        """Count a start or trip now, and publish it when the file has what the caller stores of it next."""
-        self._number += 1
-        self._held.append((self._number, record))
-        starter, _, id_ = record.key.partition(":")
-        self.store(starter, UNDELIVERED, id_, record.fields(), limit=MOST_COPIES)
-        self._count(record)
-        release = partial(self._release, self._number)
-        loop = asyncio.get_running_loop()  # by its next step the caller has handed over what it stores
-        loop.call_soon(loop.call_later, HELD_AT_MOST_S, release)
-        loop.call_soon(self._store.when_stored, release)
+    def release(self) -> None:
+        """Publish everything that waits for the disk."""
+        self._release(self._taken + len(self._pending))
+
+    async def settle(self) -> None:
+        """Publish everything, when the disk has it or takes too long."""
+        if self._latest is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(HELD_AT_MOST_S):
+                    await asyncio.gather(asyncio.wrap_future(self._latest), return_exceptions=True)
+        self.release()
 
     def store(
         self,
@@ -84,56 +81,60 @@ class Delivery:
         is_urgent: bool = False,
     ) -> None:
         """Store a row of a starter; see `HistoryStore.put`."""
-        utc_s = self.records.clock.utc_s()
-        self._store.put(starter, kind, id_, time_s=utc_s, data=data, limit=limit, is_urgent=is_urgent)
+        row = HistoryRow(starter, kind, id_, self.records.clock.utc_s(), data, limit)
+        self._store.put(row, is_urgent=is_urgent)
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
+        self._store.copy(starter, kind, id_, to_kind)
 
-        async def work() -> None:
-            with suppress(StoreError):
-                row = await self._store.row(starter, kind, id_)
-                if row is not None:
-                    self.store(starter, to_kind, id_, row.data, limit=1, is_urgent=True)
-
-        self.begin(work())
-
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Have something done beside everything else, until `close`."""
-        task = asyncio.get_running_loop().create_task(work, name="history")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    def delivered(self, key: str) -> None:
-        """Drop the copy of what the broker has acknowledged; keys of other records are ignored."""
-        starter, _, id_ = key.partition(":")
-        if id_:
-            self._store.drop(starter, UNDELIVERED, id_)
-
-    def publish_left(self, starter: str, rows: Sequence[HistoryRow]) -> None:
-        """Publish again what earlier runs have stored, but perhaps not delivered."""
-        left: list[Record] = []
+    def note_stored(self, rows: Iterable[HistoryRow]) -> None:
+        """Let the outbox delete what the history has."""
         for row in rows:
-            kind, _, id_ = row.id.partition("/")
-            if row.kind != UNDELIVERED or id_.startswith(f"{self.records.boot}-"):
-                continue  # this run's own waits in its outbox
-            try:
-                left.append(read_stored(KINDS[kind], row.data, starter=starter))
-            except (KeyError, ValueError):
-                self._store.drop(starter, UNDELIVERED, row.id)
-        if left:
-            log.info("starter=%s records that the broker may not have had: %d", starter, len(left))
-            self._publish_again(left)
+            if row.kind in KINDS:
+                self._outbox.let_go(_key(row.starter, row.kind, row.id))
 
-    def release(self) -> None:
-        """Publish everything that waits for the disk."""
-        self._release(self._number)
+    def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> list[str]:
+        """Note what earlier runs have left in the outbox; return which of it must stay until it is stored."""
+        left: dict[str, dict[str, list[str]]] = {name: defaultdict(list) for name in starters}
+        needed = []
+        for key in keys:
+            subject, _, id_ = key.partition("/")
+            starter, _, kind = subject.partition(":")
+            is_own = id_.startswith(f"{self.records.boot}-")
+            if kind in KINDS and starter in left and not is_own:
+                left[starter][kind].append(id_)
+                needed.append(key)
+        self._left = left
+        return needed
 
-    def close(self) -> None:
-        """End what was begun."""
-        for task in self._tasks:
-            task.cancel()
+    async def take_left(self, starter: str) -> list[StartRecord | TripRecord]:
+        """Return what of that the history of a starter lacks, the oldest first of each kind; StoreError."""
+        records: list[StartRecord | TripRecord] = []
+        for kind, ids in self._left.get(starter, {}).items():
+            lacking = [_key(starter, kind, id_) for id_ in await self._store.lacking(starter, kind, ids)]
+            payloads = await self._outbox.payloads(lacking) if lacking else {}
+            for key in (_key(starter, kind, id_) for id_ in ids):
+                try:
+                    records.append(read_record(KINDS[kind], payloads[key], starter=starter))
+                except (KeyError, ValueError):
+                    self._outbox.let_go(key)
+        self._left.pop(starter, None)
+        if records:
+            log.info("starter=%s records taken over from the outbox: %d", starter, len(records))
+        return records
 
     def _release(self, upto: int) -> None:
-        while self._held and self._held[0][0] <= upto:
-            self._sink.put(self._held.popleft()[1])
+        while self._pending and self._taken < upto:
+            record, keep = self._pending.popleft()
+            self._taken += 1
+            self.records.put(record)
+            try:
+                keep()
+            except Exception:
+                log.exception("the history has lost the record %s", record.key)
+
+
+def _key(starter: str, kind: str, id_: str) -> str:
+    """Return the key of a record, as the record gives it."""
+    return f"{starter}:{kind}/{id_}"

@@ -12,7 +12,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from gateway.contract import (
@@ -32,16 +31,14 @@ from gateway.contract import (
     rfc3339,
 )
 from gateway.errors import StoreError
-from gateway.plugins.history.delivery import UNDELIVERED, Delivery, PublishAgain
+from gateway.plugins.history.delivery import Delivery, StoredRecords
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.storage.history import HistoryStore
-from gateway.storage.history_table import HistoryRow
-from gateway.storage.worker import News, OnNews
+from gateway.store import HistoryRow, HistoryStore, News
 from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
@@ -49,7 +46,7 @@ log = logging.getLogger(__name__)
 CLOSE_WITHIN_S = 2.0
 SETTING = "setting"  # kind of the rows of settings that somebody else than the gateway has changed
 SETTINGS = 100  # of each starter
-KINDS = (UNDELIVERED, *MotorValues.kinds, *MotorStarts.kinds)
+KINDS = (*MotorValues.kinds, *MotorStarts.kinds)
 
 
 class MotorParts:
@@ -59,8 +56,8 @@ class MotorParts:
         self.name = setup.name
         self.is_unread = False  # its rows could not be read
         self.values = MotorValues(setup, delivery, policy)
-        self.starts = MotorStarts(setup, delivery)
-        self.trips = MotorTrips(setup, delivery)
+        self.starts = MotorStarts(setup, delivery, self.values.put)
+        self.trips = MotorTrips(setup, delivery, self.values.put)
         self._delivery = delivery
         self._bugs: dict[str, ChangeDetector] = {}
 
@@ -77,13 +74,18 @@ class MotorParts:
             id_, data = f"{record.boot}-{record.seq}", {"time": rfc3339(record.time_s), **record.data}
             self._delivery.store(record.starter, SETTING, id_, data, limit=SETTINGS)
 
-    def restore(self, rows: Sequence[HistoryRow] | None) -> None:
-        """Go on from what earlier runs have stored; None: it cannot be read yet."""
+    def restore(
+        self, rows: Sequence[HistoryRow] | None, left: Sequence[StartRecord | TripRecord] = ()
+    ) -> None:
+        """Go on from what earlier runs have stored, and from what they have not; None: it cannot be read yet."""
         if rows is None and self.is_unread:
             return
         self.is_unread = rows is None
-        for part in (self.values, self.starts):  # the starts that this ends are counted
-            self.guarded(part.restore, rows)
+        self.guarded(self.values.restore, rows)
+        self.guarded(self.starts.restore, rows, [each for each in left if isinstance(each, StartRecord)])
+        for record in left:
+            if isinstance(record, TripRecord):
+                self.guarded(self.trips.keep, record)
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine, or with other polls, under the same name: what was under way ends."""
@@ -112,35 +114,41 @@ class History:
 
     def __init__(
         self,
-        state_dir: Path,
+        store: HistoryStore,
         setups: Iterable[StarterSetup],
         *,
+        outbox: StoredRecords,
         records: RecordWriter,
         publish_event: PublishEvent,
         policy: Policy,
-        publish_again: PublishAgain = lambda _: None,
-        make_file: Callable[[Path, OnNews], HistoryStore] = HistoryStore,
     ) -> None:
         self._publish_event = publish_event
         self._policy = policy
-        self._store = make_file(state_dir, self._on_news)
-        self._delivery = Delivery(records, self._store, count=self._count, publish_again=publish_again)
-        self.delivered = self._delivery.delivered  # called with the key of what the broker has acknowledged
+        self._store = store
+        self._delivery = Delivery(records, store, outbox)
         self._is_away = False
+        self._recalled = asyncio.Event()
         self._ending = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
         self._motors = {setup.name: self._new(setup) for setup in setups}
 
     async def run(self) -> None:
         """Read and write the file until `end`; then end every record and write what waits."""
-        self._store.start()
+        self._store.start(self._on_news, self._delivery.note_stored)
         self._load(tuple(self._motors))
         await self._ending.wait()
-        self._delivery.close()
+        for task in self._tasks:
+            task.cancel()
         for motor in self._motors.values():
             motor.close()
+        await self._delivery.settle()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
-        self._delivery.release()
+
+    def note_left(self, keys: Sequence[str]) -> Sequence[str]:
+        """Go on from what earlier runs have left in the outbox; return the keys of which it must stay there."""
+        self._recalled.set()
+        return self._delivery.note_left(keys, self._motors)
 
     def end(self) -> None:
         """Have `run` end."""
@@ -195,30 +203,30 @@ class History:
 
     async def stored(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what the file has of these kinds of one starter, the oldest first; StoreError."""
-        return (await self._store.load([starter], kinds)).get(starter, [])
+        return await self._store.rows(starter, kinds)
 
     def _new(self, setup: StarterSetup) -> MotorParts:
         return MotorParts(setup, self._delivery, self._policy)
 
-    def _count(self, record: StartRecord | TripRecord) -> None:
-        motor = self._motors[record.starter]
-        motor.guarded(motor.values.put, record)
-
     def _load(self, names: Sequence[str]) -> None:
         if names:
-            self._delivery.begin(self._restore(names))
+            task = asyncio.get_running_loop().create_task(self._restore(names), name="history")
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
 
     async def _restore(self, names: Sequence[str]) -> None:
         """Read one starter after the other, so that never more than one's rows are in memory."""
+        await self._recalled.wait()
         for name in names:
-            motor, rows = self._motors.get(name), None
+            motor, rows, left = self._motors.get(name), None, list[StartRecord | TripRecord]()
             try:
                 rows = await self.stored(name, KINDS)
+                left = await self._delivery.take_left(name)
             except StoreError as error:
                 log.warning("starter=%s the history of earlier runs cannot be read: %s", name, error)
+                rows = None
             if motor is not None and motor is self._motors.get(name):  # else it is gone meanwhile
-                motor.restore(rows)
-                self._delivery.publish_left(name, rows or ())
+                motor.restore(rows, left)
 
     def _on_news(self, news: News, text: str) -> None:
         match news:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 from gateway.contract import (
@@ -34,7 +35,7 @@ from gateway.plugins.history.start_recorder import (
 )
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
 log = logging.getLogger(__name__)
 
@@ -52,9 +53,10 @@ class MotorStarts:
 
     kinds = (START, MONTH, BASELINE, BASELINE_CURVE)
 
-    def __init__(self, setup: StarterSetup, delivery: Delivery) -> None:
+    def __init__(self, setup: StarterSetup, delivery: Delivery, count: Callable[[StartRecord], None]) -> None:
         self._starter = setup.name
         self._delivery = delivery
+        self._count = count
         self._records = delivery.records
         self._recorder = self._recorder_of(setup)
         self._trend = Trend()
@@ -82,8 +84,8 @@ class MotorStarts:
             case _:
                 pass
 
-    def restore(self, rows: Sequence[HistoryRow] | None) -> None:
-        """Go on from the starts of earlier runs; None: they cannot be read yet.
+    def restore(self, rows: Sequence[HistoryRow] | None, left: Iterable[StartRecord] = ()) -> None:
+        """Go on from the starts of earlier runs, also those that are not stored; None: they cannot be read yet.
 
         Once they can be, this is called again, and the starts that this run has stored are among them.
         """
@@ -104,6 +106,9 @@ class MotorStarts:
         self._curve_of = next((row.id for row in of_kind[BASELINE_CURVE]), "")
         self._put_alarm()
         self._copy_curve()  # unless an earlier run has
+        for start in left:
+            _, keep = self._judged(start)
+            keep()
         early, self._early = self._early, None
         for finished in early or ():
             self._finish(finished)
@@ -153,17 +158,25 @@ class MotorStarts:
             return
         if finished.was_found and self._was_recorded(finished.record):
             return
+        self._delivery.publish(*self._judged(finished.record))
+
+    def _judged(self, record: StartRecord) -> tuple[StartRecord, Callable[[], None]]:
+        """Compare a start with the baseline; return it with that, and what keeps it once it is certain."""
         before = self._trend.baseline
-        verdict = self._trend.add(finished.record, now_s=self._records.clock.utc_s())
-        record = replace(finished.record, is_baseline=verdict.is_baseline, drift=verdict.drift)
+        verdict = self._trend.add(record, now_s=self._records.clock.utc_s())
+        record = replace(record, is_baseline=verdict.is_baseline, drift=verdict.drift)
+        return record, partial(self._keep, record, verdict, is_new=self._trend.baseline is not before)
+
+    def _keep(self, record: StartRecord, verdict: TrendVerdict, *, is_new: bool) -> None:
+        """Count and store a start; `is_new` says that it has changed the baseline."""
         start = replace(record, samples={})
         self._latest = [*self._latest, start][-CURVES:]
-        self._delivery.publish(record)
+        self._count(start)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
         self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)
         self._report(verdict, start)
-        if self._trend.baseline is not before:
+        if is_new:
             self._store_baseline()
 
     def _was_recorded(self, found: StartRecord) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from gateway.contract import EventCode, EventRecord, Record, TripRecord
@@ -20,8 +21,9 @@ SLACK_S = 0.1  # a timer may run out early
 class MotorTrips:
     """Records the trip under way; earlier ones stay on the disk."""
 
-    def __init__(self, setup: StarterSetup, delivery: Delivery) -> None:
+    def __init__(self, setup: StarterSetup, delivery: Delivery, count: Callable[[TripRecord], None]) -> None:
         self._delivery = delivery
+        self._count = count
         self._clock = delivery.records.clock
         self._recorder = _recorder_of(setup)
         self._timers: tuple[asyncio.TimerHandle, ...] = ()
@@ -50,6 +52,11 @@ class MotorTrips:
         self._recorder.add_fault_data(at_fault, history)
         self._look()
 
+    def keep(self, trip: TripRecord) -> None:
+        """Count and store a trip that is certain."""
+        self._count(trip)
+        self._delivery.store(trip.starter, KIND, trip.id, trip.fields(), limit=STORED, is_urgent=True)
+
     def reconfigure(self, setup: StarterSetup) -> None:
         """Finish the trip under way, and begin with an empty ring."""
         self.close()
@@ -68,8 +75,7 @@ class MotorTrips:
             return
         for timer in self._timers:
             timer.cancel()
-        self._delivery.publish(trip)
-        self._delivery.store(trip.starter, KIND, trip.id, trip.fields(), limit=STORED, is_urgent=True)
+        self._delivery.publish(trip, partial(self.keep, trip))
 
 
 def _recorder_of(setup: StarterSetup) -> TripRecorder:

@@ -31,7 +31,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
 KIND = "counters"  # of the rows on disk, one for each run whose sums are not in a later one's
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes

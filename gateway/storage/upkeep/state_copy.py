@@ -13,7 +13,6 @@ from pathlib import Path
 
 from gateway import store
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.database import snapshot
 from gateway.storage.formats import LOCK_FILE, OWN_NAMES, STATE_FILES, require_known
 from gateway.storage.upkeep.versions import version_of
 
@@ -36,7 +35,7 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
                 f"{source} is damaged (start the gateway once, which sets it aside, or move it away)"
             )
         require_known(source, version)
-        (store.snapshot if name == store.STATE_FILE else snapshot)(source, to / name)
+        store.snapshot(source, to / name)
         versions[name] = version
     return versions
 

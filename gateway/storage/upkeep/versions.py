@@ -7,7 +7,6 @@ from pathlib import Path
 
 from gateway import store
 from gateway.errors import NewerError
-from gateway.storage.database import stored_version
 from gateway.storage.formats import STATE_FILES, newer_text
 
 
@@ -29,5 +28,4 @@ def found_in(state_dir: Path) -> Iterator[tuple[str, int]]:
 
 def version_of(path: Path) -> int | None:
     """Return the version of a file; None when there is none, or none that can be read."""
-    is_state = path.name == store.STATE_FILE
-    return store.stored_version(path, store.STATE) if is_state else stored_version(path)
+    return store.stored_version(path, store.SCHEMAS[path.name])
