@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import UnstorableError
+from gateway.errors import StoreError, UnstorableError
 from gateway.store.database import Connection, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
@@ -27,15 +29,14 @@ from gateway.system.supervised import on_this_loop
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
 MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
 
-_COLUMNS = "starter, kind, id, time_s, data"
-_OF_STARTER = f"SELECT {_COLUMNS} FROM history WHERE starter = ?"
+_OF_STARTER = "SELECT kind, id, data FROM history WHERE starter = ?"
 _IS_THERE = "SELECT 1 FROM history WHERE starter = ? AND kind = ? AND id = ?"
-_PUT = f"""
-    INSERT INTO history ({_COLUMNS}) VALUES (?, ?, ?, ?, ?)
+_PUT = """
+    INSERT INTO history (starter, kind, id, time_s, data) VALUES (?, ?, ?, ?, ?)
     ON CONFLICT (starter, kind, id) DO UPDATE SET time_s = excluded.time_s, data = excluded.data
 """
-_COPY = f"""
-    INSERT OR REPLACE INTO history ({_COLUMNS}) SELECT starter, ?, id, time_s, data FROM history
+_COPY = """
+    INSERT OR REPLACE INTO history (starter, kind, id, time_s, data) SELECT starter, ?, id, time_s, data FROM history
     WHERE starter = ? AND kind = ? AND id = ?
 """
 _PRUNE = """
@@ -55,7 +56,6 @@ class HistoryRow(NamedTuple):
     starter: str
     kind: str
     id: str
-    time_s: float  # UTC
     data: Mapping[str, Any]
     limit: int = 1  # so many of this kind stay, the newest
 
@@ -80,7 +80,7 @@ class HistoryStore:
         self._store.start(on_this_loop(self._report))
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
-        """Store a row; what is urgent now, with all that was put before, everything else in a few seconds."""
+        """Store a row; an urgent one now, with all that was put before it, any other within a few seconds."""
         self._wait(row)
         if is_urgent:
             self.flush()
@@ -105,6 +105,8 @@ class HistoryStore:
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
+        if self._is_away:
+            raise StoreError(self._store.trouble)
         self.flush()
         work = partial(_rows, starter=starter, kinds=kinds)
         return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
@@ -155,7 +157,7 @@ def _write(connection: Connection, *, rows: Iterable[HistoryRow]) -> None:
     for row in rows:
         packer = zlib.compressobj(zlib.Z_DEFAULT_COMPRESSION, zlib.DEFLATED, _WINDOW_BITS, _MEMORY_LEVEL)
         packed = packer.compress(json.dumps(row.data, separators=(",", ":")).encode()) + packer.flush()
-        connection.execute(_PUT, (*row[:4], packed))
+        connection.execute(_PUT, (row.starter, row.kind, row.id, time.time(), packed))
         connection.execute(_PRUNE, (row.starter, row.kind, row.starter, row.kind, row.limit))
 
 
@@ -168,17 +170,13 @@ def _rows(connection: Connection, *, starter: str, kinds: Sequence[str]) -> list
     """Return the rows of these kinds (none: of all), but those that are damaged."""
     of_kinds = f" AND kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
     found = connection.execute(f"{_OF_STARTER}{of_kinds} ORDER BY number", (starter, *kinds))
-    return [row for columns in found if (row := _row(*columns)) is not None]
-
-
-def _row(starter: str, kind: str, id_: str, time_s: float, packed: bytes) -> HistoryRow | None:
-    """Return a row as it was put; None for one that is damaged."""
-    try:
-        data = json.loads(zlib.decompress(packed))
-    except (zlib.error, ValueError, TypeError):
-        return None
-    is_whole = isinstance(data, dict) and isinstance(time_s, float)
-    return HistoryRow(starter, str(kind), str(id_), time_s, data) if is_whole else None
+    rows = []
+    for kind, id_, packed in found:
+        with suppress(zlib.error, ValueError, TypeError):
+            data = json.loads(zlib.decompress(packed))
+            if isinstance(data, dict):
+                rows.append(HistoryRow(starter, str(kind), str(id_), data))
+    return rows
 
 
 def _lacking(connection: Connection, *, starter: str, kind: str, ids: Sequence[str]) -> list[str]:

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, PlainSerializer
 
 from gateway.contract import read_stored
 from gateway.plugins.history.limits import NOTHING, Learnt
 from gateway.starters.telemetry.readings import Readings
+from gateway.store import HistoryRow
 
+KIND = "counters"  # of the row on disk
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
 GAP_PERIODS = 4  # of the status; the same of the slowest values, which have `SLOW` times its period
 SLOW = 10
@@ -62,23 +65,25 @@ class Totals:
 
 @dataclass(slots=True)
 class CountersRow:
-    """What one run has stored; `is_whole`: with the sums of all earlier runs in it."""
+    """What is stored of one motor."""
 
-    totals: Totals
+    totals: Totals = field(default_factory=Totals)
     thermal: Learnt = NOTHING
-    is_whole: bool = False
 
 
-def counted(rows: Iterable[Mapping[str, Any]]) -> Iterator[CountersRow]:
-    """Yield of some rows, the oldest first, the newest that has all before it, and those since."""
-    for data in reversed(list(rows)):
-        try:
-            row = read_stored(CountersRow, data)
-        except ValueError:
-            continue  # what is no count is as good as missing
-        yield row
-        if row.is_whole:
-            break
+def counted(rows: Iterable[HistoryRow]) -> CountersRow:
+    """Return what rows of a motor say; what is no count is as good as missing.
+
+    A run of 0.2.0 that could not read the disk had a row of its own, to be added to the one before.
+    """
+    found = CountersRow()
+    for row in rows:
+        if row.kind == KIND:
+            with suppress(ValueError):
+                each = read_stored(CountersRow, row.data)
+                found.totals.add(each.totals)
+                found.thermal = found.thermal.with_more(each.thermal.taus_s, each.thermal.heatings)
+    return found
 
 
 class MotorCounters:

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
 from gateway.store import HistoryRow, HistoryStore
@@ -39,16 +38,16 @@ class StoredRecords:
 
 
 class Delivery:
-    """A way to the broker and the file, for the histories of all motors; all calls on the app's loop."""
+    """The way to the broker and to the file, for the histories of all motors; all calls on the app's loop."""
 
     def __init__(self, records: RecordWriter, store: HistoryStore, outbox: StoredRecords) -> None:
         self.records = records
-        self._store = store
+        self.store = store
         self._outbox = outbox
         self._pending: deque[tuple[Record, Callable[[], None]]] = deque()  # on their way into the outbox
         self._taken = 0  # from there, ever
         self._latest: Future[None] | None = None
-        self._left: dict[str, dict[str, list[str]]] = {}  # by starter and kind: ids of earlier runs
+        self._left: list[str] = []  # keys of what earlier runs have not seen delivered
 
     def publish(self, record: StartRecord | TripRecord, keep: Callable[[], None]) -> None:
         """Publish a start or a trip; `keep` has it counted and stored, as soon as it is certain."""
@@ -70,58 +69,33 @@ class Delivery:
                     await asyncio.gather(asyncio.wrap_future(self._latest), return_exceptions=True)
         self.release()
 
-    def store(
-        self,
-        starter: str,
-        kind: str,
-        id_: str,
-        data: Mapping[str, Any],
-        *,
-        limit: int,
-        is_urgent: bool = False,
-    ) -> None:
-        """Store a row of a starter; see `HistoryStore.put`."""
-        row = HistoryRow(starter, kind, id_, self.records.clock.utc_s(), data, limit)
-        self._store.put(row, is_urgent=is_urgent)
-
-    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
-        """Store a row once more, as the only one of another kind."""
-        self._store.copy(starter, kind, id_, to_kind)
-
     def note_stored(self, rows: Iterable[HistoryRow]) -> None:
         """Let the outbox delete what the history has."""
         for row in rows:
             if row.kind in KINDS:
                 self._outbox.let_go(_key(row.starter, row.kind, row.id))
 
-    def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> list[str]:
+    def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> Sequence[str]:
         """Note what earlier runs have left in the outbox; return which of it must stay until it is stored."""
-        left: dict[str, dict[str, list[str]]] = {name: defaultdict(list) for name in starters}
-        needed = []
-        for key in keys:
-            subject, _, id_ = key.partition("/")
-            starter, _, kind = subject.partition(":")
-            is_own = id_.startswith(f"{self.records.boot}-")
-            if kind in KINDS and starter in left and not is_own:
-                left[starter][kind].append(id_)
-                needed.append(key)
-        self._left = left
-        return needed
+        wanted = {f"{starter}:{kind}" for starter in starters for kind in KINDS}
+        of_ours = ((key, *key.partition("/")) for key in keys)
+        own = f"{self.records.boot}-"
+        self._left = [key for key, of, _, id_ in of_ours if of in wanted and not id_.startswith(own)]
+        return self._left
 
     async def take_left(self, starter: str) -> list[StartRecord | TripRecord]:
         """Return what of that the history of a starter lacks, the oldest first of each kind; StoreError."""
         records: list[StartRecord | TripRecord] = []
-        for kind, ids in self._left.get(starter, {}).items():
-            lacking = [_key(starter, kind, id_) for id_ in await self._store.lacking(starter, kind, ids)]
+        for kind, kind_of_record in KINDS.items():
+            begin = _key(starter, kind, "")
+            ids = [key.removeprefix(begin) for key in self._left if key.startswith(begin)]
+            lacking = [_key(starter, kind, id_) for id_ in await self.store.lacking(starter, kind, ids)]
             payloads = await self._outbox.payloads(lacking) if lacking else {}
             for key in (_key(starter, kind, id_) for id_ in ids):
                 try:
-                    records.append(read_record(KINDS[kind], payloads[key], starter=starter))
+                    records.append(read_record(kind_of_record, payloads[key], starter=starter))
                 except (KeyError, ValueError):
                     self._outbox.let_go(key)
-        self._left.pop(starter, None)
-        if records:
-            log.info("starter=%s records taken over from the outbox: %d", starter, len(records))
         return records
 
     def _release(self, upto: int) -> None:

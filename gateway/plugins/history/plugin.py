@@ -38,7 +38,7 @@ from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.store import HistoryRow, HistoryStore, News
+from gateway.store import RETRY_S, HistoryRow, HistoryStore, News
 from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,6 @@ class MotorParts:
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
         self.name = setup.name
-        self.is_unread = False  # its rows could not be read
         self.values = MotorValues(setup, delivery, policy)
         self.starts = MotorStarts(setup, delivery, self.values.put)
         self.trips = MotorTrips(setup, delivery, self.values.put)
@@ -72,15 +71,10 @@ class MotorParts:
             self.guarded(part.put, record)
         if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
             id_, data = f"{record.boot}-{record.seq}", {"time": rfc3339(record.time_s), **record.data}
-            self._delivery.store(record.starter, SETTING, id_, data, limit=SETTINGS)
+            self._delivery.store.put(HistoryRow(record.starter, SETTING, id_, data, SETTINGS))
 
-    def restore(
-        self, rows: Sequence[HistoryRow] | None, left: Sequence[StartRecord | TripRecord] = ()
-    ) -> None:
-        """Go on from what earlier runs have stored, and from what they have not; None: it cannot be read yet."""
-        if rows is None and self.is_unread:
-            return
-        self.is_unread = rows is None
+    def restore(self, rows: Sequence[HistoryRow], left: Sequence[StartRecord | TripRecord]) -> None:
+        """Go on from what earlier runs have stored, and from what they only had for the broker; once."""
         self.guarded(self.values.restore, rows)
         self.guarded(self.starts.restore, rows, [each for each in left if isinstance(each, StartRecord)])
         for record in left:
@@ -218,15 +212,16 @@ class History:
         """Read one starter after the other, so that never more than one's rows are in memory."""
         await self._recalled.wait()
         for name in names:
-            motor, rows, left = self._motors.get(name), None, list[StartRecord | TripRecord]()
-            try:
-                rows = await self.stored(name, KINDS)
-                left = await self._delivery.take_left(name)
-            except StoreError as error:
-                log.warning("starter=%s the history of earlier runs cannot be read: %s", name, error)
-                rows = None
-            if motor is not None and motor is self._motors.get(name):  # else it is gone meanwhile
-                motor.restore(rows, left)
+            while (motor := self._motors.get(name)) is not None:
+                try:
+                    rows, left = await self.stored(name, KINDS), await self._delivery.take_left(name)
+                except StoreError as error:
+                    log.debug("starter=%s the history of earlier runs cannot be read: %s", name, error)
+                    await asyncio.sleep(RETRY_S)
+                    continue
+                if motor is self._motors.get(name):  # else it is another one, which is read by itself
+                    motor.restore(rows, left)
+                break
 
     def _on_news(self, news: News, text: str) -> None:
         match news:
@@ -235,7 +230,6 @@ class History:
                 if self._is_away:
                     self._publish_event(EventCode.HISTORY_AVAILABLE)
                 self._is_away = False
-                self._load(tuple(name for name, motor in self._motors.items() if motor.is_unread))
             case News.AWAY:
                 self._is_away = True
                 self._publish_event(EventCode.HISTORY_UNAVAILABLE, trouble=text)

@@ -51,7 +51,7 @@ T = TypeVar("T")
 class MotorStarts:
     """Records starts one after the other; they are without their samples as soon as these are stored."""
 
-    kinds = (START, MONTH, BASELINE, BASELINE_CURVE)
+    kinds = (START, MONTH, BASELINE)
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, count: Callable[[StartRecord], None]) -> None:
         self._starter = setup.name
@@ -62,9 +62,7 @@ class MotorStarts:
         self._trend = Trend()
         self._latest: list[StartRecord] = []  # those whose curves are stored
         self._month: Month | None = None
-        self._early: list[FinishedStart] | None = []  # over before `restore`
-        self._curve_of = ""  # the start whose curve is stored as the baseline's
-        self._is_unread = False  # what earlier runs have stored could not be read: none of it is replaced
+        self._is_restored = False  # before that nothing of what earlier runs have stored is replaced
 
     def take_readings(self, readings: Readings) -> None:
         """Record what was just read."""
@@ -84,14 +82,14 @@ class MotorStarts:
             case _:
                 pass
 
-    def restore(self, rows: Sequence[HistoryRow] | None, left: Iterable[StartRecord] = ()) -> None:
-        """Go on from the starts of earlier runs, also those that are not stored; None: they cannot be read yet.
+    def restore(self, rows: Sequence[HistoryRow], left: Iterable[StartRecord]) -> None:
+        """Go on from the starts of earlier runs, also those that are not stored yet; once.
 
-        Once they can be, this is called again, and the starts that this run has stored are among them.
+        Among those that are stored may be some of this run.
         """
-        was_unread, self._is_unread = self._is_unread, rows is None
+        self._is_restored = True
         of_kind: dict[str, list[HistoryRow]] = {kind: [] for kind in self.kinds}
-        for row in rows or ():
+        for row in rows:
             of_kind.setdefault(row.kind, []).append(row)
         starts = [start for row in of_kind[START] if (start := self._read(StartRecord, row)) is not None]
         self._latest = starts[-CURVES:]
@@ -99,19 +97,13 @@ class MotorStarts:
         self._trend.restore(starts, next((self._read(Baseline, row) for row in of_kind[BASELINE]), None))
         month = max(of_kind[MONTH], key=lambda row: row.id, default=None)
         self._month = None if month is None else self._read(Month, month)
-        if was_unread:
-            for start in starts:
-                if start.boot == self._records.boot:
-                    self._count_in_month(start)
-        self._curve_of = next((row.id for row in of_kind[BASELINE_CURVE]), "")
+        for start in starts:
+            if start.boot == self._records.boot:
+                self._count_in_month(start)
         self._put_alarm()
-        self._copy_curve()  # unless an earlier run has
         for start in left:
             _, keep = self._judged(start)
             keep()
-        early, self._early = self._early, None
-        for finished in early or ():
-            self._finish(finished)
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
@@ -126,7 +118,7 @@ class MotorStarts:
 
     def choose_baseline(self, id_: str | None, *, client: str) -> Mapping[str, Any]:
         """Compare later starts with this one (None: the last good one) and return it; CommandError."""
-        if self._early is not None or self._is_unread:
+        if not self._is_restored:
             raise CommandError(ResultCode.HISTORY_UNAVAILABLE)
         candidates = [start for start in reversed(self._latest) if id_ in (None, start.id)]
         if id_ is not None and not candidates:
@@ -151,14 +143,8 @@ class MotorStarts:
             self._recorder.forget_command(result.client, result.id)
 
     def _finish(self, finished: FinishedStart | None) -> None:
-        if finished is None:
-            return
-        if self._early is not None:
-            self._early.append(finished)
-            return
-        if finished.was_found and self._was_recorded(finished.record):
-            return
-        self._delivery.publish(*self._judged(finished.record))
+        if finished is not None and not (finished.was_found and self._was_recorded(finished.record)):
+            self._delivery.publish(*self._judged(finished.record))
 
     def _judged(self, record: StartRecord) -> tuple[StartRecord, Callable[[], None]]:
         """Compare a start with the baseline; return it with that, and what keeps it once it is certain."""
@@ -196,8 +182,8 @@ class MotorStarts:
     def _store(
         self, kind: str, id_: str, data: Mapping[str, Any], *, limit: int, is_urgent: bool = False
     ) -> None:
-        if not self._is_unread or kind in (START, CURVE):
-            self._delivery.store(self._starter, kind, id_, data, limit=limit, is_urgent=is_urgent)
+        if self._is_restored or kind in (START, CURVE):
+            self._delivery.store.put(HistoryRow(self._starter, kind, id_, data, limit), is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, start: StartRecord) -> None:
         drift = _summary(start).get("drift", {})
@@ -241,16 +227,11 @@ class MotorStarts:
         self._store_baseline()
 
     def _store_baseline(self) -> None:
-        if self._trend.baseline is not None:
-            self._store(BASELINE, BASELINE, stored(self._trend.baseline), limit=1, is_urgent=True)
-            self._copy_curve()
-
-    def _copy_curve(self) -> None:
-        """Have the curve of the baseline's typical start stored apart, unless it is."""
+        """Store the baseline, after the curve of its typical start: that outlives the other curves."""
         baseline = self._trend.baseline
-        if baseline is not None and baseline.typical != self._curve_of and not self._is_unread:
-            self._curve_of = baseline.typical
-            self._delivery.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
+        if baseline is not None and self._is_restored:
+            self._delivery.store.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
+            self._store(BASELINE, BASELINE, stored(baseline), limit=1, is_urgent=True)
 
     def _read(self, kind: type[T], row: HistoryRow) -> T | None:
         try:

@@ -12,6 +12,7 @@ from gateway.plugins.history.delivery import Delivery
 from gateway.plugins.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
+from gateway.store import HistoryRow
 
 KIND = "trip"  # of the rows on disk
 STORED = 100  # of each starter
@@ -55,7 +56,8 @@ class MotorTrips:
     def keep(self, trip: TripRecord) -> None:
         """Count and store a trip that is certain."""
         self._count(trip)
-        self._delivery.store(trip.starter, KIND, trip.id, trip.fields(), limit=STORED, is_urgent=True)
+        row = HistoryRow(trip.starter, KIND, trip.id, trip.fields(), STORED)
+        self._delivery.store.put(row, is_urgent=True)
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Finish the trip under way, and begin with an empty ring."""
