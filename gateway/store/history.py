@@ -36,8 +36,8 @@ _PUT = """
     ON CONFLICT (starter, kind, id) DO UPDATE SET time_s = excluded.time_s, data = excluded.data
 """
 _COPY = """
-    INSERT OR REPLACE INTO history (starter, kind, id, time_s, data) SELECT starter, ?, id, time_s, data FROM history
-    WHERE starter = ? AND kind = ? AND id = ?
+    INSERT OR REPLACE INTO history (starter, kind, id, time_s, data)
+    SELECT starter, ?, id, time_s, data FROM history WHERE starter = ? AND kind = ? AND id = ?
 """
 _PRUNE = """
     DELETE FROM history WHERE starter = ? AND kind = ? AND number <=
@@ -63,9 +63,7 @@ class HistoryRow(NamedTuple):
 class HistoryStore:
     """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
 
-    def __init__(
-        self, path: Path | None, *, retry_s: float = RETRY_S, collect_s: float = COLLECT_S
-    ) -> None:
+    def __init__(self, path: Path | None, *, retry_s: float = RETRY_S, collect_s: float = COLLECT_S) -> None:
         self._store = Store(path, HISTORY, make_room=_make_room, retry_s=retry_s)
         self._collect_s = collect_s
         self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet

@@ -65,8 +65,8 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
-        # Called once with the keys of what earlier runs have left, the oldest first, before any of it is sent;
-        # with none when the disk takes too long. Returns those that must stay until `let_go`.
+        # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
+        # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away

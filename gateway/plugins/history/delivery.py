@@ -1,4 +1,4 @@
-"""How a start or a trip gets to the broker and into the history, whatever is killed.
+"""What a part of a motor's history is told, and how a start or a trip of it gets to the broker and the file.
 
 1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
    the history after that, or when the disk takes too long: no number of starts is published that a kill
@@ -11,21 +11,59 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.readings import Readings
 from gateway.store import HistoryRow, HistoryStore
 from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
 HELD_AT_MOST_S = 2.0  # a disk that is busy for longer is not waited for
-KINDS: Mapping[str, type[StartRecord | TripRecord]] = {"start": StartRecord, "trip": TripRecord}  # of rows too
+KINDS = {StartRecord: "start", TripRecord: "trip"}  # of rows, and in keys
+
+T = TypeVar("T", StartRecord, TripRecord)
+Rows = Mapping[str, Any]  # of a starter, by code
+
+
+class Past(NamedTuple):
+    """What earlier runs have stored of a motor, and what they only had for the broker; the oldest first."""
+
+    rows: Sequence[HistoryRow]
+    starts: Sequence[StartRecord]
+    trips: Sequence[TripRecord]
+
+
+class Part:
+    """A part of one motor's history, which does nothing unless it says so. All calls on the app's loop."""
+
+    def take_readings(self, readings: Readings) -> None:
+        """Record what was just read."""
+
+    def put(self, record: Record) -> None:
+        """Record what was just published."""
+
+    def note_fault_data(self, at_fault: Rows, history: Sequence[Rows]) -> None:
+        """Record what the starter says of a trip."""
+
+    def note_own_rows(self, rows: Mapping[str, float]) -> None:
+        """Record what the starter has counted itself, and its settings; by code, just read."""
+
+    def restore(self, past: Past) -> None:
+        """Go on from earlier runs; once."""
+
+    def reconfigure(self, setup: StarterSetup) -> None:
+        """Go on with another machine, or with other polls, under the same name: what was under way ends."""
+
+    def close(self) -> None:
+        """End what is under way and store what must outlive the gateway: it ends, or the starter is gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +82,22 @@ class Delivery:
         self.records = records
         self.store = store
         self._outbox = outbox
-        self._pending: deque[tuple[Record, Callable[[], None]]] = deque()  # on their way into the outbox
-        self._taken = 0  # from there, ever
+        self._pending: dict[str, tuple[Record, Callable[[], None]]] = {}  # on their way into the outbox
         self._latest: Future[None] | None = None
         self._left: list[str] = []  # keys of what earlier runs have not seen delivered
 
     def publish(self, record: StartRecord | TripRecord, keep: Callable[[], None]) -> None:
         """Publish a start or a trip; `keep` has it counted and stored, as soon as it is certain."""
-        self._pending.append((record, keep))
-        release = partial(self._release, self._taken + len(self._pending))
+        self._pending[record.key] = (record, keep)
+        release = partial(self._release, record.key)
         self._latest = self._outbox.keep(record)
         self._latest.add_done_callback(on_this_loop(lambda _: release()))
         asyncio.get_running_loop().call_later(HELD_AT_MOST_S, release)
 
     def release(self) -> None:
         """Publish everything that waits for the disk."""
-        self._release(self._taken + len(self._pending))
+        for key in list(self._pending):
+            self._release(key)
 
     async def settle(self) -> None:
         """Publish everything, when the disk has it or takes too long."""
@@ -72,41 +110,40 @@ class Delivery:
     def note_stored(self, rows: Iterable[HistoryRow]) -> None:
         """Let the outbox delete what the history has."""
         for row in rows:
-            if row.kind in KINDS:
+            if row.kind in KINDS.values():
                 self._outbox.let_go(_key(row.starter, row.kind, row.id))
 
     def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> Sequence[str]:
         """Note what earlier runs have left in the outbox; return which of it must stay until it is stored."""
-        wanted = {f"{starter}:{kind}" for starter in starters for kind in KINDS}
+        wanted = {f"{starter}:{kind}" for starter in starters for kind in KINDS.values()}
         of_ours = ((key, *key.partition("/")) for key in keys)
         own = f"{self.records.boot}-"
         self._left = [key for key, of, _, id_ in of_ours if of in wanted and not id_.startswith(own)]
         return self._left
 
-    async def take_left(self, starter: str) -> list[StartRecord | TripRecord]:
-        """Return what of that the history of a starter lacks, the oldest first of each kind; StoreError."""
-        records: list[StartRecord | TripRecord] = []
-        for kind, kind_of_record in KINDS.items():
-            begin = _key(starter, kind, "")
-            ids = [key.removeprefix(begin) for key in self._left if key.startswith(begin)]
-            lacking = [_key(starter, kind, id_) for id_ in await self.store.lacking(starter, kind, ids)]
-            payloads = await self._outbox.payloads(lacking) if lacking else {}
-            for key in (_key(starter, kind, id_) for id_ in ids):
-                try:
-                    records.append(read_record(kind_of_record, payloads[key], starter=starter))
-                except (KeyError, ValueError):
-                    self._outbox.let_go(key)
+    async def take_left(self, starter: str, kind: type[T]) -> list[T]:
+        """Return what of that the history of a starter lacks, the oldest first; StoreError."""
+        begin = _key(starter, KINDS[kind], "")
+        ids = [key.removeprefix(begin) for key in self._left if key.startswith(begin)]
+        lacking = [begin + id_ for id_ in await self.store.lacking(starter, KINDS[kind], ids)]
+        payloads = await self._outbox.payloads(lacking) if lacking else {}
+        records: list[T] = []
+        for id_ in ids:
+            try:
+                records.append(read_record(kind, payloads[begin + id_], starter=starter))
+            except (KeyError, ValueError):
+                self._outbox.let_go(begin + id_)
         return records
 
-    def _release(self, upto: int) -> None:
-        while self._pending and self._taken < upto:
-            record, keep = self._pending.popleft()
-            self._taken += 1
-            self.records.put(record)
-            try:
-                keep()
-            except Exception:
-                log.exception("the history has lost the record %s", record.key)
+    def _release(self, key: str) -> None:
+        record, keep = self._pending.pop(key, (None, None))
+        if record is None or keep is None:
+            return
+        self.records.put(record)
+        try:
+            keep()
+        except Exception:
+            log.exception("the history has lost the record %s", key)
 
 
 def _key(starter: str, kind: str, id_: str) -> str:

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.contract import (
     AvailabilityRecord,
@@ -31,8 +32,9 @@ from gateway.contract import (
     rfc3339,
 )
 from gateway.errors import StoreError
-from gateway.plugins.history.delivery import Delivery, StoredRecords
-from gateway.plugins.history.starts import MotorStarts
+from gateway.plugins.history.counters import KIND as COUNTERS
+from gateway.plugins.history.delivery import Delivery, Part, Past, Rows, StoredRecords
+from gateway.plugins.history.starts import BASELINE, MONTH, START, MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
@@ -46,59 +48,15 @@ log = logging.getLogger(__name__)
 CLOSE_WITHIN_S = 2.0
 SETTING = "setting"  # kind of the rows of settings that somebody else than the gateway has changed
 SETTINGS = 100  # of each starter
-KINDS = (*MotorValues.kinds, *MotorStarts.kinds)
+KINDS = (COUNTERS, START, MONTH, BASELINE)  # that are read at the start
 
 
-class MotorParts:
-    """The parts of one motor's history; a bug in a part costs this part what it was just handed, no more."""
+class Motor(NamedTuple):
+    """The parts of one motor's history."""
 
-    def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
-        self.name = setup.name
-        self.values = MotorValues(setup, delivery, policy)
-        self.starts = MotorStarts(setup, delivery, self.values.put)
-        self.trips = MotorTrips(setup, delivery, self.values.put)
-        self._delivery = delivery
-        self._bugs: dict[str, ChangeDetector] = {}
-
-    def take_readings(self, readings: Readings) -> None:
-        """Record what was just read."""
-        for part in (self.values, self.starts, self.trips):
-            self.guarded(part.take_readings, readings)
-
-    def put(self, record: Record) -> None:
-        """Record what was just published."""
-        for part in (self.values, self.starts, self.trips):
-            self.guarded(part.put, record)
-        if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
-            id_, data = f"{record.boot}-{record.seq}", {"time": rfc3339(record.time_s), **record.data}
-            self._delivery.store.put(HistoryRow(record.starter, SETTING, id_, data, SETTINGS))
-
-    def restore(self, rows: Sequence[HistoryRow], left: Sequence[StartRecord | TripRecord]) -> None:
-        """Go on from what earlier runs have stored, and from what they only had for the broker; once."""
-        self.guarded(self.values.restore, rows)
-        self.guarded(self.starts.restore, rows, [each for each in left if isinstance(each, StartRecord)])
-        for record in left:
-            if isinstance(record, TripRecord):
-                self.guarded(self.trips.keep, record)
-
-    def reconfigure(self, setup: StarterSetup) -> None:
-        """Go on with another machine, or with other polls, under the same name: what was under way ends."""
-        for part in (self.values, self.starts, self.trips):
-            self.guarded(part.reconfigure, setup)
-
-    def close(self) -> None:
-        """End what is under way and store what must outlive the gateway: it ends, or the starter is gone."""
-        for part in (self.values, self.starts, self.trips):
-            self.guarded(part.close)
-
-    def guarded(self, call: Callable[..., None], *what: Any) -> None:
-        """Have a part do something; a bug is logged, the same one once in a row."""
-        try:
-            call(*what)
-        except Exception as error:  # a part's bug is neither the line's nor the other parts'
-            part = call.__qualname__.partition(".")[0]
-            if self._bugs.setdefault(part, ChangeDetector()).is_new(repr(error)):
-                log.exception("starter=%s part=%s lost a record of the history", self.name, part)
+    values: MotorValues
+    starts: MotorStarts
+    trips: MotorTrips
 
 
 class History:
@@ -123,24 +81,25 @@ class History:
         self._is_away = False
         self._recalled = asyncio.Event()
         self._ending = asyncio.Event()
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._motors = {setup.name: self._new(setup) for setup in setups}
+        self._bugs: defaultdict[tuple[str, str], ChangeDetector] = defaultdict(ChangeDetector)
+        self._unread: asyncio.Queue[tuple[str, Motor]] = asyncio.Queue()
+        self._motors: dict[str, Motor] = {}
+        self._add(setups)
 
     async def run(self) -> None:
         """Read and write the file until `end`; then end every record and write what waits."""
         self._store.start(self._on_news, self._delivery.note_stored)
-        self._load(tuple(self._motors))
+        reading = asyncio.get_running_loop().create_task(self._read(), name="history")
         await self._ending.wait()
-        for task in self._tasks:
-            task.cancel()
-        for motor in self._motors.values():
-            motor.close()
+        reading.cancel()
+        for name in self._motors:
+            self._tell(name, lambda part: part.close())
         await self._delivery.settle()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
 
     def note_left(self, keys: Sequence[str]) -> Sequence[str]:
-        """Go on from what earlier runs have left in the outbox; return the keys of which it must stay there."""
+        """Go on from what earlier runs have left in the outbox; return the keys of what must stay there."""
         self._recalled.set()
         return self._delivery.note_left(keys, self._motors)
 
@@ -150,43 +109,36 @@ class History:
 
     def put(self, record: Record) -> None:
         """Record what was published of a starter."""
-        motor = self._motors.get(getattr(record, "starter", ""))
-        if motor is not None and isinstance(record, self.takes):
-            motor.put(record)
+        starter = getattr(record, "starter", "")
+        if isinstance(record, self.takes):
+            self._tell(starter, lambda part: part.put(record))
+        if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
+            id_, data = f"{record.boot}-{record.seq}", {"time": rfc3339(record.time_s), **record.data}
+            self._store.put(HistoryRow(starter, SETTING, id_, data, SETTINGS))
 
     def take_readings(self, starter: str, readings: Readings) -> None:
         """Record what was just read of a starter; never raises."""
-        motor = self._motors.get(starter)
-        if motor is not None:
-            motor.take_readings(readings)
+        self._tell(starter, lambda part: part.take_readings(readings))
 
-    def note_fault_data(
-        self, starter: str, at_fault: Mapping[str, Mapping[str, Any]], history: Sequence[Mapping[str, Any]]
-    ) -> None:
+    def note_fault_data(self, starter: str, at_fault: Rows, history: Sequence[Mapping[str, Any]]) -> None:
         """Record what a starter says of a trip."""
-        motor = self._motors.get(starter)
-        if motor is not None:
-            motor.guarded(motor.trips.note_fault_data, at_fault, history)
+        self._tell(starter, lambda part: part.note_fault_data(at_fault, history))
 
     def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
         """Record what a starter has counted itself, and its settings; by code, just read."""
-        motor = self._motors.get(starter)
-        if motor is not None:
-            motor.guarded(motor.values.note_own_rows, rows)
+        self._tell(starter, lambda part: part.note_own_rows(rows))
 
     def reconfigure(self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = ()) -> None:
         """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
-        for name in [name for name in self._motors if name not in wanted]:
-            self._motors[name].close()  # what that ends is counted while it is known
+        for name in self._motors.keys() - wanted.keys():
+            self._tell(name, lambda part: part.close())
             del self._motors[name]
         self._delivery.release()  # before the broker forgets what is gone
         for name in changed:
-            if name in self._motors:
-                self._motors[name].reconfigure(wanted[name])
-        new = {name: self._new(setup) for name, setup in wanted.items() if name not in self._motors}
-        self._motors |= new
-        self._load(tuple(new))
+            if name in wanted:
+                self._change(wanted[name])
+        self._add(setup for name, setup in wanted.items() if name not in self._motors)
 
     def set_baseline(self, starter: str, id_: str | None, client: str) -> Mapping[str, Any]:
         """Compare later starts with this one (None: the last good one) and return it; CommandError."""
@@ -199,29 +151,48 @@ class History:
         """Return what the file has of these kinds of one starter, the oldest first; StoreError."""
         return await self._store.rows(starter, kinds)
 
-    def _new(self, setup: StarterSetup) -> MotorParts:
-        return MotorParts(setup, self._delivery, self._policy)
+    def _add(self, setups: Iterable[StarterSetup]) -> None:
+        for setup in setups:
+            values = MotorValues(setup, self._delivery, self._policy)
+            starts = MotorStarts(setup, self._delivery, values.put)
+            motor = Motor(values, starts, MotorTrips(setup, self._delivery, values.put))
+            self._motors[setup.name] = motor
+            self._unread.put_nowait((setup.name, motor))
 
-    def _load(self, names: Sequence[str]) -> None:
-        if names:
-            task = asyncio.get_running_loop().create_task(self._restore(names), name="history")
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+    def _change(self, setup: StarterSetup) -> None:
+        self._tell(setup.name, lambda part: part.reconfigure(setup))
 
-    async def _restore(self, names: Sequence[str]) -> None:
-        """Read one starter after the other, so that never more than one's rows are in memory."""
+    def _go_on(self, starter: str, past: Past) -> None:
+        self._tell(starter, lambda part: part.restore(past))
+
+    def _tell(self, starter: str, call: Callable[[Part], None]) -> None:
+        """Tell all parts of a motor; a bug is one part's alone, and logged, the same one once in a row."""
+        for part in self._motors.get(starter, ()):
+            try:
+                call(part)
+            except Exception as error:  # neither the line's nor the other parts'
+                name = type(part).__name__
+                if self._bugs[starter, name].is_new(repr(error)):
+                    log.exception("starter=%s part=%s lost a record of the history", starter, name)
+
+    async def _read(self) -> None:
+        """Read what is stored of one motor after the other: never more than one's rows are in memory."""
         await self._recalled.wait()
-        for name in names:
-            while (motor := self._motors.get(name)) is not None:
-                try:
-                    rows, left = await self.stored(name, KINDS), await self._delivery.take_left(name)
-                except StoreError as error:
-                    log.debug("starter=%s the history of earlier runs cannot be read: %s", name, error)
-                    await asyncio.sleep(RETRY_S)
-                    continue
-                if motor is self._motors.get(name):  # else it is another one, which is read by itself
-                    motor.restore(rows, left)
-                break
+        while True:
+            name, motor = await self._unread.get()
+            try:
+                past = Past(
+                    await self.stored(name, KINDS),
+                    await self._delivery.take_left(name, StartRecord),
+                    await self._delivery.take_left(name, TripRecord),
+                )
+            except StoreError as error:
+                log.debug("starter=%s the history of earlier runs cannot be read: %s", name, error)
+                self._unread.put_nowait((name, motor))
+                await asyncio.sleep(RETRY_S)
+                continue
+            if motor is self._motors.get(name):  # else it is gone meanwhile
+                self._go_on(name, past)
 
     def _on_news(self, news: News, text: str) -> None:
         match news:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
 from gateway.contract import (
     AlarmRecord,
-    AvailabilityRecord,
     CommandError,
     EventCode,
     InfoRecord,
@@ -25,10 +24,8 @@ from gateway.contract import (
     stored,
 )
 from gateway.plugins.history.baseline import Baseline, Month, Trend, TrendVerdict, month_of, values_of
-from gateway.plugins.history.delivery import Delivery
+from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.start_recorder import (
-    LONGEST_S,
-    FinishedStart,
     StartCommand,
     StartPoints,
     StartRecorder,
@@ -43,15 +40,12 @@ START, CURVE, MONTH, BASELINE = "start", "curve", "month", "baseline"  # kinds i
 BASELINE_CURVE = "baseline_curve"  # of the baseline's typical start, which outlives the other curves
 CURVES, SUMMARIES, MONTHS = 20, 250, 18  # of each starter that stay
 DRIFT = "start_drift"  # event and alarm
-NOT_DRIVEN = ("offline", "disabled")  # availability
 
 T = TypeVar("T")
 
 
-class MotorStarts:
+class MotorStarts(Part):
     """Records starts one after the other; they are without their samples as soon as these are stored."""
-
-    kinds = (START, MONTH, BASELINE)
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, count: Callable[[StartRecord], None]) -> None:
         self._starter = setup.name
@@ -73,8 +67,6 @@ class MotorStarts:
         match record:
             case ResultRecord(verb="start", is_duplicate=False):
                 self._note_command(record)
-            case AvailabilityRecord() if record.state in NOT_DRIVEN:
-                self._finish(self._recorder.lose())
             case StateRecord(state="unknown"):
                 self._finish(self._recorder.lose())
             case InfoRecord():
@@ -82,33 +74,32 @@ class MotorStarts:
             case _:
                 pass
 
-    def restore(self, rows: Sequence[HistoryRow], left: Iterable[StartRecord]) -> None:
-        """Go on from the starts of earlier runs, also those that are not stored yet; once.
-
-        Among those that are stored may be some of this run.
-        """
+    def restore(self, past: Past) -> None:
+        """Go on from the starts of earlier runs; among those that are stored may be some of this run."""
         self._is_restored = True
-        of_kind: dict[str, list[HistoryRow]] = {kind: [] for kind in self.kinds}
-        for row in rows:
-            of_kind.setdefault(row.kind, []).append(row)
-        starts = [start for row in of_kind[START] if (start := self._read(StartRecord, row)) is not None]
+        starts = _stored_in(past.rows, START, StartRecord, starter=self._starter)
         self._latest = starts[-CURVES:]
         self._trend = Trend()
-        self._trend.restore(starts, next((self._read(Baseline, row) for row in of_kind[BASELINE]), None))
-        month = max(of_kind[MONTH], key=lambda row: row.id, default=None)
-        self._month = None if month is None else self._read(Month, month)
+        self._trend.restore(starts, next(iter(_stored_in(past.rows, BASELINE, Baseline)), None))
+        months = _stored_in(past.rows, MONTH, Month)
+        self._month = max(months, key=lambda month: month.month, default=None)
         for start in starts:
             if start.boot == self._records.boot:
                 self._count_in_month(start)
+        for latest in (*starts, *past.starts)[-1:]:
+            self._recorder.given_up_s = latest.time_s if latest.outcome is StartOutcome.GIVEN_UP else None
+        if self._trend.baseline is not None and not any(row.kind == BASELINE for row in past.rows):
+            self._store_baseline()  # the run that made it was killed
         self._put_alarm()
-        for start in left:
+        for start in past.starts:
             _, keep = self._judged(start)
             keep()
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
         self._finish(self._recorder.lose())
-        self._recorder = self._recorder_of(setup)
+        given_up_s, self._recorder = self._recorder.given_up_s, self._recorder_of(setup)
+        self._recorder.given_up_s = given_up_s
         if self._trend.baseline is not None and self._trend.baseline.is_raised:
             self._put_alarm()
 
@@ -142,9 +133,9 @@ class MotorStarts:
         elif result.phase in (Phase.FAILED, Phase.REJECTED):
             self._recorder.forget_command(result.client, result.id)
 
-    def _finish(self, finished: FinishedStart | None) -> None:
-        if finished is not None and not (finished.was_found and self._was_recorded(finished.record)):
-            self._delivery.publish(*self._judged(finished.record))
+    def _finish(self, start: StartRecord | None) -> None:
+        if start is not None:
+            self._delivery.publish(*self._judged(start))
 
     def _judged(self, record: StartRecord) -> tuple[StartRecord, Callable[[], None]]:
         """Compare a start with the baseline; return it with that, and what keeps it once it is certain."""
@@ -164,13 +155,6 @@ class MotorStarts:
         self._report(verdict, start)
         if is_new:
             self._store_baseline()
-
-    def _was_recorded(self, found: StartRecord) -> bool:
-        """Return whether a start that was under way at the first reading is the one given up before that."""
-        latest = self._latest[-1] if self._latest else None
-        if latest is None or latest.outcome is not StartOutcome.GIVEN_UP:
-            return False
-        return 0.0 <= found.time_s - latest.time_s <= LONGEST_S
 
     def _count_in_month(self, start: StartRecord) -> None:
         name = month_of(start.time_s)
@@ -233,14 +217,18 @@ class MotorStarts:
             self._delivery.store.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
             self._store(BASELINE, BASELINE, stored(baseline), limit=1, is_urgent=True)
 
-    def _read(self, kind: type[T], row: HistoryRow) -> T | None:
-        try:
-            return read_stored(kind, row.data, starter=self._starter)
-        except ValueError as error:
-            log.warning("starter=%s %s %s is lost: %s", self._starter, row.kind, row.id, error)
-            return None
-
 
 def _summary(start: StartRecord) -> Mapping[str, Any]:
     """Return what is stored of a start besides its curve."""
     return stored(start, without={"samples"})
+
+
+def _stored_in(rows: Iterable[HistoryRow], name: str, kind: type[T], **names: str) -> list[T]:
+    """Return what rows of one kind say; one that says nothing is lost."""
+    found = []
+    for row in rows:
+        try:
+            found += [read_stored(kind, row.data, **names)] if row.kind == name else []
+        except ValueError as error:
+            log.warning("starter=%s %s %s is lost: %s", row.starter, name, row.id, error)
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from gateway.contract import (
     EventCode,
@@ -25,8 +25,8 @@ from gateway.plugins.history.counters import (
     Totals,
     counted,
 )
-from gateway.plugins.history.delivery import Delivery
-from gateway.plugins.history.limits import NOTHING, StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.delivery import Delivery, Part, Past
+from gateway.plugins.history.limits import NOTHING, ThermalModel, pause_left_s, starts_left
 from gateway.starters.own_points import PublicationPace, Value, own_points
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
@@ -41,10 +41,8 @@ OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
 
 
-class MotorValues:
+class MotorValues(Part):
     """Counts from 0 until it is known what earlier runs have counted, but publishes and stores no sums."""
-
-    kinds = (KIND,)
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
         self._delivery = delivery
@@ -111,9 +109,9 @@ class MotorValues:
         if self._thermal is not None and names.cooling in rows:
             self._thermal.set_tau_s = rows[names.cooling] * MINUTE_S
 
-    def restore(self, rows: Sequence[HistoryRow]) -> None:
+    def restore(self, past: Past) -> None:
         """Add what earlier runs have counted; once."""
-        before = counted(rows)
+        before = counted(past.rows)
         self._totals.add(before.totals)
         if self._thermal is not None:
             early = self._thermal.learnt
@@ -210,14 +208,16 @@ class MotorValues:
         since_s = policy.motor_history.standing_since(self._setup.name)
         starts_s = policy.motor_history.starts_since(self._setup.name, now_s - HOUR_S)
         rules = policy.settings.rules.get(self._setup.name, NO_RULES)
-        limits = StartLimits(
-            starts_per_hour=rules.starts_per_hour,
+        left = starts_left(rules.starts_per_hour, starts_s, now_s=now_s)
+        self._announce(left)
+        pause_s = pause_left_s(
+            starts_s,
+            standing_since_s=since_s,
+            now_s=now_s,
+            per_hour=rules.starts_per_hour,
             after_stop_s=max(rules.minimum_pause_s, self._setting(rows.after_stop)),
             between_starts_s=self._setting(rows.between_starts),
         )
-        left = starts_left(limits, starts_s, now_s=now_s)
-        self._announce(left)
-        pause_s = pause_left_s(limits, starts_s, standing_since_s=since_s, now_s=now_s)
         restart_s = None
         if self._thermal is not None and self._counters.state in STANDING:
             restart_s = self._thermal.restart_in_s(now_s)
