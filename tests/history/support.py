@@ -114,7 +114,7 @@ class ReadMotor:
 
 
 class NoFile:
-    """Stands for a history's file that has everything at once; `rows` are those that were put, by kind and id."""
+    """Stands for a file that has everything at once; `stored` is what was put, by kind and id."""
 
     def __init__(self) -> None:
         self.stored: dict[tuple[str, str], HistoryRow] = {}
@@ -128,7 +128,8 @@ class NoFile:
             del self.stored[key]
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
-        self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
+        if (kind, id_) in self.stored:
+            self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         return []

@@ -83,7 +83,7 @@ def add_rows(report: HealthReport, rows: Sequence[HistoryRow]) -> None:
             _add_row(report, row)
         except ValueError:
             damaged += 1
-    report.totals = counted(rows).totals
+    report.totals = counted(row.data for row in rows if row.kind == "counters").totals
     report.trips.reverse()
     report.months.sort(key=lambda month: month.month)
     if damaged:

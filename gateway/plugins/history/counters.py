@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, PlainSerializer
 
 from gateway.contract import read_stored
 from gateway.plugins.history.limits import NOTHING, Learnt
 from gateway.starters.telemetry.readings import Readings
-from gateway.store import HistoryRow
 
 KIND = "counters"  # of the row on disk
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
@@ -71,18 +70,17 @@ class CountersRow:
     thermal: Learnt = NOTHING
 
 
-def counted(rows: Iterable[HistoryRow]) -> CountersRow:
-    """Return what rows of a motor say; what is no count is as good as missing.
+def counted(rows: Iterable[Mapping[str, Any]]) -> CountersRow:
+    """Return what the rows of a motor say together; what is no count is as good as missing.
 
-    A run of 0.2.0 that could not read the disk had a row of its own, to be added to the one before.
+    There is one, but for a run of 0.2.0 that could not read the disk: it had another, to be added.
     """
     found = CountersRow()
-    for row in rows:
-        if row.kind == KIND:
-            with suppress(ValueError):
-                each = read_stored(CountersRow, row.data)
-                found.totals.add(each.totals)
-                found.thermal = found.thermal.with_more(each.thermal.taus_s, each.thermal.heatings)
+    for data in rows:
+        with suppress(ValueError):
+            row = read_stored(CountersRow, data)
+            found.totals.add(row.totals)
+            found.thermal = found.thermal.with_more(row.thermal.taus_s, row.thermal.heatings)
     return found
 
 

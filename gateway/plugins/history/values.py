@@ -111,7 +111,7 @@ class MotorValues(Part):
 
     def restore(self, past: Past) -> None:
         """Add what earlier runs have counted; once."""
-        before = counted(past.rows)
+        before = counted(row.data for row in past.rows if row.kind == KIND)
         self._totals.add(before.totals)
         if self._thermal is not None:
             early = self._thermal.learnt

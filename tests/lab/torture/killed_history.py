@@ -9,9 +9,10 @@ from pathlib import Path
 from gateway.contract import StartRecord, read_stored
 from gateway.plugins.history.baseline import FIRST, values_of
 from gateway.plugins.history.starts import CURVES, SUMMARIES
-from gateway.storage.history import read_history
+from gateway.store import STATE, STATE_FILE, OutboxTable, read_file, read_history
 
 LONGEST_S = 0.4
+MOST_BETWEEN = 2  # starts that the outbox has and the history has not: one is recorded at a time
 STARTERS = ("pump", "fan")
 
 
@@ -48,8 +49,20 @@ def _check(folder: Path, starter: str, named: list[str]) -> None:
     assert sum(months) >= len(starts), "and so is the month's count"
     counted = [row.data["totals"]["starts"] for row in rows if row.kind == "counters"]
     assert sum(counted) == sum(months), "and so is that of the counters"
+    ids = _waiting(folder, starter)
+    upto = ids.index(starts[-1]) + 1
+    assert starts == ids[:upto][-len(starts) :], "what the history has, the outbox had before it"
+    assert sum(counted) == upto, "each start is counted once, also those that were taken over"
+    assert len(ids) - upto <= MOST_BETWEEN
     if len({start.id for start in records if values_of(start) is not None} & set(named)) >= FIRST:
         assert [row.kind for row in rows].count("baseline") == 1
+
+
+def _waiting(folder: Path, starter: str) -> list[str]:
+    """Return the starts that wait for a broker, which there never was: all of them."""
+    keys = read_file(folder / STATE_FILE, STATE, OutboxTable().keys)
+    begin = f"{starter}:start/"
+    return [key.removeprefix(begin) for key in keys if key.startswith(begin)]
 
 
 def kills_of(starts: list[str]) -> int:
