@@ -56,7 +56,8 @@ class MotorStarts(Part):
         self._trend = Trend()
         self._latest: list[StartRecord] = []  # those whose curves are stored
         self._month: Month | None = None
-        self._is_restored = False  # before that nothing of what earlier runs have stored is replaced
+        self._early: list[StartRecord] = []  # over before it is known what earlier runs have stored
+        self._is_restored = False
 
     def take_readings(self, readings: Readings) -> None:
         """Record what was just read."""
@@ -75,25 +76,23 @@ class MotorStarts(Part):
                 pass
 
     def restore(self, past: Past) -> None:
-        """Go on from the starts of earlier runs; among those that are stored may be some of this run."""
-        self._is_restored = True
+        """Go on from the starts of earlier runs; then those count that they could not store, and ours."""
         starts = _stored_in(past.rows, START, StartRecord, starter=self._starter)
         self._latest = starts[-CURVES:]
         self._trend = Trend()
         self._trend.restore(starts, next(iter(_stored_in(past.rows, BASELINE, Baseline)), None))
         months = _stored_in(past.rows, MONTH, Month)
         self._month = max(months, key=lambda month: month.month, default=None)
-        for start in starts:
-            if start.boot == self._records.boot:
-                self._count_in_month(start)
         for latest in (*starts, *past.starts)[-1:]:
             self._recorder.given_up_s = latest.time_s if latest.outcome is StartOutcome.GIVEN_UP else None
         if self._trend.baseline is not None and not any(row.kind == BASELINE for row in past.rows):
             self._store_baseline()  # the run that made it was killed
         self._put_alarm()
+        self._is_restored = True
         for start in past.starts:
-            _, keep = self._judged(start)
-            keep()
+            self._count(start)
+        for start in (*past.starts, *self._early):
+            self._store_start(*self._judged(start))
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
@@ -135,20 +134,27 @@ class MotorStarts(Part):
 
     def _finish(self, start: StartRecord | None) -> None:
         if start is not None:
-            self._delivery.publish(*self._judged(start))
+            judged = self._judged(start)
+            self._delivery.publish(judged[0], partial(self._keep, *judged))
 
-    def _judged(self, record: StartRecord) -> tuple[StartRecord, Callable[[], None]]:
-        """Compare a start with the baseline; return it with that, and what keeps it once it is certain."""
+    def _judged(self, record: StartRecord) -> tuple[StartRecord, TrendVerdict, bool]:
+        """Compare a start with the baseline; return it with that, and whether it has changed the baseline."""
         before = self._trend.baseline
         verdict = self._trend.add(record, now_s=self._records.clock.utc_s())
         record = replace(record, is_baseline=verdict.is_baseline, drift=verdict.drift)
-        return record, partial(self._keep, record, verdict, is_new=self._trend.baseline is not before)
+        return record, verdict, self._trend.baseline is not before
 
-    def _keep(self, record: StartRecord, verdict: TrendVerdict, *, is_new: bool) -> None:
-        """Count and store a start; `is_new` says that it has changed the baseline."""
+    def _keep(self, record: StartRecord, verdict: TrendVerdict, is_new: bool) -> None:  # noqa: FBT001 - judged
+        """Count a start that is certain, and store it, as soon as it is known what it comes after."""
+        self._count(record)
+        if self._is_restored:
+            self._store_start(record, verdict, is_new)
+        else:
+            self._early = [*self._early, record][-CURVES:]
+
+    def _store_start(self, record: StartRecord, verdict: TrendVerdict, is_new: bool) -> None:  # noqa: FBT001
         start = replace(record, samples={})
         self._latest = [*self._latest, start][-CURVES:]
-        self._count(start)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
         self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)
@@ -166,8 +172,7 @@ class MotorStarts(Part):
     def _store(
         self, kind: str, id_: str, data: Mapping[str, Any], *, limit: int, is_urgent: bool = False
     ) -> None:
-        if self._is_restored or kind in (START, CURVE):
-            self._delivery.store.put(HistoryRow(self._starter, kind, id_, data, limit), is_urgent=is_urgent)
+        self._delivery.store.put(HistoryRow(self._starter, kind, id_, data, limit), is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, start: StartRecord) -> None:
         drift = _summary(start).get("drift", {})
@@ -213,7 +218,7 @@ class MotorStarts(Part):
     def _store_baseline(self) -> None:
         """Store the baseline, after the curve of its typical start: that outlives the other curves."""
         baseline = self._trend.baseline
-        if baseline is not None and self._is_restored:
+        if baseline is not None:
             self._delivery.store.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
             self._store(BASELINE, BASELINE, stored(baseline), limit=1, is_urgent=True)
 
