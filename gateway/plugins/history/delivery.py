@@ -27,6 +27,7 @@ from gateway.system.supervised import on_this_loop
 log = logging.getLogger(__name__)
 
 HELD_AT_MOST_S = 2.0  # a disk that is busy for longer is not waited for
+MOST_EARLY = 20  # records of a starter that wait in memory for it to be read
 KINDS = {StartRecord: "start", TripRecord: "trip"}  # of rows, and in keys
 
 T = TypeVar("T", StartRecord, TripRecord)
@@ -82,12 +83,16 @@ class Delivery:
         self.records = records
         self.store = store
         self._outbox = outbox
-        self._pending: dict[str, tuple[Record, Callable[[], None]]] = {}  # on their way into the outbox
+        self._pending: dict[str, tuple[StartRecord | TripRecord, Callable[[], None]]] = {}  # not certain yet
         self._latest: Future[None] | None = None
         self._left: list[str] = []  # keys of what earlier runs have not seen delivered
+        self._early: dict[str, list[Callable[[], None]]] = {}  # by starter that is not read
 
     def publish(self, record: StartRecord | TripRecord, keep: Callable[[], None]) -> None:
-        """Publish a start or a trip; `keep` has it counted and stored, as soon as it is certain."""
+        """Publish a start or a trip as soon as it is certain; `keep` then has it counted and stored.
+
+        Before its starter is read, `keep` waits for that: it comes after what earlier runs have left.
+        """
         self._pending[record.key] = (record, keep)
         release = partial(self._release, record.key)
         self._latest = self._outbox.keep(record)
@@ -135,15 +140,33 @@ class Delivery:
                 self._outbox.let_go(begin + id_)
         return records
 
+    def expect(self, starter: str) -> None:
+        """Keep nothing of a starter until it is read."""
+        self._early[starter] = []
+
+    def go_on(self, starter: str) -> None:
+        """Keep what has come since then, and all that comes."""
+        for keep in self._early.pop(starter, ()):
+            _guarded(keep)
+
     def _release(self, key: str) -> None:
         record, keep = self._pending.pop(key, (None, None))
         if record is None or keep is None:
             return
         self.records.put(record)
-        try:
-            keep()
-        except Exception:
-            log.exception("the history has lost the record %s", key)
+        early = self._early.get(record.starter)
+        if early is None:
+            _guarded(keep)
+        else:
+            early.append(keep)
+            del early[:-MOST_EARLY]
+
+
+def _guarded(keep: Callable[[], None]) -> None:
+    try:
+        keep()
+    except Exception:  # a part's bug
+        log.exception("the history has lost a record")
 
 
 def _key(starter: str, kind: str, id_: str) -> str:

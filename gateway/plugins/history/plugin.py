@@ -157,6 +157,7 @@ class History:
             starts = MotorStarts(setup, self._delivery, values.put)
             motor = Motor(values, starts, MotorTrips(setup, self._delivery, values.put))
             self._motors[setup.name] = motor
+            self._delivery.expect(setup.name)
             self._unread.put_nowait((setup.name, motor))
 
     def _change(self, setup: StarterSetup) -> None:
@@ -164,6 +165,7 @@ class History:
 
     def _go_on(self, starter: str, past: Past) -> None:
         self._tell(starter, lambda part: part.restore(past))
+        self._delivery.go_on(starter)
 
     def _tell(self, starter: str, call: Callable[[Part], None]) -> None:
         """Tell all parts of a motor; a bug is one part's alone, and logged, the same one once in a row."""

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from gateway.contract import (
     AlarmRecord,
@@ -44,6 +44,15 @@ DRIFT = "start_drift"  # event and alarm
 T = TypeVar("T")
 
 
+class _Judged(NamedTuple):
+    """A start that is over, and what the trend says of it."""
+
+    record: StartRecord
+    verdict: TrendVerdict
+    trend: Trend
+    is_new: bool  # it has changed the baseline
+
+
 class MotorStarts(Part):
     """Records starts one after the other; they are without their samples as soon as these are stored."""
 
@@ -56,7 +65,6 @@ class MotorStarts(Part):
         self._trend = Trend()
         self._latest: list[StartRecord] = []  # those whose curves are stored
         self._month: Month | None = None
-        self._early: list[StartRecord] = []  # over before it is known what earlier runs have stored
         self._is_restored = False
 
     def take_readings(self, readings: Readings) -> None:
@@ -76,7 +84,7 @@ class MotorStarts(Part):
                 pass
 
     def restore(self, past: Past) -> None:
-        """Go on from the starts of earlier runs; then those count that they could not store, and ours."""
+        """Go on from the starts of earlier runs; then those come that they could not store."""
         starts = _stored_in(past.rows, START, StartRecord, starter=self._starter)
         self._latest = starts[-CURVES:]
         self._trend = Trend()
@@ -90,9 +98,7 @@ class MotorStarts(Part):
         self._put_alarm()
         self._is_restored = True
         for start in past.starts:
-            self._count(start)
-        for start in (*past.starts, *self._early):
-            self._store_start(*self._judged(start))
+            self._keep(self._judged(start))
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
@@ -135,26 +141,23 @@ class MotorStarts(Part):
     def _finish(self, start: StartRecord | None) -> None:
         if start is not None:
             judged = self._judged(start)
-            self._delivery.publish(judged[0], partial(self._keep, *judged))
+            self._delivery.publish(judged.record, partial(self._keep, judged))
 
-    def _judged(self, record: StartRecord) -> tuple[StartRecord, TrendVerdict, bool]:
-        """Compare a start with the baseline; return it with that, and whether it has changed the baseline."""
+    def _judged(self, record: StartRecord) -> _Judged:
+        """Compare a start with the baseline."""
         before = self._trend.baseline
         verdict = self._trend.add(record, now_s=self._records.clock.utc_s())
         record = replace(record, is_baseline=verdict.is_baseline, drift=verdict.drift)
-        return record, verdict, self._trend.baseline is not before
+        return _Judged(record, verdict, self._trend, is_new=self._trend.baseline is not before)
 
-    def _keep(self, record: StartRecord, verdict: TrendVerdict, is_new: bool) -> None:  # noqa: FBT001 - judged
-        """Count a start that is certain, and store it, as soon as it is known what it comes after."""
-        self._count(record)
-        if self._is_restored:
-            self._store_start(record, verdict, is_new)
-        else:
-            self._early = [*self._early, record][-CURVES:]
-
-    def _store_start(self, record: StartRecord, verdict: TrendVerdict, is_new: bool) -> None:  # noqa: FBT001
+    def _keep(self, judged: _Judged) -> None:
+        """Count and store a start that is certain."""
+        if judged.trend is not self._trend:  # it was judged before it was known what it comes after
+            judged = self._judged(judged.record)
+        record, verdict, _, is_new = judged
         start = replace(record, samples={})
         self._latest = [*self._latest, start][-CURVES:]
+        self._count(start)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
         self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)

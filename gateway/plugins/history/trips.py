@@ -16,7 +16,6 @@ from gateway.store import HistoryRow
 
 KIND = "trip"  # of the rows on disk
 STORED = 100  # of each starter
-EARLY = 20  # while the disk is away from the beginning
 SLACK_S = 0.1  # a timer may run out early
 
 
@@ -28,8 +27,6 @@ class MotorTrips(Part):
         self._count = count
         self._clock = delivery.records.clock
         self._recorder = _recorder_of(setup)
-        self._early: list[TripRecord] = []  # over before it is known what earlier runs have stored
-        self._is_restored = False
 
     def take_readings(self, readings: Readings) -> None:
         """Put what was just read into the ring."""
@@ -56,12 +53,9 @@ class MotorTrips(Part):
         self._look()
 
     def restore(self, past: Past) -> None:
-        """Store the trips that earlier runs only had for the broker, then ours."""
-        self._is_restored = True
+        """Count and store the trips that earlier runs only had for the broker."""
         for trip in past.trips:
-            self._count(trip)
-        for trip in (*past.trips, *self._early):
-            self._store(trip)
+            self._keep(trip)
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Finish the trip under way, and begin with an empty ring."""
@@ -82,12 +76,6 @@ class MotorTrips(Part):
 
     def _keep(self, trip: TripRecord) -> None:
         self._count(trip)
-        if self._is_restored:
-            self._store(trip)
-        else:
-            self._early = [*self._early, trip][-EARLY:]
-
-    def _store(self, trip: TripRecord) -> None:
         row = HistoryRow(trip.starter, KIND, trip.id, trip.fields(), STORED)
         self._delivery.store.put(row, is_urgent=True)
 
