@@ -138,8 +138,8 @@ class DiskSync:
         return hangs or self._is_unreadable
 
     def _wait_no_longer(self, keys: Sequence[str] = ()) -> None:
-        tell, self.on_recalled = self.on_recalled, lambda _: ()
-        for key in tell(keys):
+        call, self.on_recalled = self.on_recalled, lambda _: ()
+        for key in call(keys):
             self._backlog.need(key)
 
     async def _step(self) -> bool:

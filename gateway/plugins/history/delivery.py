@@ -1,10 +1,10 @@
-"""What a part of a motor's history is told, and how a start or a trip of it gets to the broker and the file.
+"""What the parts of a motor's history have in common, and how a start or a trip of it gets to the broker and the file.
 
 1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
    the history after that, or when the disk takes too long: no number of starts is published that a kill
    takes back.
 2. Its row in the outbox is the record, and stays until the history has it too.
-3. What earlier runs have left in the outbox, and the history lacks, it takes over at the start, by its id.
+3. What earlier runs have left in the outbox, and the history lacks, it stores at the start, by its id.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ class History:
         await self._ending.wait()
         reading.cancel()
         for name in self._motors:
-            self._tell(name, lambda part: part.close())
+            self._each(name, lambda part: part.close())
         await self._delivery.settle()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
@@ -111,28 +111,28 @@ class History:
         """Record what was published of a starter."""
         starter = getattr(record, "starter", "")
         if isinstance(record, self.takes):
-            self._tell(starter, lambda part: part.put(record))
+            self._each(starter, lambda part: part.put(record))
         if isinstance(record, EventRecord) and record.code == EventCode.PARAMETER_CHANGED:
             id_, data = f"{record.boot}-{record.seq}", {"time": rfc3339(record.time_s), **record.data}
             self._store.put(HistoryRow(starter, SETTING, id_, data, SETTINGS))
 
     def take_readings(self, starter: str, readings: Readings) -> None:
         """Record what was just read of a starter; never raises."""
-        self._tell(starter, lambda part: part.take_readings(readings))
+        self._each(starter, lambda part: part.take_readings(readings))
 
     def note_fault_data(self, starter: str, at_fault: Rows, history: Sequence[Mapping[str, Any]]) -> None:
         """Record what a starter says of a trip."""
-        self._tell(starter, lambda part: part.note_fault_data(at_fault, history))
+        self._each(starter, lambda part: part.note_fault_data(at_fault, history))
 
     def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
         """Record what a starter has counted itself, and its settings; by code, just read."""
-        self._tell(starter, lambda part: part.note_own_rows(rows))
+        self._each(starter, lambda part: part.note_own_rows(rows))
 
     def reconfigure(self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = ()) -> None:
         """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
         for name in self._motors.keys() - wanted.keys():
-            self._tell(name, lambda part: part.close())
+            self._each(name, lambda part: part.close())
             del self._motors[name]
         self._delivery.release()  # before the broker forgets what is gone
         for name in changed:
@@ -161,14 +161,14 @@ class History:
             self._unread.put_nowait((setup.name, motor))
 
     def _change(self, setup: StarterSetup) -> None:
-        self._tell(setup.name, lambda part: part.reconfigure(setup))
+        self._each(setup.name, lambda part: part.reconfigure(setup))
 
     def _go_on(self, starter: str, past: Past) -> None:
-        self._tell(starter, lambda part: part.restore(past))
+        self._each(starter, lambda part: part.restore(past))
         self._delivery.go_on(starter)
 
-    def _tell(self, starter: str, call: Callable[[Part], None]) -> None:
-        """Tell all parts of a motor; a bug is one part's alone, and logged, the same one once in a row."""
+    def _each(self, starter: str, call: Callable[[Part], None]) -> None:
+        """Call this with all parts of a motor; a bug is one part's alone, and logged, the same once in a row."""
         for part in self._motors.get(starter, ()):
             try:
                 call(part)
