@@ -141,7 +141,7 @@ class NoFile:
         return True
 
 
-def kept(_: Record) -> Future[None]:
+def stored_at_once(_: Record) -> Future[None]:
     """Stand for an outbox that stores at once."""
     done: Future[None] = Future()
     done.set_result(None)
@@ -152,7 +152,7 @@ async def no_payloads(_: Sequence[str]) -> dict[str, bytes]:
     return {}
 
 
-NO_OUTBOX = StoredRecords(keep=kept, payloads=no_payloads, let_go=lambda _: None)
+NO_OUTBOX = StoredRecords(keep=stored_at_once, payloads=no_payloads, let_go=lambda _: None)
 
 
 def recorder(points: StartPoints = POINTS) -> StartRecorder:

@@ -1,4 +1,4 @@
-"""What the parts of a motor's history have in common, and how a start or a trip of it gets to the broker and the file.
+"""What the parts of a motor's history share, and how a start or a trip gets to the broker and the file.
 
 1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
    the history after that, or when the disk takes too long: no number of starts is published that a kill

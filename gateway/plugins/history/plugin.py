@@ -168,7 +168,7 @@ class History:
         self._delivery.go_on(starter)
 
     def _each(self, starter: str, call: Callable[[Part], None]) -> None:
-        """Call this with all parts of a motor; a bug is one part's alone, and logged, the same once in a row."""
+        """Call this with all parts of a motor; a bug is one part's alone, logged, the same once in a row."""
         for part in self._motors.get(starter, ()):
             try:
                 call(part)

@@ -37,7 +37,7 @@ def kill_history_writer(
 def _check(folder: Path, starter: str, named: list[str], *, has_gone_on: bool) -> None:
     """Demand that all that was published is stored for the broker, and that the history has all up to one.
 
-    A run that `has_gone_on` for long enough has taken over what earlier ones had only for the broker.
+    A run that `has_gone_on` for long enough has stored what earlier ones had only for the broker.
     """
     rows = read_history(folder, starter)
     records = [read_stored(StartRecord, row.data, starter=starter) for row in rows if row.kind == "start"]
