@@ -74,8 +74,11 @@ class MotorStarts(Part):
     def put(self, record: Record) -> None:
         """Record who gives a start, when the starter is lost, and its rated current."""
         match record:
-            case ResultRecord(verb="start", is_duplicate=False):
-                self._note_command(record)
+            case ResultRecord(verb="start", is_duplicate=False, phase=Phase.WRITTEN):
+                now_s = self._records.clock.now_s()
+                self._recorder.note_command(StartCommand(record.client, record.id, now_s))
+            case ResultRecord(verb="start", is_duplicate=False, phase=Phase.FAILED | Phase.REJECTED):
+                self._recorder.forget_command(record.client, record.id)
             case StateRecord(state="unknown"):
                 self._finish(self._recorder.lose())
             case InfoRecord():
@@ -131,12 +134,6 @@ class MotorStarts(Part):
         recorder = StartRecorder(setup.name, points, boot=self._records.boot, take_seq=take_seq)
         recorder.rated_a = setup.variant.rated_current_a
         return recorder
-
-    def _note_command(self, result: ResultRecord) -> None:
-        if result.phase is Phase.WRITTEN:
-            self._recorder.note_command(StartCommand(result.client, result.id, self._records.clock.now_s()))
-        elif result.phase in (Phase.FAILED, Phase.REJECTED):
-            self._recorder.forget_command(result.client, result.id)
 
     def _finish(self, start: StartRecord | None) -> None:
         if start is not None:

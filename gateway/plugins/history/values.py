@@ -26,7 +26,7 @@ from gateway.plugins.history.counters import (
     counted,
 )
 from gateway.plugins.history.delivery import Delivery, Part, Past
-from gateway.plugins.history.limits import NOTHING, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.limits import ThermalModel, pause_left_s, starts_left
 from gateway.starters.own_points import PublicationPace, Value, own_points
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
@@ -61,7 +61,7 @@ class MotorValues(Part):
         rows = setup.profile.history
         self._setup = setup
         self._counters = MotorCounters(self._totals, period_s=setup.every_s)
-        self._thermal = ThermalModel(rows.thermal_trip) if rows.thermal else None
+        self._thermal = ThermalModel(rows.thermal_trip)  # of a family without a level it never says anything
         self._pace = PublicationPace(own_points(setup.profile))
         self._own: dict[str, tuple[float, float]] = {}  # rows of the starter: when they were read, and what
 
@@ -73,7 +73,7 @@ class MotorValues(Part):
         before = self._counters.state
         self._counters.note_readings(readings)
         self._note_state(readings.state)
-        if self._thermal is not None and before != readings.state == "running":
+        if before != readings.state == "running":
             self._thermal.note_started()
         if before != readings.state or readings.at_s - self._looked_s >= LOOK_EVERY_S:
             self._publish(readings.at_s, utc_s=readings.time_s)
@@ -106,16 +106,15 @@ class MotorValues(Part):
         self._own |= {code: (now_s, value) for code, value in rows.items()}
         if names.thermal in rows:
             self._note_level(rows[names.thermal], now_s)
-        if self._thermal is not None and names.cooling in rows:
+        if names.cooling in rows:
             self._thermal.set_tau_s = rows[names.cooling] * MINUTE_S
 
     def restore(self, past: Past) -> None:
         """Add what earlier runs have counted; once."""
         before = counted(row.data for row in past.rows if row.kind == KIND)
         self._totals.add(before.totals)
-        if self._thermal is not None:
-            early = self._thermal.learnt
-            self._thermal.learnt = before.thermal.with_more(early.taus_s, early.heatings)
+        early = self._thermal.learnt
+        self._thermal.learnt = before.thermal.with_more(early.taus_s, early.heatings)
         self._is_restored = True
         self._store()
 
@@ -124,14 +123,11 @@ class MotorValues(Part):
         self._store(is_in_any_case=True)
 
     def _note_level(self, level: float, at_s: float) -> None:
-        if self._thermal is not None:
-            self._thermal.note_level(level, at_s=at_s, is_standing=self._counters.state in STANDING)
+        self._thermal.note_level(level, at_s=at_s, is_standing=self._counters.state in STANDING)
 
     def _note_state(self, state: str) -> None:
         before = self._counters.state
         self._counters.note_state(state)
-        if self._thermal is None or state == before:
-            return
         if not self._counters.is_seen:
             self._thermal.forget()
         elif before in STANDING and state == "starting":
@@ -145,8 +141,7 @@ class MotorValues(Part):
         if not self._is_restored:
             return
         self._stored_s = self._delivery.records.clock.now_s()
-        learnt = NOTHING if self._thermal is None else self._thermal.learnt
-        data = stored(CountersRow(self._totals, learnt))
+        data = stored(CountersRow(self._totals, self._thermal.learnt))
         written_s, before = self._stored
         if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
             return
@@ -218,9 +213,8 @@ class MotorValues(Part):
             after_stop_s=max(rules.minimum_pause_s, self._setting(rows.after_stop)),
             between_starts_s=self._setting(rows.between_starts),
         )
-        restart_s = None
-        if self._thermal is not None and self._counters.state in STANDING:
-            restart_s = self._thermal.restart_in_s(now_s)
+        is_standing = self._counters.state in STANDING
+        restart_s = self._thermal.restart_in_s(now_s) if is_standing else None
         return {
             "starts_left": left,
             "pause_left_s": float(round(pause_s)),
