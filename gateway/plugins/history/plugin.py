@@ -51,7 +51,7 @@ SETTINGS = 100  # of each starter
 KINDS = (COUNTERS, START, MONTH, BASELINE)  # that are read at the start
 
 
-class Motor(NamedTuple):
+class MotorParts(NamedTuple):
     """The parts of one motor's history."""
 
     values: MotorValues
@@ -82,8 +82,8 @@ class History:
         self._recalled = asyncio.Event()
         self._ending = asyncio.Event()
         self._bugs: defaultdict[tuple[str, str], ChangeDetector] = defaultdict(ChangeDetector)
-        self._unread: asyncio.Queue[tuple[str, Motor]] = asyncio.Queue()
-        self._motors: dict[str, Motor] = {}
+        self._unread: asyncio.Queue[tuple[str, MotorParts]] = asyncio.Queue()
+        self._motors: dict[str, MotorParts] = {}
         self._add(setups)
 
     async def run(self) -> None:
@@ -155,7 +155,7 @@ class History:
         for setup in setups:
             values = MotorValues(setup, self._delivery, self._policy)
             starts = MotorStarts(setup, self._delivery, values.put)
-            motor = Motor(values, starts, MotorTrips(setup, self._delivery, values.put))
+            motor = MotorParts(values, starts, MotorTrips(setup, self._delivery, values.put))
             self._motors[setup.name] = motor
             self._delivery.expect(setup.name)
             self._unread.put_nowait((setup.name, motor))

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import StoreError
-from gateway.storage.history import MOST_UNSAVED, HistoryStore, read_history
-from gateway.storage.worker import News
+from gateway.store import HISTORY_FILE, HistoryRow, HistoryStore, News, read_history
+from gateway.store.history import MOST_UNSAVED
 
 PATIENCE_S = 10.0
 
@@ -22,15 +22,16 @@ class OpenHistory:
 
     def __init__(self, folder: Path, *, collect_s: float = 0.0) -> None:
         self.news: list[News] = []
+        self.stored: list[str] = []  # ids
         self._changed = asyncio.Event()
-        self.store = HistoryStore(folder, on_news=self._receive, retry_s=0.02, collect_s=collect_s)
-        self.store.start()
+        self.store = HistoryStore(folder / HISTORY_FILE, retry_s=0.02, collect_s=collect_s)
+        self.store.start(self._receive, lambda rows: self.stored.extend(row.id for row in rows))
 
     def put(self, id_: str, *, kind: str = "start", starter: str = "p", limit: int = 3, **data: Any) -> None:
-        self.store.put(starter, kind, id_, time_s=1.0, data=data, limit=limit, is_urgent=True)
+        self.store.put(HistoryRow(starter, kind, id_, data, limit), is_urgent=True)
 
     async def ids(self, starter: str = "p", kind: str = "start") -> list[str]:
-        return [row.id for row in (await self.store.load([starter])).get(starter, []) if row.kind == kind]
+        return [row.id for row in await self.store.rows(starter, (kind,))]
 
     async def until(self, news: News) -> None:
         async with asyncio.timeout(PATIENCE_S):
@@ -49,7 +50,7 @@ class OpenHistory:
 async def opened(tmp_path: Path) -> AsyncIterator[OpenHistory]:
     here = OpenHistory(tmp_path)
     yield here
-    assert await here.store.close(PATIENCE_S)
+    assert await here.store.close(within_s=PATIENCE_S)
 
 
 async def test_the_newest_of_a_kind_stay_for_each_starter(opened: OpenHistory) -> None:
@@ -61,34 +62,47 @@ async def test_the_newest_of_a_kind_stay_for_each_starter(opened: OpenHistory) -
     assert await opened.ids() == ["7", "8", "9"]
     assert await opened.ids(kind="month") == ["only"]
     assert await opened.ids("q") == ["other"]
+    assert len(opened.stored) == 12
 
 
 async def test_a_row_of_the_same_id_takes_the_place_of_the_one_before(opened: OpenHistory) -> None:
-    opened.put("a", value=1)
-    opened.put("b", value=2)
-    opened.put("a", value=3)
+    for id_, value in (("a", 1), ("b", 2), ("a", 3)):
+        opened.put(id_, value=value)
+    opened.store.copy("p", "start", "a", "chosen")
+    opened.store.copy("p", "start", "missing", "chosen")
 
-    assert await opened.ids() == ["a", "b"]
-    row = await opened.store.row("p", "start", "a")
-    assert row is not None
-    assert row.data == {"value": 3}
-    assert await opened.store.row("p", "start", "c") is None
+    assert [(row.id, row.data) for row in await opened.store.rows("p", ())] == [
+        ("a", {"value": 3}),
+        ("b", {"value": 2}),
+        ("a", {"value": 3}),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("ids", "lacking"),
+    [("", ""), ("ab", "ab"), ("a6", ""), ("6789", ""), ("678ab", "ab"), ("a8b", "b"), ("6", "6")],
+)
+async def test_what_is_lacking_came_after_the_newest_that_is_there(
+    opened: OpenHistory, ids: str, lacking: str
+) -> None:
+    for number in range(10):
+        opened.put(str(number), limit=4 if ids != "6" else 3)
+
+    assert await opened.store.lacking("p", "start", list(ids)) == list(lacking)
 
 
 async def test_what_is_not_urgent_is_collected_into_one_transaction(tmp_path: Path) -> None:
     here = OpenHistory(tmp_path, collect_s=3600.0)
     await here.until(News.OPEN)
     for number in range(100):
-        here.store.put("p", "counters", "now", time_s=1.0, data={"n": number}, limit=1)
+        here.store.put(HistoryRow("p", "counters", "now", {"n": number}))
     assert read_history(tmp_path, "p") == []
 
     here.put("a")  # takes everything before it along
 
-    assert [(r.kind, r.data) for r in (await here.store.load())["p"]] == [
-        ("counters", {"n": 99}),
-        ("start", {}),
-    ]
-    await here.store.close(PATIENCE_S)
+    found = [(row.kind, row.data) for row in await here.store.rows("p", ())]
+    assert found == [("counters", {"n": 99}), ("start", {})]
+    await here.store.close(within_s=PATIENCE_S)
 
 
 async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order(tmp_path: Path) -> None:
@@ -99,12 +113,11 @@ async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order
     for number in range(MOST_UNSAVED + 10):
         here.put(str(number), limit=10_000)
     with pytest.raises(StoreError):
-        await here.store.load()
+        await here.ids()
+    assert here.stored == []
 
     folder.unlink()
     await here.until(News.OPEN)
 
-    ids = await here.ids()
-    assert sorted(ids, key=int) == [str(number) for number in range(10, MOST_UNSAVED + 10)]
-    assert here.store.lost_rows == 10
-    await here.store.close(PATIENCE_S)
+    assert await here.ids() == [str(number) for number in range(10, MOST_UNSAVED + 10)]
+    await here.store.close(within_s=PATIENCE_S)
