@@ -1,4 +1,4 @@
-"""What is in a gateway's files, and how each version of them is made of the one before.
+"""What is in a gateway's two files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
 them all. A step never changes once it was released: whoever changes a table adds one.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.store import outbox
 from gateway.store.database import Connection, Schema
 
-STATE_FILE = "state.sqlite"
+STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
 _COMMANDS = """
     CREATE TABLE commands (
@@ -18,6 +18,12 @@ _COMMANDS = """
     )
 """
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
+_HISTORY = """
+    CREATE TABLE history (
+        number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
+        time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
+    )
+"""
 _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
 
@@ -27,3 +33,5 @@ def _first(connection: Connection) -> None:
 
 
 STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"
+HISTORY = Schema("history", application_id=0x53474849, steps=(lambda each: each.execute(_HISTORY),))  # "SGHI"
+SCHEMAS = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}
