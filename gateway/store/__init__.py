@@ -20,16 +20,12 @@ from gateway.store.database import (
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.outbox import (
-    DAMAGED,
-    DISK_FULL,
-    Deleted,
     Loss,
     OutboxRow,
     OutboxTable,
     Page,
     Rank,
     Total,
-    losses_of,
     merged,
 )
 from gateway.store.schema import STATE, STATE_FILE
@@ -37,8 +33,6 @@ from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
-    "DAMAGED",
-    "DISK_FULL",
     "FIRST_HASH",
     "INTEND_WITHIN_S",
     "RETRY_S",
@@ -47,7 +41,6 @@ __all__ = [
     "Anchor",
     "CommandTable",
     "Connection",
-    "Deleted",
     "Document",
     "Documents",
     "FullError",
@@ -68,7 +61,6 @@ __all__ = [
     "Verification",
     "Work",
     "append_note",
-    "losses_of",
     "mark_restored",
     "merged",
     "newer_text",

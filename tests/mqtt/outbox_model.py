@@ -20,7 +20,7 @@ from unittest.mock import patch
 from gateway.contract import Event, Quality, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
-from gateway.mqtt.outbox.backlog import Batch
+from gateway.mqtt.outbox.backlog import Batch, Bounds
 from gateway.mqtt.outbox.outbox import HELD_AFTER_S, Outbox, Outgoing
 from gateway.store import OutboxTable, Rank
 from gateway.store.outbox import TABLES
@@ -45,8 +45,8 @@ class Trouble:
 
     @property
     def is_bounded(self) -> bool:
-        """Return whether something must be lost in the end."""
-        return self.table_is_lost or (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
+        """Return whether there is less room than messages."""
+        return (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
 
 
 TROUBLES = (
@@ -130,13 +130,14 @@ class Model:
         self.outbox = Outbox(
             last_topic="b/gateway/status",
             boot=f"run {self.lives}",
-            max_rows=self.trouble.max_rows,
+            memory=Bounds(self.trouble.max_rows, 16 * 2**20),
+            table=Bounds(self.trouble.most_rows, self.trouble.most_bytes),
         )
         self.backlog = self.outbox.backlog
         self.backlog.expect_table()
         self.is_unreadable = False
         self.backlog.is_table_away = lambda: self.is_unreadable
-        self.table = OutboxTable(most_rows=self.trouble.most_rows, most_bytes=self.trouble.most_bytes)
+        self.table = OutboxTable()
         self.is_recalled = self.is_connected = False
         self.wire: list[tuple[Outgoing, bool]] = []  # with whether the broker has it
         self.deletable: set[int] = set()  # acknowledged, and perhaps still in the table
@@ -283,7 +284,7 @@ class Model:
                 lambda c: (self.table.totals(c), self.table.keys(c), self.table.losses(c)),
             )
             return
-        wanted = self.backlog.wanted() if self.is_connected else []
+        wanted = self.backlog.wanted(is_sending=self.is_connected)
         if wanted and self.dice.random() < 0.7:
             rank, after = self.dice.choice(wanted)
             self.doing = ("page", rank)
@@ -299,12 +300,11 @@ class Model:
             self.doing = ("batch", batch)
             self.ask = partial(self._transact, partial(self._write, batch))
 
-    def _write(self, batch: Batch, connection: sqlite3.Connection) -> Any:
+    def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
         self.table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
-        return self.table.trim(connection, batch.keep)
 
     def _do(self) -> None:
         assert self.ask is not None
@@ -334,7 +334,7 @@ class Model:
         elif what == "page":
             self.backlog.page(about, answer)
         elif what == "batch":
-            self.backlog.written(about, answer)
+            self.backlog.written(about)
 
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""

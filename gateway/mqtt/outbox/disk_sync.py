@@ -22,7 +22,7 @@ from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import Connection, Deleted, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
 from gateway.system.supervised import is_set_within
 
@@ -178,22 +178,21 @@ class DiskSync:
                 raise
         while (batch := self._backlog.batch()) is not None:
             try:
-                deleted = await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
+                await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
             except BaseException:
                 self._backlog.unwritten(batch)
                 raise
-            self._backlog.written(batch, deleted)
+            self._backlog.written(batch)
 
-    def _written(self, batch: Batch, connection: Connection) -> list[Deleted]:
+    def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
-        return self._table.trim(connection, batch.keep)
 
     async def _read(self) -> None:
-        """Read rows back into memory while they are being sent."""
-        for rank, after in self._backlog.wanted() if self._outbox.is_connected else ():
+        """Read rows back into memory, to be sent or given up."""
+        for rank, after in self._backlog.wanted(is_sending=self._outbox.is_connected):
             work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
             page = await self._do(work, is_freeing=True)
             rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]

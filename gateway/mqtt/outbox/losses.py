@@ -31,14 +31,13 @@ class Losses:
         """Return the losses that are not declared yet."""
         return self._sums
 
-    def add(self, losses: Iterable[Loss], *, is_saved: bool) -> None:
-        """Note losses of this run; those that are saved the table has noted by itself."""
-        losses = tuple(losses)
-        if losses and not self.dropped:
-            log.warning("outbox: messages are lost before the broker has them: %s", losses[0].reason)
-        self.dropped += sum(loss.rows for loss in losses)
-        self.recall(losses)
-        self._is_saved = self._is_saved and (is_saved or not losses)
+    def add(self, loss: Loss) -> None:
+        """Note a loss of this run."""
+        if not self.dropped:
+            log.warning("outbox: messages are lost before the broker has them: %s", loss.reason)
+        self.dropped += loss.rows
+        self._is_saved = False
+        self.recall([loss])
 
     def recall(self, losses: Iterable[Loss]) -> None:
         """Begin with what earlier runs have not declared."""

@@ -22,12 +22,14 @@ from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
-from gateway.mqtt.outbox.backlog import Backlog
+from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.mqtt.outbox.losses import Refusals
 from gateway.store import Loss, OutboxRow, Rank, Total
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
+IN_MEMORY = Bounds(20_000, 16 * 2**20)
+IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
 class News(NamedTuple):
@@ -59,13 +61,13 @@ class Outbox:
         *,
         last_topic: str,
         boot: str = "",
-        max_rows: int = 20_000,
-        max_bytes: int = 16 * 2**20,
+        memory: Bounds = IN_MEMORY,
+        table: Bounds = IN_TABLE,
         utc_of: Callable[[float], float] = float,
     ) -> None:
         self._last_topic = last_topic
         self._boot = boot
-        self.backlog = Backlog(max_rows=max_rows, max_bytes=max_bytes, utc_of=utc_of)
+        self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
         self._latest: dict[str, Message] = {}
         self._news: dict[str, News] = {}  # by topic; not sent yet
         self._staged: dict[tuple[str, bytes], int] = {}  # rows that somebody else stores: key, payload

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from gateway.mqtt.outbox.backlog import Bounds
+from gateway.mqtt.outbox.outbox import IN_TABLE, Outbox
 from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
@@ -306,9 +308,9 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         assert lives.lost() == Counter()
 
 
-def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
+def long_outage(monkeypatch: pytest.MonkeyPatch, table: Bounds) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.OutboxTable", partial(OutboxTable, **bounds))
+    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, table=table))
     with RigPlant(SSW07) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -324,18 +326,16 @@ def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter
 def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    nothing, none, all_events = long_outage(monkeypatch)
+    nothing, none, all_events = long_outage(monkeypatch, IN_TABLE)
     assert (nothing, none) == (Counter(), set())
 
-    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"most_bytes": 32_000}):
-        lost, missing, events = long_outage(monkeypatch, **bounds)
+    for table in (Bounds(60, 10**6), Bounds(150, 10**6), Bounds(10**6, 140_000)):
+        lost, missing, events = long_outage(monkeypatch, table)
 
-        assert events + lost["event"] >= all_events, "what is lost is declared"
+        assert events + lost["event"] == all_events, "what is lost is declared, and no more"
         assert lost["value"] > len(missing) > 0
         assert missing == set(range(min(missing), max(missing) + 1)), "the oldest go"
-        if "most_rows" in bounds:
-            assert events + lost["event"] == all_events
-            assert lost["result"] == 0
+        assert lost["result"] == 0
 
 
 @pytest.mark.usefixtures("small_windows")
