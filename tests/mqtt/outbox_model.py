@@ -67,7 +67,7 @@ class Oracle:
     kinds: dict[int, str] = field(default_factory=dict)
     put_s: dict[int, float] = field(default_factory=dict)
     starters: dict[int, int] = field(default_factory=dict)  # of values
-    staged: set[int] = field(default_factory=set)  # whose place is not that of their put
+    displaced: set[int] = field(default_factory=set)  # whose place is not that of their put
     received: dict[int, int] = field(default_factory=dict)  # how often, live ones once
     order: list[tuple[str, int]] = field(default_factory=list)  # of first receptions of rows
     excused: set[int] = field(default_factory=set)  # not stored when the process died, and too young for it
@@ -80,7 +80,7 @@ class Oracle:
     def receive(self, number: int, group: str) -> None:
         """Note that the broker has a row."""
         self.received[number] = self.received.get(number, 0) + 1
-        if self.received[number] == 1 and number not in self.staged:
+        if self.received[number] == 1 and number not in self.displaced:
             self.order.append((group, number))
         assert self.received[number] == 1 or number in self.doubtful, f"{number} came twice"
 
@@ -174,7 +174,7 @@ class Model:
 
     def _stage(self) -> None:
         number = self._number("result")
-        self.oracle.staged.add(number)
+        self.oracle.displaced.add(number)
         message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
@@ -339,8 +339,13 @@ class Model:
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""
         self._note_doubtful()
-        stored = {_number_of(payload) for (payload,) in self.disk.execute("SELECT payload FROM outbox")}
+        rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
+        stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
+        lost = self.backlog._lost.keys() | (self.doing[1].lost if self.doing[0] == "batch" else {}).keys()
+        base = self.table._earlier or 0
+        # Given up and not deleted: it comes after all, later than what came after it.
+        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
         oracle.doubtful |= self.deletable & stored
         for loss in self.table.losses(self.disk):
             oracle.again[KIND[loss.rank]] += loss.rows
