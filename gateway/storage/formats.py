@@ -13,8 +13,8 @@ from pathlib import Path
 from gateway.errors import NewerError
 from gateway.store import STATE, STATE_FILE
 
-STATE_FILES = {STATE_FILE: len(STATE.steps), "outbox.sqlite": 1, "history.db": 1}  # the newest known formats
-FORMAT = 1  # of the last two
+STATE_FILES = {STATE_FILE: len(STATE.steps), "history.db": 1}  # the newest known formats
+FORMAT = 1  # of the last
 LOCK_FILE = "gateway.lock"
 OTHERS = 0o077
 
