@@ -31,6 +31,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 LOOK_S = 0.5  # what need not be written at once waits for so long
+FLUSH_S = 5.0  # values may be in the kernel's hands for so long
 RETRY_S = 1.0
 HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
@@ -65,6 +66,7 @@ class DiskSync:
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
         self._waiting: list[Callable[[], None]] = []
+        self._flushed_s = float("-inf")
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away
         self._backlog.on_work = self._work.set
@@ -177,12 +179,15 @@ class DiskSync:
                 self._backlog.give_back_delivered(delivered)
                 raise
         while (batch := self._backlog.batch()) is not None:
+            is_due = self._clock.now_s() - self._flushed_s > FLUSH_S
             try:
-                await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
+                await self._do(partial(self._written, batch), is_flushed=is_due or batch.is_flushed)
             except BaseException:
                 self._backlog.unwritten(batch)
                 raise
             self._backlog.written(batch)
+            if is_due or batch.is_flushed:
+                self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
