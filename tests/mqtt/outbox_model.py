@@ -1,7 +1,7 @@
 """The outbox against an oracle: chance puts, sends, and loses connections, disks and processes.
 
 Nothing here waits: the disk is SQLite in memory, and what a thread does has three moments (asked for, done,
-told), between which anything else may happen. A crash forgets everything but the table.
+reported), between which anything else may happen. A crash forgets everything but the table.
 """
 
 from __future__ import annotations
@@ -368,7 +368,7 @@ class Model:
         """Let the disk do all that waits, as far as it can."""
         for _ in range(10_000):
             self.disk_step()
-            if self.ask is None and self.answer is None:
+            if self.ask is None and self.answer is None and self.is_recalled:
                 self.outbox.hold_slow(self.now_s)
                 batch = self.backlog.batch()
                 if batch is None:

@@ -1,4 +1,4 @@
-"""The rows that wait for the broker: which of them are in memory, and what the table must be told.
+"""The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
@@ -163,7 +163,7 @@ class Backlog:
             self._queues[row.rank].add(row)
             self._leave_to_table(row)
 
-    # What the table must be told.
+    # What is to be written.
 
     def take_delivered(self) -> dict[int, Rank]:
         """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
