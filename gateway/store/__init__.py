@@ -21,25 +21,19 @@ from gateway.store.database import (
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.outbox import (
-    DAMAGED,
-    DISK_FULL,
-    Deleted,
     Loss,
     OutboxRow,
     OutboxTable,
     Page,
     Rank,
     Total,
-    losses_of,
     merged,
 )
 from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
-from gateway.store.state import State
+from gateway.store.state import StateStore
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
-    "DAMAGED",
-    "DISK_FULL",
     "FIRST_HASH",
     "HISTORY",
     "HISTORY_FILE",
@@ -51,7 +45,6 @@ __all__ = [
     "Anchor",
     "CommandTable",
     "Connection",
-    "Deleted",
     "Document",
     "Documents",
     "FullError",
@@ -66,13 +59,12 @@ __all__ = [
     "Rank",
     "Remembered",
     "Schema",
-    "State",
+    "StateStore",
     "Store",
     "Total",
     "Verification",
     "Work",
     "append_note",
-    "losses_of",
     "mark_restored",
     "merged",
     "newer_text",
