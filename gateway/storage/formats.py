@@ -11,32 +11,19 @@ from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import NewerError
-from gateway.store import STATE, STATE_FILE
+from gateway.store import SCHEMAS, newer_text
 
-STATE_FILES = {STATE_FILE: len(STATE.steps), "history.db": 1}  # the newest known formats
-FORMAT = 1  # of the last
 LOCK_FILE = "gateway.lock"
 OTHERS = 0o077
 
 # Also SQLite's journals, the reserve, and new and damaged files.
-OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*STATE_FILES, LOCK_FILE))})([.-].*)?")
-
-
-def newer_text(path: Path, version: int) -> str:
-    """Return what is wrong with a file that a later version of this program has written; empty: nothing."""
-    known = STATE_FILES.get(path.name, FORMAT)
-    if version <= known:
-        return ""
-    return (
-        f"{path} has format {version}, and this program knows formats up to {known} "
-        "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
-    )
+OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*SCHEMAS, LOCK_FILE))})([.-].*)?")
 
 
 def require_known(path: Path, version: int) -> None:
     """Raise NewerError for a file that a later version of this program has written."""
-    if text := newer_text(path, version):
-        raise NewerError(text)
+    if version > len(SCHEMAS[path.name].steps):
+        raise NewerError(newer_text(path, version, SCHEMAS[path.name]))
 
 
 def keep_private(folder: Path) -> None:

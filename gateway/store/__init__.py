@@ -17,6 +17,7 @@ from gateway.store.database import (
     read_file,
     snapshot,
     stored_version,
+    write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.outbox import (
@@ -28,14 +29,17 @@ from gateway.store.outbox import (
     Total,
     merged,
 )
-from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
 from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
     "FIRST_HASH",
+    "HISTORY",
+    "HISTORY_FILE",
     "INTEND_WITHIN_S",
     "RETRY_S",
+    "SCHEMAS",
     "STATE",
     "STATE_FILE",
     "Anchor",
@@ -71,4 +75,5 @@ __all__ = [
     "stored_version",
     "verify",
     "write_document",
+    "write_file",
 ]

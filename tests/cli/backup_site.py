@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import io
 import json
-import shutil
 import sqlite3
 import tarfile
 from collections.abc import Callable, Iterator
@@ -17,11 +16,18 @@ from gateway.contract import LockRecord
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
-from gateway.store import STATE_FILE, append_note, read_document, write_document
+from gateway.store import (
+    HISTORY,
+    HISTORY_FILE,
+    STATE_FILE,
+    append_note,
+    read_document,
+    write_document,
+    write_file,
+)
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import password_line
 from tests.rig.sites import line, operator, starter, table
-from tests.storage.golden.state import unpack_golden
 
 UTC_S = 1_760_000_000.0
 HASH = password_line("correct horse")
@@ -114,8 +120,7 @@ def build_site(folder: Path) -> Path:
     (folder / "site.toml").write_text(CONFIG.replace("OUTSIDE", str(outside)))
     (folder / "site.toml").chmod(0o640)
     (folder / "state").mkdir()
-    shutil.copy(unpack_golden(folder.parent / "golden") / "history.db", folder / "state" / "history.db")
-    shutil.rmtree(folder.parent / "golden")
+    write_file(folder / "state" / HISTORY_FILE, HISTORY, lambda _: None)
     _store(folder / "state" / STATE_FILE)
     return folder / "site.toml"
 
@@ -131,5 +136,4 @@ def _store(path: Path) -> None:
     write_document(path, BIRTHS, NUMBER, 7)
     append_note(path, "gateway_started", "version 0.3.0")
     with closing(sqlite3.connect(path)) as connection, connection:
-        values = ("alice", "c2", "pump", "start", "confirmed", "ok", "done", UTC_S, "{}", 1, 1, UTC_S)
-        connection.execute(f"INSERT INTO commands VALUES ({', '.join('?' * len(values))})", values)
+        connection.execute("INSERT INTO commands VALUES ('alice', 'c2', 'pump', 1, '{}')")

@@ -15,8 +15,7 @@ from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
-from gateway.storage.formats import STATE_FILES
-from gateway.store import STATE, STATE_FILE, News, Store, read_document
+from gateway.store import SCHEMAS, STATE, STATE_FILE, News, Store, read_document
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, UTC_S, lock_of, manifest_of, names_in
@@ -31,7 +30,7 @@ def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_a
     out = capsys.readouterr().out
 
     assert names_in(backup)[0] == "manifest.json"
-    state = set(STATE_FILES)
+    state = set(SCHEMAS)
     wanted = {"manifest.json", "config/site.toml", f"outside{tmp_path}/ssl/ca.pem"}
     wanted |= {f"state/{name}" for name in state}
     assert set(names_in(backup)) == wanted

@@ -5,29 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway import store
 from gateway.errors import NewerError
-from gateway.storage.database import stored_version
-from gateway.storage.formats import STATE_FILES, newer_text
+from gateway.store import SCHEMAS, newer_text, stored_version
 
 
 def refuse_newer(state_dir: Path) -> None:
     """Raise NewerError, naming every file that a later version of this program has written."""
-    texts = [newer_text(state_dir / name, version) for name, version in found_in(state_dir)]
-    newer = [text for text in texts if text]
+    newer = [
+        newer_text(state_dir / name, version, SCHEMAS[name])
+        for name, version in found_in(state_dir)
+        if version > len(SCHEMAS[name].steps)
+    ]
     if newer:
         raise NewerError("\n".join(newer))
 
 
 def found_in(state_dir: Path) -> Iterator[tuple[str, int]]:
     """Yield the name of each file that is there and can be read, with its version."""
-    for name in STATE_FILES:
-        version = version_of(state_dir / name)
+    for name, schema in SCHEMAS.items():
+        version = stored_version(state_dir / name, schema)
         if version is not None:
             yield name, version
-
-
-def version_of(path: Path) -> int | None:
-    """Return the version of a file; None when there is none, or none that can be read."""
-    is_state = path.name == store.STATE_FILE
-    return store.stored_version(path, store.STATE) if is_state else stored_version(path)
