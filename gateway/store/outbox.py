@@ -86,7 +86,7 @@ class Loss(NamedTuple):
     last_s: float
 
 
-class Page(NamedTuple):
+class OutboxPage(NamedTuple):
     """The next rows of a rank, in order."""
 
     rows: Sequence[OutboxRow]
@@ -113,7 +113,7 @@ class OutboxTable:
         base = self._base(connection)
         connection.executemany(_DELETE, ((rank, id_ + base) for rank, id_ in ids))
 
-    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> Page:
+    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> OutboxPage:
         """Return the rows of a rank after an id, the oldest first."""
         base = self._base(connection)
         found = connection.execute(_PAGE, (rank, after + base, limit)).fetchall()
@@ -123,7 +123,7 @@ class OutboxTable:
             row = OutboxRow(id_, rank, *columns)
             (rows if _checksum(row) == checksum else damaged).append(row._replace(id=id_ - base))
         upto = found[-1][1] - base if found else after
-        return Page(rows, damaged, upto, is_last=len(found) < limit)
+        return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
         """Return how much there is of each rank of which there is something; reads the whole table."""
