@@ -37,7 +37,10 @@ _INSERT = "INSERT INTO outbox VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO 
 _DELETE = "DELETE FROM outbox WHERE rank = ? AND id = ?"
 _PAGE = "SELECT * FROM outbox WHERE rank = ? AND id > ? ORDER BY id LIMIT ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
-_TOTALS = f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox GROUP BY rank"
+_TOTALS = (
+    f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
+)
+_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != ''"
 _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
@@ -126,13 +129,15 @@ class OutboxTable:
         return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
-        """Return how much there is of each rank of which there is something; reads the whole table."""
-        found = {rank: Total(*columns) for rank, *columns in connection.execute(_TOTALS)}
-        return {rank: found[rank] for rank in Rank if rank in found}
+        """Return how much earlier runs have left of each rank; reads the whole table."""
+        found = connection.execute(_TOTALS, (self._base(connection),))
+        totals = {rank: Total(*columns) for rank, *columns in found}
+        return {rank: totals[rank] for rank in Rank if rank in totals}
 
     def keys(self, connection: Connection) -> frozenset[str]:
-        """Return the keys of all rows that have one."""
-        return frozenset(key for (key,) in connection.execute("SELECT key FROM outbox WHERE key != ''"))
+        """Return the keys of what earlier runs have left."""
+        found = connection.execute(_KEYS, (self._base(connection),))
+        return frozenset(key for (key,) in found)
 
     def losses(self, connection: Connection) -> list[Loss]:
         """Return the losses that are not declared yet."""
