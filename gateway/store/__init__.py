@@ -30,7 +30,7 @@ from gateway.store.outbox import (
     merged,
 )
 from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
-from gateway.store.state import State
+from gateway.store.state import StateStore
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
@@ -59,7 +59,7 @@ __all__ = [
     "Rank",
     "Remembered",
     "Schema",
-    "State",
+    "StateStore",
     "Store",
     "Total",
     "Verification",

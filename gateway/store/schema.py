@@ -1,7 +1,7 @@
 """What is in a gateway's two files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. A step never changes once it was released: whoever changes a table adds one.
+them all. A step never changes once it was released: a changed table is one step more.
 """
 
 from __future__ import annotations

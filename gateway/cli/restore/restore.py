@@ -22,9 +22,9 @@ from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
 from gateway.errors import ConfigError, DamagedError, NewerError, StartError, StoreError
+from gateway.storage.formats import refuse_newer
 from gateway.storage.upkeep.archive import Archive, open_archive
 from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
-from gateway.storage.upkeep.versions import refuse_newer
 from gateway.store import SCHEMAS, newer_text
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
