@@ -22,9 +22,9 @@ from gateway.store.database import (
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.outbox import (
     Loss,
+    OutboxPage,
     OutboxRow,
     OutboxTable,
-    Page,
     Rank,
     Total,
     merged,
@@ -53,9 +53,9 @@ __all__ = [
     "News",
     "NoJournal",
     "OnNews",
+    "OutboxPage",
     "OutboxRow",
     "OutboxTable",
-    "Page",
     "Rank",
     "Remembered",
     "Schema",
