@@ -44,7 +44,7 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
 
 
 class SlowStore:
-    """A store whose disk takes work when it is told to."""
+    """A store whose disk takes work when the test lets it."""
 
     def __init__(self) -> None:
         self.trouble = ""
