@@ -18,8 +18,7 @@ from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.config.schema import Config
-from gateway.storage.formats import keep_private
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.storage.formats import keep_private, refuse_newer
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler, TraceFilter

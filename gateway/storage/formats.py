@@ -7,36 +7,24 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import NewerError
-from gateway.store import STATE, STATE_FILE
+from gateway.store import SCHEMAS, newer_text, stored_version
 
-STATE_FILES = {STATE_FILE: len(STATE.steps), "outbox.sqlite": 1, "history.db": 1}  # the newest known formats
-FORMAT = 1  # of the last two
 LOCK_FILE = "gateway.lock"
 OTHERS = 0o077
 
 # Also SQLite's journals, the reserve, and new and damaged files.
-OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*STATE_FILES, LOCK_FILE))})([.-].*)?")
-
-
-def newer_text(path: Path, version: int) -> str:
-    """Return what is wrong with a file that a later version of this program has written; empty: nothing."""
-    known = STATE_FILES.get(path.name, FORMAT)
-    if version <= known:
-        return ""
-    return (
-        f"{path} has format {version}, and this program knows formats up to {known} "
-        "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
-    )
+OWN_NAMES = re.compile(rf"({'|'.join(re.escape(name) for name in (*SCHEMAS, LOCK_FILE))})([.-].*)?")
 
 
 def require_known(path: Path, version: int) -> None:
     """Raise NewerError for a file that a later version of this program has written."""
-    if text := newer_text(path, version):
-        raise NewerError(text)
+    if version > len(SCHEMAS[path.name].steps):
+        raise NewerError(newer_text(path, version, SCHEMAS[path.name]))
 
 
 def keep_private(folder: Path) -> None:
@@ -51,3 +39,22 @@ def keep_private(folder: Path) -> None:
             with suppress(OSError):
                 if path.lstat().st_mode & OTHERS and path.is_file() and not path.is_symlink():
                     path.chmod(0o600)
+
+
+def refuse_newer(state_dir: Path) -> None:
+    """Raise NewerError, naming every file that a later version of this program has written."""
+    newer = [
+        newer_text(state_dir / name, version, SCHEMAS[name])
+        for name, version in found_in(state_dir)
+        if version > len(SCHEMAS[name].steps)
+    ]
+    if newer:
+        raise NewerError("\n".join(newer))
+
+
+def found_in(state_dir: Path) -> Iterator[tuple[str, int]]:
+    """Yield the name of each file that is there and can be read, with its version."""
+    for name, schema in SCHEMAS.items():
+        version = stored_version(state_dir / name, schema)
+        if version is not None:
+            yield name, version

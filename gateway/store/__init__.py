@@ -17,37 +17,34 @@ from gateway.store.database import (
     read_file,
     snapshot,
     stored_version,
+    write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.outbox import (
-    DAMAGED,
-    DISK_FULL,
-    Deleted,
     Loss,
+    OutboxPage,
     OutboxRow,
     OutboxTable,
-    Page,
     Rank,
     Total,
-    losses_of,
     merged,
 )
-from gateway.store.schema import STATE, STATE_FILE
-from gateway.store.state import State
+from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
+from gateway.store.state import StateStore
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
-    "DAMAGED",
-    "DISK_FULL",
     "FIRST_HASH",
+    "HISTORY",
+    "HISTORY_FILE",
     "INTEND_WITHIN_S",
     "RETRY_S",
+    "SCHEMAS",
     "STATE",
     "STATE_FILE",
     "Anchor",
     "CommandTable",
     "Connection",
-    "Deleted",
     "Document",
     "Documents",
     "FullError",
@@ -56,19 +53,18 @@ __all__ = [
     "News",
     "NoJournal",
     "OnNews",
+    "OutboxPage",
     "OutboxRow",
     "OutboxTable",
-    "Page",
     "Rank",
     "Remembered",
     "Schema",
-    "State",
+    "StateStore",
     "Store",
     "Total",
     "Verification",
     "Work",
     "append_note",
-    "losses_of",
     "mark_restored",
     "merged",
     "newer_text",
@@ -79,4 +75,5 @@ __all__ = [
     "stored_version",
     "verify",
     "write_document",
+    "write_file",
 ]

@@ -17,9 +17,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.database import Connection, Database, read_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import MAX_BYTES, Store
+from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ class Documents:
         except DamagedError as error:
             document.damage = str(error)
             if self._publish_event is not None:
-                self._publish_event(EventCode.MEMORY_DAMAGED, name, damage=error)
+                self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
 
     def save_again(self, *, is_lost: bool) -> None:
@@ -162,12 +162,7 @@ def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
 
 def write_document(path: Path, name: str, kind: TypeAdapter[T], document: T) -> None:
     """Save a document for the next run of a gateway, which does not run now; StoreError."""
-    database = Database(path, STATE, max_bytes=MAX_BYTES)
-    try:
-        database.open()
-        database.transact([partial(put_body, name=name, body=kind.dump_json(document).decode())])
-    finally:
-        database.close()
+    write_file(path, STATE, partial(put_body, name=name, body=kind.dump_json(document).decode()))
 
 
 def put_body(connection: Connection, *, name: str, body: str) -> None:
@@ -182,7 +177,12 @@ def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
     try:
         return kind.validate_json(body)
     except ValidationError as error:
-        raise DamagedError(f"what was stored of {name} is damaged: {error.error_count()} mistakes") from error
+        raise DamagedError(f"what was stored of the {name} is damaged: {_first_mistake(error)}") from error
+
+
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
 
 
 def _bodies(connection: Connection) -> dict[str, str]:

@@ -22,10 +22,10 @@ from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
 from gateway.errors import ConfigError, DamagedError, NewerError, StartError, StoreError
-from gateway.storage.formats import STATE_FILES, newer_text
+from gateway.storage.formats import refuse_newer
 from gateway.storage.upkeep.archive import Archive, open_archive
 from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.store import SCHEMAS, newer_text
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
@@ -163,12 +163,12 @@ def _refuse_newer(facts: Mapping[str, Any]) -> None:
     """Raise NewerError when this program could not read what would be restored."""
     versions = facts.get("state")
     texts = [
-        newer_text(Path(name), version)
+        newer_text(Path(name), version, SCHEMAS[name])
         for name, version in (versions.items() if isinstance(versions, dict) else ())
-        if name in STATE_FILES and isinstance(version, int)
+        if name in SCHEMAS and isinstance(version, int) and version > len(SCHEMAS[name].steps)
     ]
-    if any(texts):
-        raise NewerError("\n".join(text for text in texts if text))
+    if texts:
+        raise NewerError("\n".join(texts))
 
 
 def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:

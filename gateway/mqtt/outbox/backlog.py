@@ -1,4 +1,4 @@
-"""The rows that wait for the broker: which of them are in memory, and what the table must be told.
+"""The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
@@ -15,13 +15,21 @@ from typing import NamedTuple
 
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.queue import HIGHEST, RankQueue
-from gateway.store import DAMAGED, DISK_FULL, Deleted, Loss, OutboxRow, Page, Rank, Total, losses_of
+from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 
-MEMORY_FULL, STORE_LOST = "memory_full", "store_lost"  # why something was lost
+# Why something was lost:
+MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_VALUES = 500  # in one transaction
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
+
+
+class Bounds(NamedTuple):
+    """How much there may be."""
+
+    rows: int
+    bytes: int
 
 
 class Batch(NamedTuple):
@@ -30,7 +38,6 @@ class Batch(NamedTuple):
     rows: Sequence[OutboxRow]
     lost: Mapping[int, Rank]  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None  # None: the table has them
-    keep: frozenset[int]  # what may not be deleted for room
 
     @property
     def is_flushed(self) -> bool:
@@ -45,8 +52,8 @@ class Backlog:
     memory does not wait for what is only in the table.
     """
 
-    def __init__(self, *, max_rows: int, max_bytes: int, utc_of: Callable[[float], float]) -> None:
-        self._max_rows, self._max_bytes = max_rows, max_bytes
+    def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
+        self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
         self._utc_of = utc_of
         self._queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
         self._memory: dict[int, OutboxRow] = {}
@@ -156,7 +163,7 @@ class Backlog:
             self._queues[row.rank].add(row)
             self._leave_to_table(row)
 
-    # What the table must be told.
+    # What is to be written.
 
     def take_delivered(self) -> dict[int, Rank]:
         """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
@@ -185,15 +192,14 @@ class Backlog:
         self._writing = frozenset(ids)
         lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, lost, losses, keep=frozenset(self._held | self._flying))
+        return Batch(rows, lost, losses)
 
-    def written(self, batch: Batch, deleted: Sequence[Deleted]) -> None:
-        """Note that a batch is in the table, and what was deleted for it."""
+    def written(self, batch: Batch) -> None:
+        """Note that a batch is in the table."""
         self._writing = frozenset()
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])
-        self._note_deleted(DISK_FULL, deleted)
 
     def unwritten(self, batch: Batch) -> None:
         """Note that a batch could not be written."""
@@ -225,11 +231,12 @@ class Backlog:
                 self._bring_strays(rank)
                 queue.read(HIGHEST, 0.0)
 
-    def wanted(self) -> list[tuple[Rank, int]]:
-        """Return what is to be read: the ranks, and after which row."""
-        return [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+    def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
+        """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
+        wanting = [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+        return wanting if is_sending or self._excess() else []
 
-    def page(self, rank: Rank, page: Page) -> None:
+    def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self._queues[rank]
         rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
@@ -237,11 +244,15 @@ class Backlog:
             self._memory[row.id] = row
             self._bytes += row.size
         queue.bring(row.id for row in rows)
-        self._note_deleted(DAMAGED, page.damaged)
+        for row in page.damaged:
+            queue.lose_beyond(1, row.size)
+            self._lost[row.id] = rank
+            self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
         self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
         if page.is_last:
             self._lose_beyond(rank)
         queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
+        self._make_room()
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
@@ -263,21 +274,33 @@ class Backlog:
         self._bytes += row.size
         self._queues[row.rank].add(row)
         self._leave_to_table(row)
-        while self._is_full and (victim := self._oldest()) is not None:
-            self._queues[victim.rank].remove(victim)
-            self._forget(victim, self._lost)
-            time_s = self._utc_of(victim.time_s)
-            self.losses.add([Loss(MEMORY_FULL, victim.rank, 1, time_s, time_s)], is_saved=False)
+        self._make_room()
         if row.rank is not Rank.VALUE:
             self.on_work()
 
-    @property
-    def _is_full(self) -> bool:
-        return self._bytes > self._max_bytes or len(self._memory) - len(self._held) > self._max_rows
+    def _make_room(self) -> None:
+        """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
+        while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
+            self._queues[victim.rank].remove(victim)
+            self._forget(victim, self._lost)
+            self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
-    def _oldest(self) -> OutboxRow | None:
-        """Return the oldest row of the lowest rank that is in memory and waits."""
+    def _excess(self) -> str:
+        """Return of what there is too much: of rows in memory, or of all that wait."""
+        here = Bounds(len(self._memory) - len(self._held), self._bytes)
+        queues = self._queues.values()
+        all_ = Bounds(sum(queue.rows for queue in queues), sum(queue.bytes for queue in queues))
+        for reason, there_is in ((MEMORY_FULL, here), (DISK_FULL, all_)):
+            bound = self._bounds[reason]
+            if there_is.rows > bound.rows or there_is.bytes > bound.bytes:
+                return reason
+        return ""
+
+    def _victim(self, reason: str) -> OutboxRow | None:
+        """Return the oldest row of the lowest rank that has any; None while that is being read."""
         for rank, queue in self._queues.items():
+            if reason == DISK_FULL and queue.rows:
+                return self.first(rank)
             if not queue.ids:
                 self._bring_strays(rank)
             if queue.ids:
@@ -308,30 +331,15 @@ class Backlog:
     def _is_gone(self, id_: int) -> bool:
         return id_ in self._delivered or id_ in self._lost
 
-    def _note_deleted(self, reason: str, deleted: Sequence[Deleted]) -> None:
-        """Let go of rows that the table has given up; what was taken meanwhile is not lost."""
-        lost = []
-        for each in deleted:
-            row = self._memory.get(each.id)
-            if each.id in self._flying:
-                self._unwritten[each.id] = None
-            elif not self._is_gone(each.id):
-                lost.append(each)
-                if row is None:
-                    self._queues[each.rank].lose_beyond(1, each.size)
-                else:
-                    self._queues[each.rank].remove(row)
-                    del self._memory[each.id]
-                    self._bytes -= each.size
-        self.losses.add(losses_of(reason, lost), is_saved=len(lost) == len(deleted))
+    def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
+        self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
 
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not; everything in memory is within the queue."""
         queue = self._queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
-            first_s, last_s = self._utc_of(queue.first_s), self._utc_of(queue.last_s)
-            self.losses.add([Loss(STORE_LOST, rank, queue.beyond, first_s, last_s)], is_saved=False)
+            self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
             queue.lose_beyond(queue.beyond, size)
 
     def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:

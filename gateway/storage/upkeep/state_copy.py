@@ -11,11 +11,9 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway import store
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.database import snapshot
-from gateway.storage.formats import LOCK_FILE, OWN_NAMES, STATE_FILES, require_known
-from gateway.storage.upkeep.versions import version_of
+from gateway.storage.formats import LOCK_FILE, OWN_NAMES, require_known
+from gateway.store import SCHEMAS, snapshot, stored_version
 
 BEFORE = "before-restore"  # folder in the state directory with the files that a restore has replaced
 
@@ -24,11 +22,11 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """Copy the files into a folder and return the version of each; StoreError, OSError."""
     versions: dict[str, int] = {}
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
-    for name in STATE_FILES:
+    for name, schema in SCHEMAS.items():
         source = state_dir / name
         if not source.exists():
             continue
-        version = version_of(source)
+        version = stored_version(source, schema)
         if version is None and not os.access(source, os.R_OK):
             raise StoreError(f"{source} may not be read by this user (make the backup as root)")
         if version is None:
@@ -36,14 +34,14 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
                 f"{source} is damaged (start the gateway once, which sets it aside, or move it away)"
             )
         require_known(source, version)
-        (store.snapshot if name == store.STATE_FILE else snapshot)(source, to / name)
+        snapshot(source, to / name)
         versions[name] = version
     return versions
 
 
 def is_state_name(name: str) -> bool:
     """Return whether a backup may hold a file of this name, relative to the state directory."""
-    return name in STATE_FILES
+    return name in SCHEMAS
 
 
 def replaced_in(state_dir: Path) -> list[Path]:
