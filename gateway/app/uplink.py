@@ -221,7 +221,8 @@ class Uplink:
 
         def publish() -> None:
             for record in records:
-                self.publisher.put(record)
+                if record.key not in self.disk_sync.left:
+                    self.publisher.put(record)
 
         self.disk_sync.when_recalled(publish)
 

@@ -15,6 +15,7 @@ from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.incoming import IncomingCommands
 from gateway.mqtt.leftovers import Leftovers
 from gateway.mqtt.message import Message, cleared, message_of
+from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher

@@ -330,7 +330,8 @@ class Model:
                 self.backlog.give_back_delivered(about)
         elif what == "recall":
             self.is_recalled = True
-            self.outbox.recall(*answer)
+            totals, _keys, losses = answer
+            self.backlog.recall(totals, losses)
         elif what == "page":
             self.backlog.page(about, answer)
         elif what == "batch":

@@ -59,6 +59,7 @@ class Backlog:
         self._memory: dict[int, OutboxRow] = {}
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
+        self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
@@ -92,16 +93,29 @@ class Backlog:
     # Rows come, wait for their word, go out, and are gone.
 
     def put(self, row: OutboxRow) -> None:
-        """Take a row; when memory is full the oldest values go first, results last."""
-        self._memory[row.id] = row
-        self._enqueue(row, is_new=True)
+        """Take a row, or release the one that was staged; what is too much goes, the oldest values first."""
+        staged = self._staged.pop((row.key, row.payload), None)
+        if staged is not None:
+            self.release(staged)
+        else:
+            self._memory[row.id] = row
+            self._enqueue(row, is_new=True)
 
-    def hold(self, row: OutboxRow, *, is_staged: bool = False) -> None:
-        """Have a row stored that waits to be released; one that is staged somebody else stores."""
+    def hold(self, row: OutboxRow) -> None:
+        """Have a row stored that waits to be released."""
         self._memory[row.id] = row
         self._held.add(row.id)
-        if not is_staged:
-            self._unwritten[row.id] = None
+        self._unwritten[row.id] = None
+
+    def stage(self, row: OutboxRow) -> None:
+        """Hold a row that somebody else stores, until the same is put."""
+        self._memory[row.id] = row
+        self._held.add(row.id)
+        self._staged[row.key, row.payload] = row.id
+
+    def is_staged(self, row: OutboxRow) -> bool:
+        """Return whether a row is staged and not put yet; from any thread."""
+        return (row.key, row.payload) in self._staged
 
     def holds(self, id_: int) -> bool:
         """Return whether a row is held."""

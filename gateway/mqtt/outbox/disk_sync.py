@@ -66,6 +66,7 @@ class DiskSync:
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
         self._waiting: list[Callable[[], None]] = []
+        self.left: frozenset[str] = frozenset()  # the keys of what earlier runs have left behind
         self._flushed_s = float("-inf")
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away
@@ -90,7 +91,7 @@ class DiskSync:
         row = self._outbox.stage(message, self._clock.now_s())
 
         def store(connection: Connection) -> None:
-            if self._outbox.is_staged(message):
+            if self._backlog.is_staged(row):
                 self._table.insert(connection, [row])
 
         return store
@@ -156,12 +157,12 @@ class DiskSync:
         return True
 
     async def _recall(self) -> None:
-        totals, keys, losses = await self._do(self._recalled, is_freeing=True)
+        totals, self.left, losses = await self._do(self._recalled, is_freeing=True)
         for rank, total in totals.items():
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
-        self._outbox.recall(totals, keys, losses)
+        self._backlog.recall(totals, losses)
         self._wait_no_longer()
         self._wake()
 

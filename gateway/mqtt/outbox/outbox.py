@@ -24,7 +24,7 @@ from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.mqtt.outbox.losses import RefusedMessages
-from gateway.store import Loss, OutboxRow, Rank, Total
+from gateway.store import OutboxRow, Rank
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
@@ -70,12 +70,10 @@ class Outbox:
         self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
         self._latest: dict[str, Message] = {}
         self._news: dict[str, LiveMessage] = {}  # by topic; not sent yet
-        self._staged: dict[tuple[str, bytes], int] = {}  # rows that somebody else stores: key, payload
-        self._left: frozenset[str] = frozenset()  # keys of what earlier runs have left behind
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
         self._in_flight: dict[int, Outgoing] = {}
         self._window = 0  # 0: not connected
-        self._numbers = self._tickets = self._connections = 0
+        self._numbers = self._connections = 0  # the former names rows and what is in flight
         self._late_upto = 0  # the id of the last row from before this connection
         self._was_late = False
         self._history_credit = 0
@@ -98,27 +96,15 @@ class Outbox:
         A row that the caller could not store is stored after its `put`, like any other.
         """
         row = self._row(message, now_s)
-        self.backlog.hold(row, is_staged=True)
-        self._staged[message.key, message.payload] = row.id
+        self.backlog.stage(row)
         return self.backlog.in_utc(row)
-
-    def is_staged(self, message: Message) -> bool:
-        """Return whether a message has been staged and not put; from any thread."""
-        return (message.key, message.payload) in self._staged
 
     def put(self, message: Message, now_s: float) -> None:
         """Take a message; a full outbox drops history first, then events and audit, then results."""
-        if not message.is_queued:
-            self._put_retained(message, now_s)
-        elif self.is_staged(message):
-            self.backlog.release(self._staged.pop((message.key, message.payload)))
-        elif message.key not in self._left:
+        if message.is_queued:
             self.backlog.put(self._row(message, now_s))
-
-    def recall(self, totals: Mapping[Rank, Total], keys: frozenset[str], losses: Iterable[Loss]) -> None:
-        """Begin with what earlier runs have left behind, which is sent word for word, and not put again."""
-        self._left = keys
-        self.backlog.recall(totals, losses)
+        else:
+            self._put_retained(message, now_s)
 
     def forget(self, branches: Iterable[str], now_s: float) -> None:
         """Make the broker forget every retained topic below these."""
@@ -302,5 +288,5 @@ class Outbox:
     def _outgoing(
         self, message: Message, *, news: LiveMessage | None = None, rows: Sequence[OutboxRow] = ()
     ) -> Outgoing:
-        self._tickets += 1
-        return Outgoing(self._tickets, message, news, rows)
+        self._numbers += 1
+        return Outgoing(self._numbers, message, news, rows)
