@@ -200,10 +200,10 @@ class CommandReport:
         if self._latest is None:  # a copy of the command must be known for one from now on
             ledger.store(result, now_s=now_s)
         self._latest = result
-        reporting.journal.note(result, then=partial(self._tell, result))
+        reporting.journal.note(result, then=partial(self._publish_end, result))
 
-    def _tell(self, result: ResultRecord) -> None:
-        """Publish what is on the disk now, for repetitions too: no crash changes what was told of an end."""
+    def _publish_end(self, result: ResultRecord) -> None:
+        """Publish what is on the disk now, for repetitions too: no crash changes an end that is known."""
         self._reporting.ledger.store(result, now_s=self.now_s())
         self._reporting.records.put(result)
 
