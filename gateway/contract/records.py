@@ -21,9 +21,7 @@ from string import Formatter
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
-from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticSerializationError
-from pydantic_core.core_schema import DataclassField, ModelField, TypedDictField
 
 from gateway.contract.events import EventCode
 from gateway.contract.json_text import encoded, with_decimals
@@ -119,20 +117,14 @@ def _rounded(digits: int) -> PlainSerializer:
 Measured = Annotated[float, _rounded(4)]
 
 
-_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
-_OWN_NAMES: dict[type[Record], frozenset[str]] = {}
-
-
+@cache
 def _adapter_of(kind: type) -> TypeAdapter[Any]:
-    if kind not in _ADAPTERS:
-        _ADAPTERS[kind] = TypeAdapter(kind)
-    return _ADAPTERS[kind]
+    return TypeAdapter(kind)
 
 
+@cache
 def _own_names_of(kind: type[Record]) -> frozenset[str]:
-    if kind not in _OWN_NAMES:
-        _OWN_NAMES[kind] = frozenset(_schema_of(kind)["properties"]) - {kind.BESIDE}
-    return _OWN_NAMES[kind]
+    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"]) - {kind.BESIDE}
 
 
 @lru_cache
@@ -210,37 +202,6 @@ def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
     serializer = _adapter_of(type(thing)).serializer
     fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
     return fields
-
-
-class _Schema(GenerateJsonSchema):
-    """Every field of a record is in its JSON, but one that is left out where it says nothing."""
-
-    def field_is_required(
-        self,
-        field: ModelField | DataclassField | TypedDictField,
-        total: bool,  # noqa: FBT001 - as pydantic calls it
-    ) -> bool:
-        if field["type"] == "typed-dict-field":
-            return field.get("required", total)
-        return field.get("serialization_exclude_if") is None
-
-
-def _schema_of(kind: Any) -> dict[str, Any]:
-    return TypeAdapter(kind).json_schema(mode="serialization", by_alias=True, schema_generator=_Schema)
-
-
-def json_schema(kind: type[Record]) -> dict[str, Any]:
-    """Return the JSON Schema of a record's payload."""
-    schema = _schema_of(kind)
-    if kind.BESIDE:
-        items = schema["properties"].pop(kind.BESIDE)
-        if "$ref" in items:
-            items = schema["$defs"][items["$ref"].rpartition("/")[2]]
-            schema["properties"] |= items["properties"]
-            schema["required"] = [*schema.get("required", ()), *items.get("required", ())]
-        else:
-            schema["additionalProperties"] = {"description": items["description"]}
-    return schema
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
