@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache, lru_cache
@@ -117,14 +117,12 @@ def _rounded(digits: int) -> PlainSerializer:
 Measured = Annotated[float, _rounded(4)]
 
 
-@cache
-def _adapter_of(kind: type) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
+def _made_keys(kind: type) -> frozenset[str]:
+    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"])
 
 
-@cache
-def _own_names_of(kind: type[Record]) -> frozenset[str]:
-    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"]) - {kind.BESIDE}
+_adapter_of: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
+_keys_of: Callable[[type], frozenset[str]] = cache(_made_keys)  # of its JSON
 
 
 @lru_cache
@@ -174,7 +172,7 @@ class Record:
         except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
             payload = encoded(self.fields())
         if self.BESIDE:
-            own = _own_names_of(type(self))  # which cannot be overwritten
+            own = _keys_of(type(self)) - {self.BESIDE}  # which cannot be overwritten
             added = {key: value for key, value in getattr(self, self.BESIDE).items() if key not in own}
             return payload[:-1] + b"," + encoded(added)[1:] if added else payload
         return payload
@@ -186,7 +184,7 @@ def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     A field of a later version is ignored; one that a later version adds here has a default.
     """
     found = read_object(payload)
-    own = {key: found.pop(key) for key in _own_names_of(kind) & found.keys()}
+    own = {key: found.pop(key) for key in (_keys_of(kind) - {kind.BESIDE}) & found.keys()}
     beside = {kind.BESIDE: found} if kind.BESIDE else {}
     return read_stored(kind, {**own, **beside}, **names)
 
@@ -442,8 +440,21 @@ class QuantityChange:
     change_pct: Annotated[float, _rounded(1), Field(description="by how much it has changed, %")]
 
 
+class _StoredRecord(Record):
+    """A record that is stored until the broker has it, by the `id` of what a starter did."""
+
+    __slots__ = ()
+    starter: str
+    id: str
+
+    @property
+    def key(self) -> str:
+        """Return what names it until then; no client's name has a colon in it."""
+        return f"{self.starter}:{self.TOPIC.rpartition('/')[2]}/{self.id}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartRecord(Record):
+class StartRecord(_StoredRecord):
     """One start of a motor with its samples, once it is over; after a kill perhaps once more, by its `id`."""
 
     TOPIC = "starter/{starter}/start"
@@ -478,11 +489,6 @@ class StartRecord(Record):
         Field(description="columns of the same length; null where a reply did not hold it"),
     ] = field(default_factory=dict)
 
-    @property
-    def key(self) -> str:
-        """Return what names it until the broker has it; no client's name has a colon in it."""
-        return f"{self.starter}:start/{self.id}"
-
 
 @dataclass(frozen=True, slots=True)
 class ReadingTable:
@@ -499,7 +505,7 @@ class ReadingTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TripRecord(Record):
+class TripRecord(_StoredRecord):
     """One trip: what was read before it, and what the starter says of it."""
 
     TOPIC = "starter/{starter}/trip"
@@ -516,11 +522,6 @@ class TripRecord(Record):
     at_fault: Annotated[Mapping[str, Row], Field(description="stored by the starter at the fault, by code")]
     fault_history: Annotated[tuple[Row, ...], Field(description="the starter's own list, the newest first")]
     thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
-
-    @property
-    def key(self) -> str:
-        """Return what names it until the broker has it; no client's name has a colon in it."""
-        return f"{self.starter}:trip/{self.id}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -574,12 +575,7 @@ class FreshRecord(Record):
     TOPIC = "gateway/fresh"
     QOS = 0
     token: Annotated[str, Field(description="for the `token` of a command")]
-    time_s: Annotated[
-        float,
-        BeforeValidator(_known_seconds),
-        PlainSerializer(rfc3339, return_type=_Text),
-        _time("time", "when it was issued"),
-    ]
+    time_s: Annotated[Time, _time("time", "when it was issued")]
 
 
 @dataclass(frozen=True, slots=True)
