@@ -24,9 +24,8 @@ from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
 from pydantic_core import PydanticSerializationError
 
 from gateway.contract.events import EventCode
-from gateway.contract.json_text import encoded, with_decimals
+from gateway.contract.json_text import encoded, read_object, with_decimals
 from gateway.contract.statistics import LineStatistics
-from gateway.contract.strict_json import read_object
 from gateway.contract.topics import to_level
 from gateway.contract.values import PointInfo, ResultValues, StartSamples
 from gateway.contract.vocabulary import (

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gateway.contract.json_text import read_object
 from gateway.contract.results import CommandError, ResultCode
-from gateway.contract.strict_json import read_object
 from gateway.contract.topics import shortened
 from gateway.system.value_demands import demand_of
 
