@@ -8,18 +8,12 @@ whose name is taken has an underscore behind: `from_`, `severity_`.
 from __future__ import annotations
 
 import enum
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
-from importlib import resources
-from string import Formatter
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, field_validator
-
 from gateway.contract.vocabulary import Severity
-
-_TABLE = resources.files("gateway.contract") / "texts" / "events.toml"
+from gateway.contract.wording import Meaning, names_in, table
 
 
 class EventCode(enum.StrEnum):
@@ -108,38 +102,21 @@ class EventCode(enum.StrEnum):
     IDENTITIES_BACK = "identities_back"
 
 
-class EventMeaning(BaseModel):
+class EventMeaning(Meaning):
     """What a code means: for people, and in its fields."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    group: str
     severities: tuple[Severity, ...]
-    sentence: str
-    remedy: str
     data: Mapping[str, str] = {}  # meaning by key, in the order of the JSON
     optional: frozenset[str] = frozenset()  # keys of `data` that are absent where they are None
-    texts: Mapping[str, str]  # templates by case; one template alone has the case ""
     phrases: Mapping[str, str] = {}  # templates of parts of a text, which the gateway uses elsewhere too
 
-    @field_validator("texts", mode="before")
-    @classmethod
-    def _one(cls, texts: object) -> object:
-        return {"": texts} if isinstance(texts, str) else texts
-
-    def required(self, case: str) -> frozenset[str]:
+    def required(self, case: str) -> Set[str]:
         """Return the fields that a caller must give."""
-        return fields_in(self.texts[case]) | (self.data.keys() - self.optional)
-
-
-def fields_in(template: str) -> frozenset[str]:
-    """Return the names of the fields that a template is filled with."""
-    return frozenset(name for _, name, _, _ in Formatter().parse(template) if name)
+        return names_in(self.texts[case]) | (self.data.keys() - self.optional)
 
 
 EVENTS: Mapping[EventCode, EventMeaning] = {
-    EventCode(code): EventMeaning.model_validate(row)
-    for code, row in tomllib.loads(_TABLE.read_text("utf-8")).items()
+    EventCode(code): EventMeaning.model_validate(row) for code, row in table("events").items()
 }
 
 

@@ -15,9 +15,8 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from functools import cache, lru_cache
+from functools import cache
 from operator import not_
-from string import Formatter
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
@@ -37,6 +36,7 @@ from gateway.contract.vocabulary import (
     StarterState,
     rfc3339,
 )
+from gateway.contract.wording import names_in
 
 Number = bool | int | float
 Row = Mapping[str, Any]
@@ -124,14 +124,9 @@ _adapter_of: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
 _keys_of: Callable[[type], frozenset[str]] = cache(_made_keys)  # of its JSON
 
 
-@lru_cache
-def _names(template: str) -> tuple[str, ...]:
-    return tuple(name for _, name, _, _ in Formatter().parse(template) if name)
-
-
 @cache  # as many as there are points
 def _filled(template: str, *names: str) -> str:
-    return template.format_map(dict(zip(_names(template), map(to_level, names), strict=True)))
+    return template.format_map(dict(zip(names_in(template), map(to_level, names), strict=True)))
 
 
 class Record:
@@ -147,12 +142,12 @@ class Record:
     @property
     def topic(self) -> str:
         """Return the topic below the base; what no level may hold has become `_`."""
-        return _filled(self.TOPIC, *(getattr(self, name) for name in _names(self.TOPIC)))
+        return _filled(self.TOPIC, *(getattr(self, name) for name in names_in(self.TOPIC)))
 
     @classmethod
     def topic_of(cls, **names: str) -> str:
         """Return the topic of such a record below the base."""
-        return _filled(cls.TOPIC, *(names[name] for name in _names(cls.TOPIC)))
+        return _filled(cls.TOPIC, *(names[name] for name in names_in(cls.TOPIC)))
 
     @property
     def key(self) -> str:
