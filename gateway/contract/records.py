@@ -43,7 +43,6 @@ Row = Mapping[str, Any]
 R = TypeVar("R", bound="Record")
 T = TypeVar("T")
 InTopic = Annotated[str, Field(exclude=True)]
-Hidden = Annotated[Any, Field(exclude=True)]
 
 
 def _seconds(time: object) -> float | None:
@@ -359,8 +358,7 @@ class ResultRecord(Record):
     values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
         default_factory=dict
     )
-    correlation: Hidden = None  # MQTT 5 correlation data, echoed
-    response_topic: Hidden = None  # MQTT 5 response topic, already checked
+    correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
     @property

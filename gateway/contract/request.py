@@ -48,7 +48,6 @@ class CommandRequest:
     reason: str | None = None
     received_s: float = 0.0  # on the steady clock
     correlation: bytes | None = None  # MQTT 5 correlation data, to be echoed
-    response_topic: str | None = None  # MQTT 5 response topic, already checked
     expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
     select: str | None = None  # the token of a selection
     proof: Proof = Proof()

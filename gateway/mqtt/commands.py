@@ -13,7 +13,6 @@ from gateway.contract import (
     Malformed,
     Note,
     ResultCode,
-    ResultRecord,
     Topics,
     read_body,
     read_leniently,
@@ -26,9 +25,10 @@ RETAINED_STOP = Note("retained_stop")
 class Incoming:
     """A message as the broker delivered it.
 
-    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_live` says of a retained one
-    that it was published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it
-    came before the connection was reported.
+    Its response topic counts for nothing: results go to one topic, so that the broker's ACL decides who reads
+    them. `expiry_s` and `correlation` come with MQTT 5 only. `is_live` says of a retained one that it was
+    published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it came before
+    the connection was reported.
     """
 
     topic: str
@@ -37,7 +37,6 @@ class Incoming:
     is_live: bool = False
     is_early: bool = False
     expiry_s: int | None = None
-    response_topic: str | None = None
     correlation: bytes | None = None
 
 
@@ -60,37 +59,34 @@ def command_in(topics: Topics, incoming: Incoming, received_s: float) -> Command
         return None
     lenient = read_leniently(incoming.payload)
     if isinstance(address, Malformed):
-        request = _request(topics, address, incoming, body=lenient, received_s=received_s)
+        request = _request(address, incoming, body=lenient, received_s=received_s)
         error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
         return Rejection(request, error, problem=address.problem)
     try:
         if incoming.is_retained and not (address.verb == STOP and incoming.is_live):
             raise CommandError(ResultCode.RETAINED)  # noqa: TRY301 - as for the others
         if address.verb == STOP:
-            request = _request(topics, address, incoming, body=lenient, received_s=received_s)
+            request = _request(address, incoming, body=lenient, received_s=received_s)
             remark = RETAINED_STOP.text if incoming.is_retained else ""
             return replace(request, args={}, remark=remark)  # nothing in a payload may hold up a stop
         body = read_body(incoming.payload)
         if incoming.expiry_s == 0:
             raise CommandError(ResultCode.EXPIRED, "message")  # noqa: TRY301 - as for the others
     except CommandError as error:
-        request = _request(topics, address, incoming, body=lenient, received_s=received_s)
+        request = _request(address, incoming, body=lenient, received_s=received_s)
         return Rejection(request, error)
-    request = _request(topics, address, incoming, body=body, received_s=received_s)
+    request = _request(address, incoming, body=body, received_s=received_s)
     expires_s = None if incoming.expiry_s is None else received_s + incoming.expiry_s
     return replace(request, expires_s=expires_s)
 
 
 def _request(
-    topics: Topics,
     address: CommandAddress | Malformed,
     incoming: Incoming,
     *,
     body: CommandBody,
     received_s: float,
 ) -> CommandRequest:
-    # Results go to one topic only, so that the broker's ACL decides who reads them.
-    own_topic = topics.of(ResultRecord, starter=address.starter, client=address.client)
     return CommandRequest(
         starter=address.starter,
         client=address.client,
@@ -101,7 +97,6 @@ def _request(
         reason=body.reason,
         received_s=received_s,
         correlation=incoming.correlation,
-        response_topic=incoming.response_topic if incoming.response_topic == own_topic else None,
         expect=body.expect,
         select=body.select,
         proof=replace(body.proof, is_early=incoming.is_early),

@@ -50,7 +50,6 @@ def test_a_request_has_everything_that_the_message_says() -> None:
             json.dumps(fields).encode(),
             is_early=True,
             expiry_s=3,
-            response_topic="b/result/pump-1/alice",
             correlation=b"42",
         )
     )
@@ -65,16 +64,11 @@ def test_a_request_has_everything_that_the_message_says() -> None:
         reason="morning",
         received_s=NOW_S,
         correlation=b"42",
-        response_topic="b/result/pump-1/alice",
         expect={"state": "ready"},
         select="s",
         proof=Proof(token="t", issued_s=1_795_222_923.0, boot="boot-1", ttl_s=9.0, is_early=True),
         expires_s=10.0,
     )
-
-
-def test_a_response_topic_elsewhere_is_ignored() -> None:
-    assert request_of(Incoming(START, FRESH, response_topic="b/result/pump-1/bob")).response_topic is None
 
 
 def test_a_message_whose_own_expiry_has_run_out_is_expired_but_a_stop_is_not() -> None:

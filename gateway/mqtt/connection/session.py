@@ -372,7 +372,6 @@ class Session:
             payload=bytes(message.payload),
             is_retained=bool(message.retain),
             expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
-            response_topic=getattr(message.properties, "ResponseTopic", None),
             correlation=getattr(message.properties, "CorrelationData", None),
         )
         # Not from within paho: an error in a command must not damage its parser.
