@@ -222,7 +222,7 @@ def audit(
             decision=decision,
             code=code,
             time_s=records.clock.utc_s(),
-            seq=records.sequence.take(),
+            seq=next(records.sequence),
             boot=records.boot,
             before=before or {},
             after=after or {},
