@@ -46,7 +46,6 @@ from gateway.contract.request import (
     CommandRequest,
     Proof,
     read_body,
-    read_leniently,
 )
 from gateway.contract.results import (
     CommandError,

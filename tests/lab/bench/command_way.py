@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 
-from gateway.contract import CommandRequest, Record, Topics
+from gateway.contract import Record, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -57,9 +57,9 @@ async def start_command() -> Counts:
     payload = json.dumps({"id": "1", "token": token}).encode()
     with counted() as way:
         incoming = Incoming("b/command/pump-1/alice/start", payload)
-        request = command_in(rig.topics, incoming, rig.clock.now_s())
-        assert isinstance(request, CommandRequest), request
-        rig.commands.submit(request)
+        received = command_in(rig.topics, incoming, rig.clock.now_s(), verb_error=rig.dispatcher.verb_error)
+        assert received is not None
+        rig.commands.submit(received.request, received.refusal)
         await asyncio.sleep(5.0)
     assert rig.sink.final("1").code == "ok"
     return way
