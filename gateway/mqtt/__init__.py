@@ -9,7 +9,7 @@ from gateway.mqtt.connection.attempts import Attempts
 from gateway.mqtt.connection.broker import BrokerConnection, Listener
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Version
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.incoming import IncomingCommands

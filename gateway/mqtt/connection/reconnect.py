@@ -1,4 +1,4 @@
-"""Reconnecting to the broker: with which version of MQTT, and the wording of failures.
+"""What a broker answers: its reason codes, and the wording of failures to connect.
 
 `refused` and `unreachable` make a BrokerError, with a hint, from a CONNACK or an error of TCP or TLS.
 """
@@ -11,6 +11,7 @@ import ssl
 
 from gateway.errors import BrokerError
 
+FIRST_FAILURE = 0x80  # reason codes from here on [MQTT5 2.4]
 UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
 PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
 SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id
@@ -56,41 +57,3 @@ class Version(enum.StrEnum):
 
     V5 = "5"
     V311 = "3.1.1"
-
-
-class VersionChoice:
-    """Which version to use: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
-
-    A refusal is a CONNACK that says so, or a connection that the broker closed right upon the CONNECT, CLOSED
-    times in a row, as brokers do that cannot even read a CONNECT of MQTT 5. Closed once, it may have been
-    ended or restarted just then. Silence is never a refusal: a broker that stood still, or a stalled network,
-    knows MQTT 5 as before, and 3.1.1 would hide the retained flag of what it delivers.
-    """
-
-    CLOSED = 2
-
-    def __init__(self, forced: Version | None = None) -> None:
-        self._forced = forced
-        self.version = forced or Version.V5
-        self._closed = 0
-
-    def begin(self) -> None:
-        """Begin another attempt to connect, after a pause."""
-        self.version = self._forced or Version.V5
-        self._closed = 0
-
-    def failed(self, connack_code: int | None, *, is_closed: bool) -> bool:
-        """Note that a connection could not be had; return whether to try at once again, by `version`.
-
-        `connack_code` is None without a CONNACK; `is_closed` says that the broker closed instead.
-        """
-        if self.version is not Version.V5 or self._forced is not None:
-            return False
-        if connack_code is None and is_closed:
-            self._closed += 1
-            if self._closed < self.CLOSED:
-                return True
-        elif connack_code != UNSUPPORTED_VERSION:
-            return False
-        self.version = Version.V311
-        return True
