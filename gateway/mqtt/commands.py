@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 from gateway.contract import (
     STOP,
+    CommandAddress,
     CommandBody,
     CommandError,
     CommandRequest,
     Malformed,
     Note,
     ResultCode,
-    Topics,
     read_body,
 )
 
@@ -49,20 +49,17 @@ class Received:
 
 
 def command_in(
-    topics: Topics,
+    address: CommandAddress | Malformed,
     incoming: Incoming,
     received_s: float,
     *,
     verb_error: Callable[[str, str], CommandError | None],
-) -> Received | None:
-    """Return the command of a message; None on any other topic.
+) -> Received:
+    """Return the command of a message whose topic says `address`.
 
     `received_s` is when it arrived, on the steady clock; `verb_error` says what is wrong with a verb for a
     starter.
     """
-    address = topics.parse_command(incoming.topic)
-    if address is None:
-        return None
     body, mistake = read_body(incoming.payload)
     is_stop, expires_s = address.verb == STOP, None
     if is_stop:  # nothing else in a payload may hold up a stop

@@ -19,7 +19,8 @@ FRESH = json.dumps({"id": "c1", "token": "t"}).encode()
 
 
 def received(incoming: Incoming) -> Received | None:
-    return command_in(TOPICS, incoming, NOW_S, verb_error=lambda *_: None)
+    address = TOPICS.parse_command(incoming.topic)
+    return None if address is None else command_in(address, incoming, NOW_S, verb_error=lambda *_: None)
 
 
 def request_of(incoming: Incoming) -> CommandRequest:

@@ -57,8 +57,9 @@ async def start_command() -> Counts:
     payload = json.dumps({"id": "1", "token": token}).encode()
     with counted() as way:
         incoming = Incoming("b/command/pump-1/alice/start", payload)
-        received = command_in(rig.topics, incoming, rig.clock.now_s(), verb_error=rig.dispatcher.verb_error)
-        assert received is not None
+        address = rig.topics.parse_command(incoming.topic)
+        assert address is not None
+        received = command_in(address, incoming, rig.clock.now_s(), verb_error=rig.dispatcher.verb_error)
         rig.commands.submit(received.request, received.refusal)
         await asyncio.sleep(5.0)
     assert rig.sink.final("1").code == "ok"
