@@ -427,8 +427,8 @@ class Cause:
 class QuantityChange:
     """How a quantity of the last starts compares with the baseline."""
 
-    baseline: Annotated[float, _rounded(4), Field(description="at the baseline")]
-    median: Annotated[float, _rounded(4), Field(description="of the last starts")]
+    baseline: Annotated[Measured, Field(description="at the baseline")]
+    median: Annotated[Measured, Field(description="of the last starts")]
     change_pct: Annotated[float, _rounded(1), Field(description="by how much it has changed, %")]
 
 
@@ -622,7 +622,7 @@ class ForgetRecord(Record):
     def has(self, topic: str) -> bool:
         """Return whether a topic below the base is one of theirs."""
         branches = tuple(f"starter/{name}/" for name in self.starters)
-        return topic.startswith(branches) or topic in [f"gateway/line/{name}" for name in self.lines]
+        return topic.startswith(branches) or topic in [LineRecord.topic_of(line=name) for name in self.lines]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

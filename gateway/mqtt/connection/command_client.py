@@ -122,7 +122,7 @@ class CommandClient:
     async def _gateway_status(self, session: Session, within_s: float) -> StatusRecord:
         status = await self._retained(session, within_s, StatusRecord)
         if status is None:
-            where = self._topics.gateway_status
+            where = self._topics.of(StatusRecord)
             raise BrokerError(f"no gateway has published its state in {where}", "is it running?")
         if status.state == "offline":
             raise BrokerError(f"the gateway is offline: {status.reason or 'no reason given'}", "start it")
@@ -132,7 +132,7 @@ class CommandClient:
         """Return the present token; taken last, so that it is as young as can be."""
         fresh = await self._retained(session, STATUS_WITHIN_S, FreshRecord)
         if fresh is None:
-            where = self._topics.gateway_fresh
+            where = self._topics.of(FreshRecord)
             raise BrokerError(f"no gateway publishes its token in {where}", "is it of this version?")
         return fresh.token
 

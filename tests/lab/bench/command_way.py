@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 
-from gateway.contract import Record, Topics
+from gateway.contract import Record, StatusRecord, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -28,7 +28,7 @@ class PublishingRig(CommandRig):
         super().__init__()
         topics, self.boot = Topics("b"), RunToken("run")
         self.tokens = Tokens(self.boot)
-        outbox = Outbox(last_topic=topics.gateway_status, boot=self.boot.run)
+        outbox = Outbox(last_topic=topics.of(StatusRecord), boot=self.boot.run)
         publisher = Publisher(topics, self.boot, outbox, sink=self.sink, clock=self.clock)
         self.topics = topics
         self.commands = Commands(
