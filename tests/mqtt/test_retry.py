@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.connection.attempts import Attempts
-from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.reconnect import Attempts
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.system.rate_limits import Backoff
 
 

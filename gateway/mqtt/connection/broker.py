@@ -10,10 +10,9 @@ from dataclasses import replace
 from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
-from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.reconnect import Attempts
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import EVERY_S

@@ -22,10 +22,9 @@ from gateway.contract import (
 )
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
-from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Version
+from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription

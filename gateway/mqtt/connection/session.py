@@ -35,11 +35,10 @@ from gateway.mqtt.connection.reconnect import (
     FIRST_FAILURE,
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
-    Version,
     refused,
     unreachable,
 )
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 
 CONNECTION_LOST = "connection lost"
