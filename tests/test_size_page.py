@@ -6,17 +6,17 @@ from tests import size_page
 
 LARGEST = {  # code lines of a room that is still above its budget: lower them with the room
     size_page.TOP: 164,
-    "contract": 1238,
+    "contract": 1075,
     "modbus": 511,
     "line": 3744,
-    "starters": 5931,
-    "mqtt": 2111,
+    "starters": 5921,
+    "mqtt": 2069,
     "config": 1354,
-    "app": 1442,
+    "app": 1441,
     "system": 730,
     "storage": 1882,
-    "plugins": 4956,
-    "cli": 5294,
+    "plugins": 4951,
+    "cli": 5293,
     "sim": 2836,
 }
 

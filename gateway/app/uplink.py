@@ -25,6 +25,7 @@ from gateway.contract import (
     Record,
     RetainedTopic,
     Sink,
+    StatusRecord,
     Topics,
 )
 from gateway.mqtt import (
@@ -77,7 +78,7 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run)
+        self.outbox = Outbox(last_topic=self.topics.of(StatusRecord), boot=tokens.boot.run)
         self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,

@@ -158,9 +158,7 @@ class CommandReport:
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command changed for that client; a result without an id."""
         result = self.result(end)
-        self._reporting.records.put(
-            replace(result, client=client, id=None, correlation=None, response_topic=None, ticket=0)
-        )
+        self._reporting.records.put(replace(result, client=client, id=None, correlation=None, ticket=0))
 
     def result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
@@ -177,7 +175,6 @@ class CommandReport:
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
-            response_topic=request.response_topic,
             ticket=request.ticket,
         )
 
@@ -232,7 +229,7 @@ def audit(
             decision=decision,
             code=code,
             time_s=records.clock.utc_s(),
-            seq=records.sequence.take(),
+            seq=next(records.sequence),
             boot=records.boot,
             before=before or {},
             after=after or {},
