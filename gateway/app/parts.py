@@ -197,7 +197,6 @@ class Parts:
 
     def _build_incoming(self) -> IncomingCommands:
         return IncomingCommands(
-            self.uplink.topics,
             self.commands,
             dispatcher=self.dispatcher,
             clock=self.clock,

@@ -5,13 +5,12 @@ Nothing outside reaches past this door. `Session` keeps the connection, `Publish
 """
 
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
 from gateway.mqtt.connection.broker import BrokerConnection, Listener
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings, Version
 from gateway.mqtt.incoming import IncomingCommands
 from gateway.mqtt.leftovers import Leftovers
 from gateway.mqtt.message import Message, cleared, message_of

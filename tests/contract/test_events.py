@@ -6,7 +6,8 @@ from collections import Counter
 import pytest
 
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
-from gateway.contract.events import EVENTS, fields_in
+from gateway.contract.events import EVENTS
+from gateway.contract.wording import names_in
 from tests.contract.event_uses import (
     ADDED_TO_FAULT,
     FAULT,
@@ -44,7 +45,7 @@ def test_a_severity_is_given_where_a_code_has_several() -> None:
 
 def test_a_phrase_is_given_exactly_its_fields() -> None:
     for use in PHRASE_USES:
-        assert use.fields == fields_in(EVENTS[CODES[use.code]].phrases[use.case]), use
+        assert use.fields == names_in(EVENTS[CODES[use.code]].phrases[use.case]), use
 
 
 def test_every_code_every_case_and_every_phrase_is_used() -> None:

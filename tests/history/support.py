@@ -111,7 +111,7 @@ class ReadMotor:
 
 
 def recorder(points: StartPoints = POINTS) -> StartRecorder:
-    made = StartRecorder("pump", points, boot="boot", take_seq=itertools.count(1).__next__)
+    made = StartRecorder("pump", points, boot="boot", sequence=itertools.count(1))
     made.rated_a = RATED_A
     return made
 

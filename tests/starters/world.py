@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.app.record_log import log_failure
-from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
+from gateway.contract import CommandAddress, Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -219,7 +219,6 @@ class GatewayWorld:
             publish_event=lambda *event, **fields: None,
         )
         self.reception = IncomingCommands(
-            Topics("t"),
             self._commands,
             dispatcher=self.dispatcher,
             clock=self.clock,
@@ -296,8 +295,9 @@ class GatewayWorld:
         self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any
     ) -> None:
         """Let a message arrive from the broker."""
-        topic = f"t/command/{starter}/{client}/{verb}"
-        self.reception.take(Incoming(topic, json.dumps(body).encode(), is_retained))
+        address = CommandAddress(starter, client, verb)
+        incoming = Incoming(Topics("t").command(*address), json.dumps(body).encode(), is_retained)
+        self.reception.take(address, incoming, self.clock.now_s())
 
     async def stand_still(self, seconds: float) -> None:
         """Let what takes commands stand still for so long; what comes next has waited in the socket."""
