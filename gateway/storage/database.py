@@ -7,19 +7,19 @@ import os
 import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from gateway.errors import DamagedError, StoreError
-from gateway.storage.formats import FORMAT, require_known
-from gateway.system.whole_files import NEW, put_in_place, sync_file, without_waiting
+from gateway.errors import DamagedError, NewerError, StoreError
+from gateway.store import HISTORY, newer_text
 
 log = logging.getLogger(__name__)
 
 Connection = sqlite3.Connection
 T = TypeVar("T")
 
+FORMAT = len(HISTORY.steps)
 APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
 PAGE_BYTES = 4096
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
@@ -30,7 +30,6 @@ _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLI
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside-"
 _STAMP_DIGITS = 20
-_HEADER_BYTES = 100
 _RESTORED = "restored_s"
 _CREATE_META = "CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value REAL)"
 _FORGET_RESTORED = f"DELETE FROM meta WHERE key = '{_RESTORED}'"
@@ -179,71 +178,6 @@ class Database:
         self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
-def snapshot(path: Path, copy: Path) -> None:
-    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
-
-    The copy appears whole and on the disk, or not at all. A gateway that runs by it later takes the file for
-    one that was lost: what has happened since is missing in it.
-    """
-    new = copy.with_name(copy.name + NEW)
-    for end in _COMPANIONS:
-        Path(f"{new}{end}").unlink(missing_ok=True)
-    try:
-        _write_snapshot(path, new)
-    except FullError as error:
-        raise FullError(f"{copy}: {error.__cause__}") from error
-    with _translated(copy):
-        put_in_place(new, copy)
-
-
-def _write_snapshot(path: Path, new: Path) -> None:
-    with _translated(path), closing(sqlite3.connect(new, isolation_level=None)) as target:
-        os.chmod(new, 0o600)
-        with closing(_reader(path)) as source:
-            _copy_pages(source, target)
-        _ask(target, "PRAGMA journal_mode = DELETE")
-        mark_restored(target)
-        sync_file(new)
-
-
-def _copy_pages(source: Connection, target: Connection) -> None:
-    """Copy all pages as of one moment; `backup` alone would wait without limit for a file that is held."""
-    source.execute("BEGIN")
-    _ask(source, "SELECT count(*) FROM sqlite_master")  # from here on nothing can get in between
-    source.backup(target)
-    source.execute("COMMIT")
-
-
-def mark_restored(connection: Connection) -> None:
-    """Note in a copy that it is one: the next run of a gateway takes the file before it for lost."""
-    connection.execute("BEGIN IMMEDIATE")
-    connection.execute(_CREATE_META)
-    for key in (_RESTORED, "lost_s"):  # the second for versions that do not know the first
-        connection.execute("REPLACE INTO meta VALUES (?, ?)", (key, time.time()))
-    connection.execute("COMMIT")
-
-
-def stored_version(path: Path) -> int | None:
-    """Return the version of a database as it is; None when there is none, or none that can be read.
-
-    Where another process holds the file, its header must do, which lacks what is still in the write-ahead
-    log. Without such a log the header is enough, and nothing is made beside the file.
-    """
-    try:
-        if Path(f"{path}-wal").exists():
-            with suppress(StoreError, sqlite3.Error), _translated(path), closing(_reader(path)) as connection:
-                return _ours(*_marks(connection))
-        with open(path, "rb", opener=without_waiting) as file:
-            header = file.read(_HEADER_BYTES)
-    except OSError:
-        return None
-    return _ours(int.from_bytes(header[68:72]), int.from_bytes(header[60:64]))  # sqlite.org/fileformat2.html
-
-
-def _ours(application: int, version: int) -> int | None:
-    return version if application == APPLICATION_ID and version >= FORMAT else None
-
-
 def read_file(path: Path, work: Callable[[Connection], T]) -> T:
     """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
     with _translated(path):
@@ -273,7 +207,8 @@ def _require_ours(connection: Connection, path: Path) -> None:
     application, version = _marks(connection)
     if application != APPLICATION_ID or version < FORMAT:
         raise DamagedError(f"{path} is another program's")
-    require_known(path, version)
+    if version > FORMAT:
+        raise NewerError(newer_text(path, version, HISTORY))
 
 
 @contextmanager

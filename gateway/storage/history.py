@@ -20,9 +20,10 @@ from gateway.errors import UnstorableError
 from gateway.storage.database import Connection, read_file
 from gateway.storage.history_table import GONE, HistoryRow, HistoryTable
 from gateway.storage.worker import RETRY_S, News, OnNews, Store
+from gateway.store import HISTORY_FILE
 from gateway.system.supervised import on_this_loop
 
-FILE = "history.db"
+FILE = HISTORY_FILE
 MAX_BYTES = 128 * 2**20  # far above what its rows' limits allow; only a guard
 COLLECT_S = 5.0  # between transactions in which no record is finished
 CACHE_KIB = 128  # of SQLite: transactions are rare and small, and rows are read once

@@ -5,6 +5,16 @@ imported from here.
 """
 
 from gateway.store.audit import Anchor, append_note, read_audit
+from gateway.store.backup import (
+    Archive,
+    Manifest,
+    Member,
+    copy_state,
+    is_state_name,
+    open_archive,
+    upgrade,
+    write_archive,
+)
 from gateway.store.chain import FIRST_HASH, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, CommandTable, Journal, NoJournal, Remembered
 from gateway.store.database import (
@@ -15,10 +25,9 @@ from gateway.store.database import (
     mark_restored,
     newer_text,
     read_file,
-    snapshot,
-    stored_version,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
 from gateway.store.outbox import (
     DAMAGED,
     DISK_FULL,
@@ -32,7 +41,7 @@ from gateway.store.outbox import (
     losses_of,
     merged,
 )
-from gateway.store.schema import STATE, STATE_FILE
+from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
@@ -40,11 +49,15 @@ __all__ = [
     "DAMAGED",
     "DISK_FULL",
     "FIRST_HASH",
+    "HISTORY",
+    "HISTORY_FILE",
     "INTEND_WITHIN_S",
+    "LOCK_FILE",
     "RETRY_S",
     "STATE",
     "STATE_FILE",
     "Anchor",
+    "Archive",
     "CommandTable",
     "Connection",
     "Deleted",
@@ -53,6 +66,8 @@ __all__ = [
     "FullError",
     "Journal",
     "Loss",
+    "Manifest",
+    "Member",
     "News",
     "NoJournal",
     "OnNews",
@@ -68,15 +83,22 @@ __all__ = [
     "Verification",
     "Work",
     "append_note",
+    "copy_state",
+    "is_state_name",
+    "is_upgrade_due",
+    "keep_private",
     "losses_of",
     "mark_restored",
     "merged",
     "newer_text",
+    "open_archive",
+    "own_files",
     "read_audit",
     "read_document",
     "read_file",
-    "snapshot",
-    "stored_version",
+    "refuse_newer",
+    "upgrade",
     "verify",
+    "write_archive",
     "write_document",
 ]

@@ -249,7 +249,7 @@ class CommandTable(Journal):
 
     def _read(self, connection: Connection) -> list[Remembered]:
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
-        return [_remembered(row) for row in connection.execute(_ROWS) if not str(row[1]).startswith(ours)]
+        return [remembered(row) for row in connection.execute(_ROWS) if not str(row[1]).startswith(ours)]
 
     def _recall(self, future: Future[list[Remembered]]) -> None:
         if self._is_recalled or future.exception() is not None:
@@ -301,7 +301,7 @@ def _forget(connection: Connection, *, keys: Sequence[Key]) -> None:
             connection.execute(_FORGET, (client, id_))
 
 
-def _remembered(row: tuple[object, ...]) -> Remembered:
+def remembered(row: tuple[object, ...]) -> Remembered:
     """Return a command as it was stored; DamagedError."""
     client, id_, starter, verb, phase, code, text, time_s, extra, may_be_written = row
     texts = (client, id_, starter, verb, phase, code, text, extra)

@@ -114,7 +114,7 @@ class Database:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
         with _translated(self.path):
-            aside = _put_aside(self.path) if self._is_file else self.path
+            aside = put_aside(self.path) if self._is_file else self.path
         self._connect(is_lost=True)
         return f"{error}; put aside as {aside.name}, a new one is used"
 
@@ -393,7 +393,7 @@ def _place(path: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def _put_aside(path: Path) -> Path:
+def put_aside(path: Path) -> Path:
     """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
     stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
     for end in _COMPANIONS:

@@ -1,7 +1,7 @@
 """What is in a gateway's files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. A step never changes once it was released: whoever changes a table adds one.
+them all. `history.sqlite` has what the motors' history stores. A step never changes once it was released: whoever changes a table adds one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.store import outbox
 from gateway.store.database import Connection, Schema
 
-STATE_FILE = "state.sqlite"
+STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
 _COMMANDS = """
     CREATE TABLE commands (
@@ -22,6 +22,13 @@ _COMMANDS = """
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
 _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
+_HISTORY = """
+    CREATE TABLE history (
+        number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
+        time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
+    )
+"""
+
 
 def _first(connection: Connection) -> None:
     for sql in (_COMMANDS, *outbox.TABLES, _DOCUMENTS, _AUDIT):
@@ -29,3 +36,7 @@ def _first(connection: Connection) -> None:
 
 
 STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"
+HISTORY = Schema(
+    "history", application_id=0x53474154, steps=(lambda connection: connection.execute(_HISTORY),)
+)
+FILES = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}
