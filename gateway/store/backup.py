@@ -1,9 +1,9 @@
-"""A backup: a tar, compressed, that begins with a manifest of everything in it; and the step to a new version.
+"""A backup: a tar, compressed, that begins with a manifest of everything in it; and the upgrade of the files.
 
-Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files whose
-names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar gives it:
-the caller says where each goes. What does not fit to its SHA-256 is refused, and so is what is larger than any
-gateway's state, before it is read.
+Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files
+whose names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar
+gives it: the caller says where each goes. What does not fit to its SHA-256 is refused, and so is what is
+larger than any gateway's state, before it is read.
 """
 
 from __future__ import annotations

@@ -289,11 +289,14 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     )  # sqlite.org/fileformat2
 
 
-def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
-    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError.
+
+    `is_idle`: no process opens it meanwhile, unless one has already.
+    """
     with _translated(path):
         os.stat(path)
-        with closing(_reader(path)) as connection:
+        with closing(_reader(path, is_idle=is_idle)) as connection:
             _version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             try:
@@ -304,12 +307,13 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
                 raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
 
 
-def _reader(path: Path) -> Connection:
+def _reader(path: Path, *, is_idle: bool = False) -> Connection:
     """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
 
-    Without a log no process has it open, so what is read cannot change meanwhile (sqlite.org/wal.html 5).
+    Nothing is made beside one that is idle. Without a log no process has it open, so what is read cannot
+    change meanwhile (sqlite.org/wal.html 5).
     """
-    is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
+    is_fixed = not os.path.lexists(f"{path}-wal") and (is_idle or not os.access(path.parent, os.W_OK))
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
     connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
     connection.text_factory = _text

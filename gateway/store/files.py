@@ -1,4 +1,4 @@
-"""Which files of a state directory are the gateway's, and which versions they have; nothing is written here."""
+"""Which files of a state directory are the gateway's, and which versions they have."""
 
 from __future__ import annotations
 

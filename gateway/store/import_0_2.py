@@ -15,30 +15,27 @@ Who went back to 0.2.0 and comes forward again has the newer state in these file
 from __future__ import annotations
 
 import json
-import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gateway.errors import DamagedError, StoreError
+from gateway.errors import StoreError
 from gateway.store import audit
 from gateway.store.chain import Head, read_line
 from gateway.store.commands import remembered
-from gateway.store.database import Connection, Database, Schema, Work, put_aside, read_file
+from gateway.store.database import Connection, Database, Schema, put_aside, read_file
 from gateway.store.outbox import DAMAGED, Deleted, Loss, OutboxRow, OutboxTable, Rank, losses_of
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.store.worker import MAX_BYTES
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
-COMMANDS_0_2, OUTBOX_0_2, HISTORY_0_2 = "gateway.sqlite", "outbox.sqlite", "history.db"
-SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
-AUDIT_0_2 = "audit"
 AUDIT_BYTES = 8 * 2**20  # of lines that are taken over: starters wait while we do this
 
 # By file: the document's name now, and the key under which it stood. None: all of it.
-DOCUMENTS_0_2 = {
+DOCUMENTS = {
     "precautions.json": ("locks", None),
     "identities.json": ("fingerprints", "starters"),
     "watchdogs.json": ("watchdogs", "starters"),
@@ -47,26 +44,29 @@ DOCUMENTS_0_2 = {
     "home-assistant.json": ("announced", "topics"),
     "sparkplug/bdseq.json": ("births", "bdSeq"),
 }
+COMMANDS, OUTBOX, HISTORY_0_2 = DATABASES = ("gateway.sqlite", "outbox.sqlite", "history.db")
+ANCHOR, SEGMENTS = "audit/anchor.json", "audit/audit-????????.jsonl"
+NAMES = (*DATABASES, *DOCUMENTS, ANCHOR, SEGMENTS)
+SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
 
-_DATABASES = (COMMANDS_0_2, OUTBOX_0_2, HISTORY_0_2)
-_NAMES = re.compile("|".join(map(re.escape, (*_DATABASES, *DOCUMENTS_0_2))))
-_AUDIT_NAMES = re.compile(rf"{AUDIT_0_2}/(audit-[0-9]{{8}}\.jsonl|anchor\.json)")
-_COLUMNS = "client, id, starter, verb, phase, code, text, time_s, extra, may_be_written, is_final, since_s"
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
-_PUT_RUN = "REPLACE INTO documents VALUES ('imported', ?)"
-_IMPORTED_RUN = "SELECT body FROM documents WHERE name = 'imported'"
+_LOST = "SELECT key, value FROM meta WHERE key IN ('lost_s', 'restored_s')"
+_COMMANDS = "client, id, starter, verb, phase, code, text, time_s, extra, may_be_written, is_final, since_s"
+_MESSAGES = "SELECT kind, number, topic, payload, time_s, boot, key, correlation, checksum FROM spool"
+_LOSSES = "SELECT reason, kind, count, coalesce(first_s, 0.0), coalesce(last_s, 0.0) FROM loss"
+_HISTORY = "starter, kind, id, time_s, data"
+_PUT_DOCUMENT = "REPLACE INTO documents VALUES (?, ?)"
+_IMPORTED = "SELECT body FROM documents WHERE name = 'imported'"
 
 
 def is_file_of_0_2(name: str) -> bool:
     """Return whether 0.2.0 had a file of this name, relative to the state directory."""
-    return bool(_NAMES.fullmatch(name) or _AUDIT_NAMES.fullmatch(name))
+    return any(fnmatchcase(name, pattern) for pattern in NAMES)
 
 
 def files_of_0_2(state_dir: Path) -> list[str]:
     """Return the names of what 0.2.0 has left, relative to the state directory."""
-    paths = (path for folder in ("", "audit/", "sparkplug/") for path in state_dir.glob(f"{folder}*"))
-    names = (str(path.relative_to(state_dir)) for path in paths)
-    return sorted(name for name in names if is_file_of_0_2(name))
+    return sorted(str(path.relative_to(state_dir)) for name in NAMES for path in state_dir.glob(name))
 
 
 def is_import_due(state_dir: Path) -> bool:
@@ -76,41 +76,35 @@ def is_import_due(state_dir: Path) -> bool:
     if not (state_dir / STATE_FILE).exists():
         return True
     try:
-        imported = read_file(state_dir / STATE_FILE, STATE, partial(_ask, sql=_IMPORTED_RUN))
-        return imported is not None and json.loads(imported) != _run_of(state_dir)
+        found = read_file(state_dir / STATE_FILE, STATE, lambda file: file.execute(_IMPORTED).fetchone())
+        return found is not None and json.loads(found[0]) != _read(state_dir / COMMANDS, _RUN)
     except (StoreError, ValueError):
         return False
 
 
 def import_files(state_dir: Path) -> list[str]:
     """Make our files of those of 0.2.0 if that is due; return what was damaged and left out. StoreError."""
-    if not is_import_due(state_dir):
-        return []
-    run, problems = _run_of(state_dir), list[str]()
-    history = partial(_read_history, state_dir, problems)
-    _build(state_dir / HISTORY_FILE, HISTORY, [history])
-    parts = (_read_commands, _read_outbox, _read_documents, _read_audit)
-    works: list[Work] = [partial(part, state_dir, problems) for part in parts]
-    works.append(lambda connection: connection.execute(_PUT_RUN, (json.dumps(run),)))
-    _build(state_dir / STATE_FILE, STATE, works)  # the last, because it says that all is done
+    problems: list[str] = []
+    if is_import_due(state_dir):
+        _build(state_dir / HISTORY_FILE, HISTORY, state_dir, problems)
+        _build(state_dir / STATE_FILE, STATE, state_dir, problems)  # the last: with it all is done
     return problems
 
 
 def documents_of_0_2(state_dir: Path) -> dict[str, str]:
-    """Return the documents in the files of 0.2.0, by name."""
-    found = {}
-    for file, (name, key) in DOCUMENTS_0_2.items():
-        path = state_dir / file
-        if path.is_file():
-            try:
-                text = path.read_bytes().decode("utf-8", "replace")
-            except OSError as error:
-                raise StoreError(f"{path}: {error.strerror}") from error
-            found[name] = _document(name, key, text)
-    return found
+    """Return the documents in the files of 0.2.0, by name. StoreError."""
+    try:
+        texts = {file: (state_dir / file).read_bytes() for file in DOCUMENTS if (state_dir / file).is_file()}
+    except OSError as error:
+        raise StoreError(f"{error.filename}: {error.strerror}") from error
+    return {
+        DOCUMENTS[file][0]: _document(file, text.decode("utf-8", "replace")) for file, text in texts.items()
+    }
 
 
-def _document(name: str, key: str | None, text: str) -> str:
+def _document(file: str, text: str) -> str:
+    """Return a document as it is written now; one that is damaged stays as it is."""
+    name, key = DOCUMENTS[file]
     try:
         content = json.loads(text)
         content.pop("version", None)
@@ -125,102 +119,84 @@ def _document(name: str, key: str | None, text: str) -> str:
         return text
 
 
-def _build(path: Path, schema: Schema, works: Sequence[Work]) -> None:
-    """Make a file, in one transaction; one that is there is put aside."""
+def _build(path: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
+    """Make one of our files, in one transaction; one that is there is put aside. StoreError."""
     new = path.with_name(path.name + NEW)
-    for each in path.parent.glob(f"{new.name}*"):
-        each.unlink()
     database = Database(new, schema, max_bytes=MAX_BYTES)
     try:
+        for each in path.parent.glob(f"{new.name}*"):
+            each.unlink()
         database.open()
-        database.transact(works)
-    finally:
+        database.transact([partial(_copy, schema=schema, state_dir=state_dir, problems=problems)])
         database.close()
-    try:
         sync_file(new)
         if path.exists():
             put_aside(path)
         put_in_place(new, path)
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror}") from error
+    finally:
+        database.close()
 
 
-def _read_documents(state_dir: Path, problems: list[str], connection: Connection) -> None:
-    for name, body in documents_of_0_2(state_dir).items():
-        connection.execute("REPLACE INTO documents VALUES (?, ?)", (name, body))
+def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: list[str]) -> None:
+    """Copy each part that can be read; where one is missing, commands of before are not known for sure."""
+    for part in PARTS[schema]:
+        try:
+            part(state_dir, connection)
+        except (StoreError, OSError, ValueError, TypeError) as error:
+            problems.append(f"left out of what 0.2.0 had stored: {error}")
+            connection.execute("REPLACE INTO meta VALUES ('restored_s', 0.0)")
 
 
-def _read_commands(state_dir: Path, problems: list[str], connection: Connection) -> None:
-    """Copy the commands, and whether their file was lost lately; it counts as lost now if it is damaged."""
-
-    def read(old: Connection) -> tuple[list[Any], list[Any]]:
-        marks = old.execute("SELECT key, value FROM meta WHERE key IN ('lost_s', 'restored_s')")
-        return marks.fetchall(), old.execute(f"SELECT {_COLUMNS} FROM ledger ORDER BY rowid").fetchall()
-
-    def copy(found: tuple[list[Any], list[Any]]) -> None:
-        marks, rows = found
-        for row in rows:
-            remembered(row[:10])
-        connection.executemany("REPLACE INTO meta VALUES (?, ?)", marks)
-        connection.executemany(f"INSERT INTO commands ({_COLUMNS}) VALUES (?{', ?' * 11})", rows)
-
-    if not _copied(state_dir / COMMANDS_0_2, read, copy, problems):
-        connection.execute("REPLACE INTO meta VALUES ('restored_s', 0.0)")
+def _copy_commands(state_dir: Path, connection: Connection) -> None:
+    """Copy the commands, and when their file was lost."""
+    path = state_dir / COMMANDS
+    marks, rows = _read(path, _LOST), _read(path, f"SELECT {_COMMANDS} FROM ledger ORDER BY rowid")
+    for row in rows:
+        remembered(row[:10])
+    connection.executemany("REPLACE INTO meta VALUES (?, ?)", marks)
+    connection.executemany(f"INSERT INTO commands ({_COMMANDS}) VALUES (?{', ?' * 11})", rows)
 
 
-def _read_outbox(state_dir: Path, problems: list[str], connection: Connection) -> None:
+def _copy_outbox(state_dir: Path, connection: Connection) -> None:
     """Copy what waits for the broker; rows that are damaged are declared as lost."""
-
-    def read(old: Connection) -> tuple[list[Any], list[Any]]:
-        rows = old.execute(
-            "SELECT number, kind, topic, payload, time_s, boot, key, correlation, checksum FROM spool"
-        ).fetchall()
-        losses = old.execute(
-            "SELECT reason, kind, count, coalesce(first_s, 0.0), coalesce(last_s, 0.0) FROM loss"
-        )
-        return rows, losses.fetchall()
-
-    def copy(found: tuple[list[Any], list[Any]]) -> None:
-        whole, damaged = list[OutboxRow](), list[Deleted]()
-        for number, kind, *columns, checksum in found[0]:
-            row = OutboxRow(number, Rank(kind), *columns)
-            if checksum == _checksum(row):
-                whole.append(row)
-            else:
-                damaged.append(Deleted(row.rank, number, row.size, 0.0))
-        table = OutboxTable()
-        table.insert(connection, whole)
-        losses = [Loss(reason, Rank(kind), *columns) for reason, kind, *columns in found[1]]
-        table.set_losses(connection, [*losses, *losses_of(DAMAGED, damaged)])
-
-    _copied(state_dir / OUTBOX_0_2, read, copy, problems)
+    whole, damaged = list[OutboxRow](), list[Deleted]()
+    for kind, number, *columns, checksum in _read(state_dir / OUTBOX, _MESSAGES):
+        row = OutboxRow(number, Rank(kind), *columns)
+        if checksum == _checksum(row):
+            whole.append(row)
+        else:
+            damaged.append(Deleted(row.rank, number, row.size, 0.0))
+    found = _read(state_dir / OUTBOX, _LOSSES)
+    losses = [Loss(reason, Rank(kind), *columns) for reason, kind, *columns in found]
+    table = OutboxTable()
+    table.insert(connection, whole)
+    table.set_losses(connection, [*losses, *losses_of(DAMAGED, damaged)])
 
 
-def _read_history(state_dir: Path, problems: list[str], connection: Connection) -> None:
-    columns = "starter, kind, id, time_s, data"
-
-    def read(old: Connection) -> list[Any]:
-        return old.execute(f"SELECT {columns} FROM history ORDER BY number").fetchall()
-
-    def copy(rows: list[Any]) -> None:
-        connection.executemany(f"INSERT INTO history ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
-
-    _copied(state_dir / HISTORY_0_2, read, copy, problems)
+def _copy_documents(state_dir: Path, connection: Connection) -> None:
+    """Copy the documents, and note of which run of 0.2.0 all of this is."""
+    run = json.dumps(_read(state_dir / COMMANDS, _RUN))
+    connection.executemany(_PUT_DOCUMENT, [*documents_of_0_2(state_dir).items(), ("imported", run)])
 
 
-def _read_audit(state_dir: Path, problems: list[str], connection: Connection) -> None:
+def _copy_history(state_dir: Path, connection: Connection) -> None:
+    rows = _read(state_dir / HISTORY_0_2, f"SELECT {_HISTORY} FROM history ORDER BY number")
+    connection.executemany(f"INSERT INTO history ({_HISTORY}) VALUES (?, ?, ?, ?, ?)", rows)
+
+
+def _copy_audit(state_dir: Path, connection: Connection) -> None:
     """Copy the newest lines of the audit, and say in it where they come from."""
-    folder = state_dir / AUDIT_0_2
-    try:
-        number, before = _anchor(folder)
-        lines = list(_lines(folder, number))
-        if start := _newest(lines):
-            before = read_line(lines[start - 1])[1]
-    except (OSError, ValueError) as error:
-        problems.append(f"{folder} was left out: {error}")
-        return
+    number, before = _anchor(state_dir / ANCHOR)
+    lines = list(_lines(state_dir, number))
+    if start := _newest(lines):
+        before = read_line(lines[start - 1])[1]
     if lines:
-        audit.take_over(connection, lines[start:], before, f"from {folder}, which 0.2.0 has written")
+        audit.take_over(connection, lines[start:], before, f"from {state_dir}/audit, which 0.2.0 has written")
+
+
+PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HISTORY: (_copy_history,)}
 
 
 def _newest(lines: Sequence[str]) -> int:
@@ -233,10 +209,10 @@ def _newest(lines: Sequence[str]) -> int:
     return 0
 
 
-def _anchor(folder: Path) -> tuple[int, Head | None]:
+def _anchor(path: Path) -> tuple[int, Head | None]:
     """Return the last file that was given up, and where the chain stood after it; None: not known."""
     try:
-        fields = json.loads((folder / "anchor.json").read_text("utf-8"))
+        fields = json.loads(path.read_text("utf-8"))
         return int(fields["segment"]), Head(int(fields["n"]), str(fields["hash"]))
     except FileNotFoundError:
         return 0, Head()
@@ -244,38 +220,18 @@ def _anchor(folder: Path) -> tuple[int, Head | None]:
         return 0, None
 
 
-def _lines(folder: Path, after: int) -> Iterator[str]:
+def _lines(state_dir: Path, after: int) -> Iterator[str]:
     """Yield all whole lines; a crash may have cut the last one of a file short."""
-    for path in sorted(folder.glob("audit-????????.jsonl")):
+    for path in sorted(state_dir.glob(SEGMENTS)):
         if path.name > f"audit-{after:08d}.jsonl":
             yield from path.read_bytes().decode("utf-8", "replace").split("\n")[:-1]
 
 
-def _copied(
-    path: Path, read: Callable[[Connection], Any], copy: Callable[[Any], None], problems: list[str]
-) -> bool:
-    """Read a file and copy what is in it; return False, with what is wrong among the problems, if damaged."""
+def _read(path: Path, sql: str) -> list[Any]:
+    """Return the rows of a file of 0.2.0; none when there is no file. StoreError."""
     if not path.exists():
-        return True
-    try:
-        copy(read_file(path, SQLITE_0_2, read))
-    except (DamagedError, ValueError, TypeError) as error:
-        problems.append(f"{path} was left out: {error}")
-        return False
-    return True
-
-
-def _run_of(state_dir: Path) -> float | None:
-    """Return what names the last run of 0.2.0; None when its file cannot tell."""
-    try:
-        return read_file(state_dir / COMMANDS_0_2, SQLITE_0_2, partial(_ask, sql=_RUN))
-    except StoreError:
-        return None
-
-
-def _ask(connection: Connection, sql: str) -> Any:
-    row = connection.execute(sql).fetchone()
-    return None if row is None else row[0]
+        return []
+    return read_file(path, SQLITE_0_2, lambda file: file.execute(sql).fetchall(), is_idle=True)
 
 
 def _checksum(row: OutboxRow) -> int:

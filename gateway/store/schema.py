@@ -1,7 +1,8 @@
 """What is in a gateway's files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. `history.sqlite` has what the motors' history stores. A step never changes once it was released: whoever changes a table adds one.
+them all. `history.sqlite` has what the history of the motors stores. A step never changes once it was
+released: whoever changes a table adds one.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> Ma
         configured, left_out = _configured(folder_of(path), files_of(config), with_secrets=with_secrets)
         facts = Manifest(
             version=__version__,
-            made=rfc3339(time.time()),
+            made=rfc3339(time.time()) or "",
             gateway=config.gateway.name,
             config=path.name,
             folder=str(folder_of(path)),
