@@ -77,8 +77,8 @@ def is_import_due(state_dir: Path) -> bool:
         return True
     try:
         found = read_file(state_dir / STATE_FILE, STATE, lambda file: file.execute(_IMPORTED).fetchone())
-        return found is not None and json.loads(found[0]) != _read(state_dir / COMMANDS, _RUN)
-    except (StoreError, ValueError):
+        return found is not None and found[0] != _run_of(state_dir)
+    except StoreError:
         return False
 
 
@@ -94,17 +94,15 @@ def import_files(state_dir: Path) -> list[str]:
 def documents_of_0_2(state_dir: Path) -> dict[str, str]:
     """Return the documents in the files of 0.2.0, by name. StoreError."""
     try:
-        texts = {file: (state_dir / file).read_bytes() for file in DOCUMENTS if (state_dir / file).is_file()}
+        found = {file: (state_dir / file).read_bytes() for file in DOCUMENTS if (state_dir / file).is_file()}
     except OSError as error:
         raise StoreError(f"{error.filename}: {error.strerror}") from error
-    return {
-        DOCUMENTS[file][0]: _document(file, text.decode("utf-8", "replace")) for file, text in texts.items()
-    }
+    return {DOCUMENTS[file][0]: _document(file, octets) for file, octets in found.items()}
 
 
-def _document(file: str, text: str) -> str:
+def _document(file: str, octets: bytes) -> str:
     """Return a document as it is written now; one that is damaged stays as it is."""
-    name, key = DOCUMENTS[file]
+    (name, key), text = DOCUMENTS[file], octets.decode("utf-8", "replace")
     try:
         content = json.loads(text)
         content.pop("version", None)
@@ -177,8 +175,8 @@ def _copy_outbox(state_dir: Path, connection: Connection) -> None:
 
 def _copy_documents(state_dir: Path, connection: Connection) -> None:
     """Copy the documents, and note of which run of 0.2.0 all of this is."""
-    run = json.dumps(_read(state_dir / COMMANDS, _RUN))
-    connection.executemany(_PUT_DOCUMENT, [*documents_of_0_2(state_dir).items(), ("imported", run)])
+    imported = ("imported", _run_of(state_dir))
+    connection.executemany(_PUT_DOCUMENT, [*documents_of_0_2(state_dir).items(), imported])
 
 
 def _copy_history(state_dir: Path, connection: Connection) -> None:
@@ -225,6 +223,14 @@ def _lines(state_dir: Path, after: int) -> Iterator[str]:
     for path in sorted(state_dir.glob(SEGMENTS)):
         if path.name > f"audit-{after:08d}.jsonl":
             yield from path.read_bytes().decode("utf-8", "replace").split("\n")[:-1]
+
+
+def _run_of(state_dir: Path) -> str:
+    """Return what names the last run of 0.2.0, as far as its file tells."""
+    try:
+        return json.dumps(_read(state_dir / COMMANDS, _RUN))
+    except StoreError:
+        return json.dumps(None)
 
 
 def _read(path: Path, sql: str) -> list[Any]:
