@@ -84,7 +84,7 @@ class Documents:
         except DamagedError as error:
             document.damage = str(error)
             if self._publish_event is not None:
-                self._publish_event(EventCode.MEMORY_DAMAGED, name, damage=error)
+                self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
 
     def save_again(self, *, is_lost: bool) -> None:
@@ -190,7 +190,12 @@ def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
     try:
         return kind.validate_json(body)
     except ValidationError as error:
-        raise DamagedError(f"what was stored of {name} is damaged: {error.error_count()} mistakes") from error
+        raise DamagedError(f"what was stored of the {name} is damaged: {_first_mistake(error)}") from error
+
+
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
 
 
 def _bodies(connection: Connection) -> dict[str, str]:

@@ -133,7 +133,7 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
 WRONG = {
     "a field is missing": (EventCode.BROKER_AWAY, "", {}),
     "a field is too much": (EventCode.BROKER_CONNECTED, "", {"trouble": "x"}),
-    "a severity is missing": (EventCode.MEMORY_AWAY, "locks", {"trouble": "x"}),
+    "a severity is missing": (EventCode.STORE_LOST, "", {"trouble": "x"}),
     "another severity": (EventCode.BROKER_AWAY, "", {"trouble": "x", "severity": Severity.ERROR}),
     "another of several": (EventCode.ALARM, "", {"severity": Severity.INFO}),
 }
@@ -147,7 +147,7 @@ def test_a_wrong_call_is_an_error(code: EventCode, case: str, fields: dict[str, 
 
 def test_a_case_that_the_code_has_not_is_an_error() -> None:
     with pytest.raises(KeyError):
-        event_of(EventCode.MEMORY_BACK, "other")
+        event_of(EventCode.SPARKPLUG_AWAY, "other")
 
 
 def test_a_value_with_braces_stays_as_it_is() -> None:
