@@ -14,8 +14,7 @@ import pytest
 
 from gateway.cli.main import main
 from gateway.starters.policy.write_budget import WRITES
-from gateway.storage.upkeep.archive import Archive
-from gateway.store import STATE_FILE, read_document, write_document
+from gateway.store import STATE_FILE, Archive, read_document, write_document
 from tests.cli.backup_site import build_site, files_below, lock_of, names_in, running
 
 MOST_POINTS = 300

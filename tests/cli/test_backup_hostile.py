@@ -69,7 +69,7 @@ def test_a_backup_that_was_tampered_with_writes_nothing(
 def test_a_backup_of_a_later_version_is_refused_with_78(
     backup: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for old, new in ((b'"format": 1', b'"format": 2'), (b'"history.db": 1', b'"history.db": 2')):
+    for old, new in ((b'"format": 1', b'"format": 2'), (b'"history.sqlite": 1', b'"history.sqlite": 2')):
         bad = altered(
             backup,
             lambda name, content, old=old, new=new: renamed(  # type: ignore[misc]
@@ -79,4 +79,4 @@ def test_a_backup_of_a_later_version_is_refused_with_78(
         assert main(["restore", str(bad), "--to", str(tmp_path / "new")]) == 78
 
     assert not (tmp_path / "new").exists()
-    assert "history.db has format 2" in capsys.readouterr().err
+    assert "history.sqlite has format 2" in capsys.readouterr().err

@@ -59,23 +59,23 @@ def test_a_state_directory_that_may_not_be_written_is_a_problem(
 def test_a_file_in_the_state_directory_that_may_not_be_written_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("history.db", "state.sqlite", "not-the-gateways"):
+    for name in ("history.sqlite", "state.sqlite", "not-the-gateways"):
         (tmp_path / name).touch()
     assert state_dir_remark(tmp_path).weight is None
-    foreign, access = "history.db", os.access
+    foreign, access = "history.sqlite", os.access
     monkeypatch.setattr(os, "access", lambda path, how: Path(path).name != foreign and access(path, how))
 
     file = state_dir_remark(tmp_path)
 
     assert file.weight is Weight.ERROR
-    assert f"{tmp_path}/history.db in it may not be written by the gateway's user (chown -R" in file.text
+    assert f"{tmp_path}/history.sqlite in it may not be written by the gateway's user (chown -R" in file.text
     foreign = "not-the-gateways"
     assert state_dir_remark(tmp_path).weight is None
 
 
 @pytest.mark.root
 def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path) -> None:
-    for name in ("history.db", "state.sqlite", "state.sqlite.aside-1"):
+    for name in ("history.sqlite", "state.sqlite", "state.sqlite.aside-1"):
         (tmp_path / name).touch()
     for path in (tmp_path, *tmp_path.rglob("*")):
         give(path)

@@ -265,7 +265,7 @@ DELIVERY = [
 
 
 def damage(plant: RigPlant) -> None:
-    for path in (plant.folder / "state").glob("history.db*"):
+    for path in (plant.folder / "state").glob("history.sqlite*"):
         path.write_bytes(b"no database" * 1000)
 
 
@@ -606,7 +606,7 @@ def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_
     connect, is_away = sqlite3.connect, True
 
     def connect_unless_away(path: Path, **options: Any) -> Any:
-        if is_away and Path(path).name == "history.db":
+        if is_away and Path(path).name == "history.sqlite":
             raise OSError("the disk is away")
         return connect(path, **options)
 
