@@ -118,9 +118,9 @@ class Archive(NamedTuple):
 
 
 def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
-    """Copy the state's files into a folder, as 0.2.0 left them if no later version has run; return versions.
+    """Copy the state's files into a folder, and those of 0.2.0 if no later version has run; return versions.
 
-    StoreError, OSError.
+    0.2.0 itself must not run meanwhile. StoreError, OSError.
     """
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
     versions: dict[str, int] = {}
@@ -136,12 +136,11 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
             what = "is damaged (start the gateway once, which sets it aside, or move it away)"
             raise DamagedError(f"{source} {what}")
     old = files_of_0_2(state_dir) if is_import_due(state_dir) else ()
-    for name in (*versions, *old):
+    for name in versions:
+        snapshot(state_dir / name, to / name)
+    for name in old:  # as they are, with what may be damaged in them
         (to / name).parent.mkdir(exist_ok=True)
-        if name in versions or name.endswith((".sqlite", ".db")):
-            snapshot(state_dir / name, to / name)
-        else:
-            shutil.copyfile(state_dir / name, to / name)
+        shutil.copyfile(state_dir / name, to / name)
     return {**versions, **dict.fromkeys(old, 1)}
 
 

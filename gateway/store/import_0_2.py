@@ -46,7 +46,7 @@ DOCUMENTS = {
 }
 COMMANDS, OUTBOX, HISTORY_0_2 = DATABASES = ("gateway.sqlite", "outbox.sqlite", "history.db")
 ANCHOR, SEGMENTS = "audit/anchor.json", "audit/audit-????????.jsonl"
-NAMES = (*DATABASES, *DOCUMENTS, ANCHOR, SEGMENTS)
+NAMES = (*DATABASES, *(f"{name}-wal" for name in DATABASES), *DOCUMENTS, ANCHOR, SEGMENTS)
 SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0

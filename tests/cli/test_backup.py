@@ -5,21 +5,28 @@ from __future__ import annotations
 import gzip
 import json
 import queue
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.restore.caution import lock_all
+from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
-from gateway.store import HISTORY_FILE, STATE, STATE_FILE, News, Store, read_document
+from gateway.store import HISTORY, HISTORY_FILE, STATE, STATE_FILE, News, Store, read_document
+from gateway.store.files import FILES, found_versions
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
 from tests.rig import run_cli
+
+LATER = HISTORY._replace(steps=(*HISTORY.steps, lambda file: file.execute("CREATE TABLE more (number INT)")))
 
 
 def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_asked_for(
@@ -57,9 +64,14 @@ def test_a_login_whose_password_cannot_be_found_in_the_text_is_not_stored_by_mis
     assert not (tmp_path / "plant.tar.gz").exists()
 
 
+@pytest.mark.parametrize("is_imported", [True, False])
 def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, is_imported: bool
 ) -> None:
+    backup = tmp_path / "plant.tar.gz"
+    if not is_imported:  # 0.2.0 has just ended
+        (site.parent / "state" / STATE_FILE).unlink()
+    assert main(["backup", str(site), str(backup)]) == 0
     assert main(["restore", str(backup), "--to", str(tmp_path / "new")]) == 0
     out = capsys.readouterr().out
     new, state = tmp_path / "new", tmp_path / "new" / "state"
@@ -114,3 +126,51 @@ def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(si
     history = MotorHistory(["pump"])
     history.restore(stored, now_s=1000.0, reading=ClockReading(year_s + 5.0, here.utc_s + 5.0, "another"))
     assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
+
+
+def test_a_file_of_an_earlier_version_is_taken_to_this_one_after_a_backup_that_can_be_restored(
+    site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = site.parent / "state"
+    monkeypatch.setitem(FILES, HISTORY_FILE, LATER)
+
+    upgrade_site(site, Site.read(site, {}))
+    upgrade_site(site, Site.read(site, {}))  # nothing more to do: the backup stays
+
+    backup = state / "before-upgrade.tar.gz"
+    assert manifest_of(backup)["state"] == {STATE_FILE: 1, HISTORY_FILE: 1}
+    assert "config/secret/mqtt.password" in names_in(backup)
+    assert main(["check", str(site), "--upgrade"]) == 0
+    monkeypatch.undo()  # the earlier version again
+    assert main(["check", str(site), "--upgrade"]) == 78
+    assert "history.sqlite has format 2" in capsys.readouterr().err
+    assert main(["restore", str(backup), "--replace"]) == 0
+    assert main(["check", str(site), "--upgrade"]) == 0
+
+
+def test_where_no_backup_can_be_made_the_upgrade_goes_on(
+    site: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(FILES, HISTORY_FILE, LATER)
+    known = Site.read(site, {})
+    (site.parent / "secret" / "mqtt.password").unlink()
+
+    upgrade_site(site, known)
+
+    assert "no backup before the upgrade" in caplog.text
+    assert found_versions(site.parent / "state")[HISTORY_FILE] == 2
+
+
+def test_a_state_of_a_later_version_is_refused_by_run_and_stays_as_it_is(
+    site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("faulthandler.enable", lambda: None)  # pytest has its own
+    monkeypatch.setattr("gateway.cli.run.log_to_stderr", lambda **_: None)
+    with closing(sqlite3.connect(site.parent / "state" / STATE_FILE)) as connection:
+        connection.execute("PRAGMA user_version = 9")
+    before = (site.parent / "state" / STATE_FILE).read_bytes()
+
+    assert main(["run", str(site)]) == 78
+
+    assert "state.sqlite has format 9" in capsys.readouterr().err
+    assert (site.parent / "state" / STATE_FILE).read_bytes() == before

@@ -17,8 +17,9 @@ from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
 from gateway.contract import rfc3339
-from gateway.errors import StoreError, UsageError
-from gateway.store import Manifest, Member, copy_state, write_archive
+from gateway.errors import StartError, StoreError, UsageError
+from gateway.store import Manifest, Member, copy_state, is_import_due, write_archive
+from gateway.system.instance_lock import is_locked
 
 CONFIG, OUTSIDE, STATE = "config", "outside", "state"  # folders in a backup
 GZIP = b"\x1f\x8b"  # what a backup begins with [RFC 1952]
@@ -40,6 +41,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the backup, say what is in it, and return 0."""
     path, file = Path(args.config), Path(args.file)
     config = load(path)
+    state_dir = path.parent / config.gateway.state_dir
+    if is_import_due(state_dir) and is_locked(state_dir):
+        raise StartError(f"a gateway of 0.2.0 runs with state_dir {state_dir}", "stop it for the backup")
     try:
         facts = back_up(path, config, _checked_target(file), with_secrets=args.secrets)
         octets = file.stat().st_size
@@ -47,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         raise StoreError(f"{error.filename or file}: {error.strerror or error}") from error
     configured = sum(not each.name.startswith(f"{STATE}/") for each in facts.files) - 1
     print(f"configuration {path} and {configured} files that it refers to")
-    print(f"state of {path.parent / facts.state_dir}: {', '.join(facts.state) or 'nothing yet'}")
+    print(f"state of {state_dir}: {', '.join(facts.state) or 'nothing yet'}")
     if facts.has_secrets:
         print(f"warning: {file} holds passwords and keys: store it as safely as those (its mode is 0600)")
     elif left_out := missing_in(facts):

@@ -401,7 +401,12 @@ OTHERS = [
     ),
     *(
         line_row(
-            f"without a history: {words}", words, given=SSW07, code=1, out="", err="history.sqlite: No such file"
+            f"without a history: {words}",
+            words,
+            given=SSW07,
+            code=1,
+            out="",
+            err="sqlite: No such file",
         )
         for words in ("history CONFIG pump", "report CONFIG pump --no-broker")
     ),
