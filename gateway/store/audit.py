@@ -19,9 +19,9 @@ from typing import Any, NamedTuple, TypeVar
 from gateway.contract import AuditRecord, rfc3339
 from gateway.errors import UnstorableError
 from gateway.store.chain import Head, link, read_line
-from gateway.store.database import Connection, Database, read_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import MAX_BYTES, Store
+from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -110,7 +110,7 @@ def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> N
         octets += len(line)
     _put_anchor(connection, anchor._replace(octets=octets))
     if octets > MOST_BYTES:
-        give_up_oldest(connection)
+        _give_up_oldest(connection)
 
 
 def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
@@ -120,7 +120,7 @@ def take_over(connection: Connection, lines: Sequence[str], before: Head | None,
     append(connection, entries=[_note("state_imported", text, "")])
 
 
-def give_up_oldest(connection: Connection) -> None:
+def _give_up_oldest(connection: Connection) -> None:
     """Delete some lines, and note what stands before those that are left."""
     octets, first, last = connection.execute(_SHARE).fetchone()
     if octets:
@@ -150,12 +150,7 @@ def read_audit(
 
 def append_note(path: Path, code: str, text: str) -> None:
     """Add a note to the audit of a gateway that does not run; StoreError."""
-    database = Database(path, STATE, max_bytes=MAX_BYTES)
-    try:
-        database.open()
-        database.transact([partial(append, entries=[_note(code, text, "")])])
-    finally:
-        database.close()
+    write_file(path, STATE, partial(append, entries=[_note(code, text, "")]))
 
 
 def _note(code: str, text: str, boot: str) -> dict[str, Any]:

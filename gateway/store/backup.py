@@ -24,11 +24,10 @@ from pydantic import BaseModel, ConfigDict, NonNegativeInt, StringConstraints, V
 from pydantic.functional_validators import AfterValidator
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.database import Database, snapshot, stored_version
+from gateway.store.database import snapshot, stored_version, write_file
 from gateway.store.files import found_versions, refuse_newer
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import FILES
-from gateway.store.worker import MAX_BYTES
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 FORMAT = 1
@@ -153,11 +152,7 @@ def upgrade(state_dir: Path) -> list[str]:
     """Take all files to the present version; return what was left out because it is damaged. StoreError."""
     problems = import_files(state_dir)
     for name in found_versions(state_dir):
-        database = Database(state_dir / name, FILES[name], max_bytes=MAX_BYTES)
-        try:
-            database.open()
-        finally:
-            database.close()
+        write_file(state_dir / name, FILES[name], lambda _: None)
     return problems
 
 

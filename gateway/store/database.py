@@ -31,7 +31,7 @@ CACHE_KIB = 512  # rows are written once and read once: more would only fill up 
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
-SPARE_PAGES = 8  # of a bounded file, which the next transaction may need
+WRITTEN_BYTES = 2**30  # bound of a file that is written once
 LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 100  # given back to a full disk at a time: they pass through the write-ahead log
 
@@ -66,19 +66,13 @@ class Schema(NamedTuple):
 
 
 class Database:
-    """The file, open or not; all calls belong to one thread.
+    """The file, open or not; all calls belong to one thread."""
 
-    `make_room` deletes what is least missed; it is called when the file has reached its bound.
-    """
-
-    def __init__(
-        self, path: Path | None, schema: Schema, *, max_bytes: int, make_room: Work | None = None
-    ) -> None:
+    def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
         self.path = path or Path(":memory:")
         self.lost_s: float | None = None
         self._is_file = path is not None
         self._schema = schema
-        self._make_room = make_room
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
@@ -139,13 +133,6 @@ class Database:
                 raise
         return answers
 
-    def make_room(self) -> bool:
-        """Delete what is least missed if the file has reached its own bound; return whether that was done."""
-        if self._make_room is None or not self._is_at_bound():
-            return False
-        self.transact([self._make_room])
-        return True
-
     def take_reserve(self) -> None:
         """Take the room again that was given up, as soon as the disk has it; FullError."""
         with _translated(self.path):
@@ -182,13 +169,6 @@ class Database:
         if self._connection is None:
             raise StoreError(f"{self.path} is not open")
         return self._connection
-
-    def _is_at_bound(self) -> bool:
-        """Return whether little is left of the file's own bound."""
-        with _translated(self.path):
-            connection = self._opened()
-            pages = _ask(connection, "PRAGMA page_count") - _ask(connection, "PRAGMA freelist_count")
-        return bool(self._max_pages - pages < max(SPARE_PAGES, self._max_pages // 20))
 
     def _connect(self, *, is_lost: bool) -> None:
         with _translated(self.path):
@@ -305,6 +285,16 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is
                 if _code(error) != sqlite3.SQLITE_ERROR:
                     raise
                 raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
+
+
+def write_file(path: Path, schema: Schema, work: Work) -> None:
+    """Do some work on a file that no process has open, and that is made where there is none; StoreError."""
+    database = Database(path, schema, max_bytes=WRITTEN_BYTES)
+    try:
+        database.open()
+        database.transact([work])
+    finally:
+        database.close()
 
 
 def _reader(path: Path, *, is_idle: bool = False) -> Connection:

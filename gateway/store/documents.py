@@ -17,10 +17,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.database import Connection, Database, read_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
-from gateway.store.worker import MAX_BYTES, Store
+from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -170,12 +170,7 @@ def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
 def write_document(path: Path, name: str, kind: TypeAdapter[T], document: T) -> None:
     """Save a document for the next run of a gateway, which does not run now; StoreError."""
     import_files(path.parent)
-    database = Database(path, STATE, max_bytes=MAX_BYTES)
-    try:
-        database.open()
-        database.transact([partial(put_body, name=name, body=kind.dump_json(document).decode())])
-    finally:
-        database.close()
+    write_file(path, STATE, partial(put_body, name=name, body=kind.dump_json(document).decode()))
 
 
 def put_body(connection: Connection, *, name: str, body: str) -> None:

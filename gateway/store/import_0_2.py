@@ -26,10 +26,9 @@ from gateway.errors import StoreError
 from gateway.store import audit
 from gateway.store.chain import Head, read_line
 from gateway.store.commands import remembered
-from gateway.store.database import Connection, Database, Schema, put_aside, read_file
+from gateway.store.database import Connection, Schema, put_aside, read_file, write_file
 from gateway.store.outbox import DAMAGED, Deleted, Loss, OutboxRow, OutboxTable, Rank, losses_of
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
-from gateway.store.worker import MAX_BYTES
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
 AUDIT_BYTES = 8 * 2**20  # of lines that are taken over: starters wait while we do this
@@ -51,7 +50,10 @@ SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
 _LOST = "SELECT key, value FROM meta WHERE key IN ('lost_s', 'restored_s')"
-_COMMANDS = "client, id, starter, verb, phase, code, text, time_s, extra, may_be_written, is_final, since_s"
+_SAID = ("verb", "phase", "code", "text", "time_s")  # of a command
+_COMMANDS = (
+    f"SELECT client, id, starter, may_be_written, extra, {', '.join(_SAID)} FROM ledger ORDER BY rowid"
+)
 _MESSAGES = "SELECT kind, number, topic, payload, time_s, boot, key, correlation, checksum FROM spool"
 _LOSSES = "SELECT reason, kind, count, coalesce(first_s, 0.0), coalesce(last_s, 0.0) FROM loss"
 _HISTORY = "starter, kind, id, time_s, data"
@@ -120,21 +122,16 @@ def _document(file: str, octets: bytes) -> str:
 def _build(path: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
     """Make one of our files, in one transaction; one that is there is put aside. StoreError."""
     new = path.with_name(path.name + NEW)
-    database = Database(new, schema, max_bytes=MAX_BYTES)
     try:
         for each in path.parent.glob(f"{new.name}*"):
             each.unlink()
-        database.open()
-        database.transact([partial(_copy, schema=schema, state_dir=state_dir, problems=problems)])
-        database.close()
+        write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir, problems=problems))
         sync_file(new)
         if path.exists():
             put_aside(path)
         put_in_place(new, path)
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror}") from error
-    finally:
-        database.close()
 
 
 def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: list[str]) -> None:
@@ -149,12 +146,14 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: 
 
 def _copy_commands(state_dir: Path, connection: Connection) -> None:
     """Copy the commands, and when their file was lost."""
-    path = state_dir / COMMANDS
-    marks, rows = _read(path, _LOST), _read(path, f"SELECT {_COMMANDS} FROM ledger ORDER BY rowid")
-    for row in rows:
-        remembered(row[:10])
+    path, commands = state_dir / COMMANDS, []
+    for client, id_, starter, may_be_written, extra, *said in _read(path, _COMMANDS):
+        result = dict(zip(_SAID, said, strict=True), starter=starter, values=json.loads(extra))
+        commands.append((client, id_, starter, may_be_written, json.dumps(result)))
+        remembered(client, id_, may_be_written, json.dumps(result))
+    marks = _read(path, _LOST)
     connection.executemany("REPLACE INTO meta VALUES (?, ?)", marks)
-    connection.executemany(f"INSERT INTO commands ({_COMMANDS}) VALUES (?{', ?' * 11})", rows)
+    connection.executemany("INSERT INTO commands VALUES (?, ?, ?, ?, ?)", commands)
 
 
 def _copy_outbox(state_dir: Path, connection: Connection) -> None:

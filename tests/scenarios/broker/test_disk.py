@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.store import OutboxTable, Rank, Store
+from gateway.store import OutboxTable, Rank
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -159,26 +159,6 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
         assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
         assert plant.results()[-1] == "stop confirmed ok"
         assert "store_slow" in plant.events()
-
-
-def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=32 * 4096))
-    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start", id="acted on")
-        for number in range(200):
-            plant.run(until=6.0 + number / 5)
-            plant.command("pump/alice/read", id=f"{number}", args={"parameter": "P003"})
-        plant.restart()
-        plant.run(until=60.0)
-        plant.command("pump/alice/start", id="acted on")
-        plant.run(until=63.0)
-
-        assert plant.last("result/pump/alice")["duplicate"] is True
-        assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
-        assert "store_lost" not in plant.events()
 
 
 AMPS = 5  # more than a deadband
