@@ -17,16 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import UnstorableError
-from gateway.storage.database import Connection, read_file
 from gateway.storage.history_table import GONE, HistoryRow, HistoryTable
-from gateway.storage.worker import RETRY_S, News, OnNews, Store
-from gateway.store import HISTORY_FILE
+from gateway.store import HISTORY, HISTORY_FILE, RETRY_S, Connection, News, OnNews, Store, read_file
 from gateway.system.supervised import on_this_loop
 
-FILE = HISTORY_FILE
 MAX_BYTES = 128 * 2**20  # far above what its rows' limits allow; only a guard
 COLLECT_S = 5.0  # between transactions in which no record is finished
-CACHE_KIB = 128  # of SQLite: transactions are rare and small, and rows are read once
 MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
 
 _Key = tuple[str, str, str]  # starter, kind, id
@@ -46,14 +42,7 @@ class HistoryStore:
         self._table = HistoryTable()
         self._on_news = on_news
         self._collect_s = collect_s
-        self._store = Store(
-            state_dir / FILE,
-            [self._table],
-            max_bytes=MAX_BYTES,
-            retry_s=retry_s,
-            name="history",
-            cache_kib=CACHE_KIB,
-        )
+        self._store = Store(state_dir / HISTORY_FILE, HISTORY, max_bytes=MAX_BYTES, retry_s=retry_s)
         self._waiting: OrderedDict[_Key, HistoryRow] = OrderedDict()  # not handed to the thread yet
         self._timer: asyncio.TimerHandle | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -167,4 +156,4 @@ def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
     def work(connection: Connection) -> list[HistoryRow]:
         return HistoryTable().rows(connection, starters=[starter])
 
-    return read_file(state_dir / FILE, work)
+    return read_file(state_dir / HISTORY_FILE, HISTORY, work)

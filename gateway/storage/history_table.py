@@ -11,14 +11,8 @@ import zlib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gateway.storage.database import Connection
+from gateway.store import Connection
 
-_CREATE = """
-    CREATE TABLE IF NOT EXISTS history (
-        number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
-        time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
-    )
-"""
 _SELECT = "SELECT starter, kind, id, time_s, data FROM history"
 _PUT = """
     INSERT INTO history (starter, kind, id, time_s, data) VALUES (?, ?, ?, ?, ?)
@@ -29,7 +23,6 @@ _PRUNE = """
     (SELECT number FROM history WHERE starter = ? AND kind = ? ORDER BY number DESC LIMIT 1 OFFSET ?)
 """
 _FORGET = "DELETE FROM history WHERE starter = ? AND kind = ? AND id = ?"
-_DROP = "DELETE FROM history WHERE number IN (SELECT number FROM history ORDER BY number LIMIT ?)"
 
 
 _WINDOW_BITS, _MEMORY_LEVEL = 13, 6  # 64 KB of memory instead of 256 KB, for 2 % more on disk
@@ -49,16 +42,6 @@ class HistoryRow(NamedTuple):
 
 class HistoryTable:
     """The table; the order of rows is that in which they came first, whatever the wall clock said."""
-
-    def create(self, connection: Connection) -> None:
-        """Create the table when it is missing."""
-        connection.execute(_CREATE)
-        connection.execute(f"{_SELECT} LIMIT 1")
-
-    def make_room(self, connection: Connection) -> None:
-        """Delete the oldest tenth."""
-        (count,) = connection.execute("SELECT count(*) FROM history").fetchone()
-        connection.execute(_DROP, (count // 10 + 1,))
 
     def put(self, connection: Connection, *, rows: Sequence[HistoryRow]) -> None:
         """Store rows, and delete those that are too many or to go."""

@@ -23,8 +23,8 @@ from gateway.store.database import (
     Schema,
     Work,
     mark_restored,
-    newer_text,
     read_file,
+    write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
@@ -42,7 +42,7 @@ from gateway.store.outbox import (
     losses_of,
     merged,
 )
-from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
+from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
 from gateway.store.state import State
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
@@ -55,6 +55,7 @@ __all__ = [
     "INTEND_WITHIN_S",
     "LOCK_FILE",
     "RETRY_S",
+    "SCHEMAS",
     "STATE",
     "STATE_FILE",
     "Anchor",
@@ -92,7 +93,6 @@ __all__ = [
     "losses_of",
     "mark_restored",
     "merged",
-    "newer_text",
     "open_archive",
     "own_files",
     "read_audit",
@@ -103,4 +103,5 @@ __all__ = [
     "verify",
     "write_archive",
     "write_document",
+    "write_file",
 ]

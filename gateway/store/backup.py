@@ -27,7 +27,7 @@ from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.store.database import snapshot, stored_version, write_file
 from gateway.store.files import found_versions, refuse_newer
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
-from gateway.store.schema import FILES
+from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 FORMAT = 1
@@ -123,7 +123,7 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
     versions: dict[str, int] = {}
-    for name, schema in FILES.items():
+    for name, schema in SCHEMAS.items():
         source = state_dir / name
         version = stored_version(source, schema)
         if version is not None:
@@ -145,14 +145,14 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
 
 def is_state_name(name: str) -> bool:
     """Return whether a backup may hold a file of this name, relative to the state directory."""
-    return name in FILES or is_file_of_0_2(name)
+    return name in SCHEMAS or is_file_of_0_2(name)
 
 
 def upgrade(state_dir: Path) -> list[str]:
     """Take all files to the present version; return what was left out because it is damaged. StoreError."""
     problems = import_files(state_dir)
     for name in found_versions(state_dir):
-        write_file(state_dir / name, FILES[name], lambda _: None)
+        write_file(state_dir / name, SCHEMAS[name], lambda _: None)
     return problems
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from gateway.errors import NewerError
 from gateway.store.database import newer_text, stored_version
 from gateway.store.import_0_2 import files_of_0_2, is_import_due
-from gateway.store.schema import FILES
+from gateway.store.schema import SCHEMAS
 
 LOCK_FILE = "gateway.lock"
 OTHERS = 0o077
 
 # Also SQLite's journals, the reserve, and new and damaged files.
-OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*FILES, LOCK_FILE)))})([.-].*)?")
+OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, LOCK_FILE)))})([.-].*)?")
 
 
 def own_files(state_dir: Path) -> Iterator[Path]:
@@ -28,7 +28,7 @@ def own_files(state_dir: Path) -> Iterator[Path]:
 
 def found_versions(state_dir: Path) -> dict[str, int]:
     """Return the version of each file that is there and can be read, by name."""
-    versions = {name: stored_version(state_dir / name, schema) for name, schema in FILES.items()}
+    versions = {name: stored_version(state_dir / name, schema) for name, schema in SCHEMAS.items()}
     return {name: version for name, version in versions.items() if version is not None}
 
 
@@ -40,9 +40,9 @@ def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> 
     if versions is None:
         versions = found_versions(state_dir)
     texts = [
-        newer_text(state_dir / name, version, FILES[name])
+        newer_text(state_dir / name, version, SCHEMAS[name])
         for name, version in versions.items()
-        if name in FILES and version > len(FILES[name].steps)
+        if name in SCHEMAS and version > len(SCHEMAS[name].steps)
     ]
     if texts:
         raise NewerError("\n".join(texts))
@@ -51,7 +51,7 @@ def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> 
 def is_upgrade_due(state_dir: Path) -> bool:
     """Return whether a file is of an earlier version, or all are."""
     found = found_versions(state_dir)
-    return is_import_due(state_dir) or any(found[name] < len(FILES[name].steps) for name in found)
+    return is_import_due(state_dir) or any(found[name] < len(SCHEMAS[name].steps) for name in found)
 
 
 def keep_private(folder: Path) -> None:

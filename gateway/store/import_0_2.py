@@ -1,4 +1,4 @@
-"""What 0.2.0 has left in `state_dir`, taken over once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
+"""What 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
 
 0.2.0 had SQLite files of commands, messages and history, a JSON file for each document, and the audit in text
 files. They are read and never changed, so that the way back starts on them. Each of our files appears whole
@@ -31,7 +31,7 @@ from gateway.store.outbox import DAMAGED, Deleted, Loss, OutboxRow, OutboxTable,
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
-AUDIT_BYTES = 8 * 2**20  # of lines that are taken over: starters wait while we do this
+AUDIT_BYTES = 8 * 2**20  # of lines that are imported: starters wait meanwhile
 
 # By file: the document's name now, and the key under which it stood. None: all of it.
 DOCUMENTS = {
@@ -197,7 +197,7 @@ PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HI
 
 
 def _newest(lines: Sequence[str]) -> int:
-    """Return from which line on they are taken over."""
+    """Return from which line on they are imported."""
     octets = 0
     for number in reversed(range(len(lines))):
         octets += len(lines[number])
@@ -225,7 +225,7 @@ def _lines(state_dir: Path, after: int) -> Iterator[str]:
 
 
 def _run_of(state_dir: Path) -> str:
-    """Return what names the last run of 0.2.0, as far as its file tells."""
+    """Return what names the last run of 0.2.0, as far as its file says."""
     try:
         return json.dumps(_read(state_dir / COMMANDS, _RUN))
     except StoreError:

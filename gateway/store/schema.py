@@ -1,8 +1,7 @@
-"""What is in a gateway's files, and how each version of them is made of the one before.
+"""What is in a gateway's two files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. `history.sqlite` has what the history of the motors stores. A step never changes once it was
-released: whoever changes a table adds one.
+them all. A step never changes once it was released: whoever changes a table adds one.
 """
 
 from __future__ import annotations
@@ -19,14 +18,13 @@ _COMMANDS = """
     )
 """
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
-_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
-
 _HISTORY = """
     CREATE TABLE history (
         number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
         time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
     )
 """
+_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
 
 def _first(connection: Connection) -> None:
@@ -35,7 +33,5 @@ def _first(connection: Connection) -> None:
 
 
 STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"
-HISTORY = Schema(
-    "history", application_id=0x53474154, steps=(lambda connection: connection.execute(_HISTORY),)
-)
-FILES = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}
+HISTORY = Schema("history", application_id=0x53474849, steps=(lambda each: each.execute(_HISTORY),))  # "SGHI"
+SCHEMAS = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}

@@ -19,8 +19,8 @@ from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
-from gateway.store import HISTORY, HISTORY_FILE, STATE, STATE_FILE, News, Store, read_document
-from gateway.store.files import FILES, found_versions
+from gateway.store import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE, News, Store, read_document
+from gateway.store.files import found_versions
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
@@ -37,7 +37,7 @@ def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_a
     out = capsys.readouterr().out
 
     assert names_in(backup)[0] == "manifest.json"
-    state = {STATE_FILE, HISTORY_FILE}
+    state = set(SCHEMAS)
     wanted = {"manifest.json", "config/site.toml", f"outside{tmp_path}/ssl/ca.pem"}
     wanted |= {f"state/{name}" for name in state}
     assert set(names_in(backup)) == wanted
@@ -132,7 +132,7 @@ def test_a_file_of_an_earlier_version_is_taken_to_this_one_after_a_backup_that_c
     site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     state = site.parent / "state"
-    monkeypatch.setitem(FILES, HISTORY_FILE, LATER)
+    monkeypatch.setitem(SCHEMAS, HISTORY_FILE, LATER)
 
     upgrade_site(site, Site.read(site, {}))
     upgrade_site(site, Site.read(site, {}))  # nothing more to do: the backup stays
@@ -151,7 +151,7 @@ def test_a_file_of_an_earlier_version_is_taken_to_this_one_after_a_backup_that_c
 def test_where_no_backup_can_be_made_the_upgrade_goes_on(
     site: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setitem(FILES, HISTORY_FILE, LATER)
+    monkeypatch.setitem(SCHEMAS, HISTORY_FILE, LATER)
     known = Site.read(site, {})
     (site.parent / "secret" / "mqtt.password").unlink()
 

@@ -12,7 +12,7 @@ import pytest
 
 from gateway.errors import StoreError
 from gateway.storage.history import MOST_UNSAVED, HistoryStore, read_history
-from gateway.storage.worker import News
+from gateway.store import News
 
 PATIENCE_S = 10.0
 

@@ -1,4 +1,4 @@
-"""The first start after an upgrade: what an earlier version has stored is taken over, and its files stay."""
+"""The first start after an upgrade: what an earlier version has stored is imported, and its files stay."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def locked_under_0_2(plant: RigPlant) -> None:
 
 UPGRADES = [
     row(
-        "commands, locks, messages, audit and history of 0.2.0 are taken over, and its files stay",
+        "commands, locks, messages, audit and history of 0.2.0 are imported, and its files stay",
         given=FOUR + ALICE + HOME_ASSISTANT,
         sim={"pump": QUICK},
         before=looked_at,
@@ -112,7 +112,7 @@ UPGRADES = [
         },
     ),
     row(
-        "a damaged document and damaged commands of 0.2.0 are left out and said, the rest is taken over",
+        "a damaged document and damaged commands of 0.2.0 are left out and said, the rest is imported",
         given=FOUR + ALICE,
         before=with_damaged("gateway.sqlite", "precautions.json"),
         at={3.0: command("pump/alice/unlock"), 4.0: command("pump/alice/unlock", id="c2")},

@@ -43,7 +43,7 @@ from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
-from gateway.storage.worker import News, OnNews
+from gateway.store import News, OnNews
 from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
