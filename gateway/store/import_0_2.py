@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -26,12 +26,12 @@ from gateway.errors import StoreError
 from gateway.store import audit
 from gateway.store.chain import Head, read_line
 from gateway.store.commands import remembered
-from gateway.store.database import Connection, Schema, put_aside, read_file, write_file
+from gateway.store.database import Connection, FullError, Schema, put_aside, read_file, write_file
 from gateway.store.outbox import DAMAGED, Deleted, Loss, OutboxRow, OutboxTable, Rank, losses_of
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
-AUDIT_BYTES = 8 * 2**20  # of lines that are imported: starters wait meanwhile
+MOST_SEGMENTS = 2  # of the audit, 4 MiB each, are imported: starters wait meanwhile
 
 # By file: the document's name now, and the key under which it stood. None: all of it.
 DOCUMENTS = {
@@ -139,6 +139,8 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: 
     for part in PARTS[schema]:
         try:
             part(state_dir, connection)
+        except FullError:
+            raise  # ours has no room
         except (StoreError, OSError, ValueError, TypeError) as error:
             problems.append(f"left out of what 0.2.0 had stored: {error}")
             connection.execute("REPLACE INTO meta VALUES ('restored_s', 0.0)")
@@ -158,18 +160,20 @@ def _copy_commands(state_dir: Path, connection: Connection) -> None:
 
 def _copy_outbox(state_dir: Path, connection: Connection) -> None:
     """Copy what waits for the broker; rows that are damaged are declared as lost."""
-    whole, damaged = list[OutboxRow](), list[Deleted]()
-    for kind, number, *columns, checksum in _read(state_dir / OUTBOX, _MESSAGES):
-        row = OutboxRow(number, Rank(kind), *columns)
-        if checksum == _checksum(row):
-            whole.append(row)
-        else:
-            damaged.append(Deleted(row.rank, number, row.size, 0.0))
-    found = _read(state_dir / OUTBOX, _LOSSES)
-    losses = [Loss(reason, Rank(kind), *columns) for reason, kind, *columns in found]
-    table = OutboxTable()
-    table.insert(connection, whole)
-    table.set_losses(connection, [*losses, *losses_of(DAMAGED, damaged)])
+    table, damaged = OutboxTable(), list[Deleted]()
+
+    def whole(found: Iterable[Any]) -> Iterator[OutboxRow]:
+        for kind, number, *columns, checksum in found:
+            row = OutboxRow(number, Rank(kind), *columns)
+            if checksum == _checksum(row):
+                yield row
+            else:
+                damaged.append(Deleted(row.rank, number, row.size, 0.0))
+
+    _read(state_dir / OUTBOX, _MESSAGES, lambda found: table.insert(connection, whole(found)))
+    losses = _read(state_dir / OUTBOX, _LOSSES)
+    earlier = [Loss(reason, Rank(kind), *columns) for reason, kind, *columns in losses]
+    table.set_losses(connection, [*earlier, *losses_of(DAMAGED, damaged)])
 
 
 def _copy_documents(state_dir: Path, connection: Connection) -> None:
@@ -179,49 +183,48 @@ def _copy_documents(state_dir: Path, connection: Connection) -> None:
 
 
 def _copy_history(state_dir: Path, connection: Connection) -> None:
-    rows = _read(state_dir / HISTORY_0_2, f"SELECT {_HISTORY} FROM history ORDER BY number")
-    connection.executemany(f"INSERT INTO history ({_HISTORY}) VALUES (?, ?, ?, ?, ?)", rows)
+    put = f"INSERT INTO history ({_HISTORY}) VALUES (?, ?, ?, ?, ?)"
+    rows = f"SELECT {_HISTORY} FROM history ORDER BY number"
+    _read(state_dir / HISTORY_0_2, rows, lambda found: connection.executemany(put, found))
 
 
 def _copy_audit(state_dir: Path, connection: Connection) -> None:
     """Copy the newest lines of the audit, and say in it where they come from."""
-    number, before = _anchor(state_dir / ANCHOR)
-    lines = list(_lines(state_dir, number))
-    if start := _newest(lines):
-        before = read_line(lines[start - 1])[1]
-    if lines:
-        audit.take_over(connection, lines[start:], before, f"from {state_dir}/audit, which 0.2.0 has written")
+    given_up, before = _anchor(state_dir / ANCHOR)
+    segments = [path for path in sorted(state_dir.glob(SEGMENTS)) if path.name > given_up]
+    older, newest = segments[:-MOST_SEGMENTS], segments[-MOST_SEGMENTS:]
+    if older:
+        before = _last_head(older[-1])
+    if newest:
+        lines = [line for path in newest for line in _lines(path)]
+        audit.take_over(connection, lines, before, f"from {state_dir}/audit, which 0.2.0 has written")
 
 
 PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HISTORY: (_copy_history,)}
 
 
-def _newest(lines: Sequence[str]) -> int:
-    """Return from which line on they are imported."""
-    octets = 0
-    for number in reversed(range(len(lines))):
-        octets += len(lines[number])
-        if octets > AUDIT_BYTES:
-            return number + 1
-    return 0
-
-
-def _anchor(path: Path) -> tuple[int, Head | None]:
+def _anchor(path: Path) -> tuple[str, Head | None]:
     """Return the last file that was given up, and where the chain stood after it; None: not known."""
     try:
         fields = json.loads(path.read_text("utf-8"))
-        return int(fields["segment"]), Head(int(fields["n"]), str(fields["hash"]))
+        return f"audit-{fields['segment']:08d}.jsonl", Head(int(fields["n"]), str(fields["hash"]))
     except FileNotFoundError:
-        return 0, Head()
+        return "", Head()
     except (ValueError, KeyError, TypeError):
-        return 0, None
+        return "", None
 
 
-def _lines(state_dir: Path, after: int) -> Iterator[str]:
-    """Yield all whole lines; a crash may have cut the last one of a file short."""
-    for path in sorted(state_dir.glob(SEGMENTS)):
-        if path.name > f"audit-{after:08d}.jsonl":
-            yield from path.read_bytes().decode("utf-8", "replace").split("\n")[:-1]
+def _lines(path: Path) -> list[str]:
+    """Return all whole lines; a crash may have cut the last one short."""
+    return path.read_bytes().decode("utf-8", "replace").split("\n")[:-1]
+
+
+def _last_head(path: Path) -> Head | None:
+    """Return where the chain stands after a file; None when its last line does not say."""
+    try:
+        return read_line(_lines(path)[-1])[1]
+    except (IndexError, ValueError):
+        return None
 
 
 def _run_of(state_dir: Path) -> str:
@@ -232,11 +235,11 @@ def _run_of(state_dir: Path) -> str:
         return json.dumps(None)
 
 
-def _read(path: Path, sql: str) -> list[Any]:
-    """Return the rows of a file of 0.2.0; none when there is no file. StoreError."""
+def _read(path: Path, sql: str, work: Callable[[Iterable[Any]], Any] = list) -> Any:
+    """Do some work with the rows of a file of 0.2.0; with none when there is no file. StoreError."""
     if not path.exists():
-        return []
-    return read_file(path, SQLITE_0_2, lambda file: file.execute(sql).fetchall(), is_idle=True)
+        return work(())
+    return read_file(path, SQLITE_0_2, lambda file: work(file.execute(sql)), is_idle=True)
 
 
 def _checksum(row: OutboxRow) -> int:
