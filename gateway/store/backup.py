@@ -20,12 +20,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Annotated, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, NonNegativeInt, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 from pydantic.functional_validators import AfterValidator
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.database import snapshot, stored_version, write_file
-from gateway.store.files import found_versions, refuse_newer
+from gateway.store.database import snapshot, write_file
+from gateway.store.files import found_versions
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
@@ -52,14 +52,6 @@ def _printable(text: str) -> str:
 Text = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_printable)]
 
 
-class Entry(BaseModel):
-    """A file in a backup."""
-
-    name: Text
-    octets: NonNegativeInt
-    sha256: Text
-
-
 class Origin(BaseModel):
     """What every version can read in a manifest."""
 
@@ -81,7 +73,7 @@ class Manifest(Origin):
     left_out: list[Text]  # files
     logins: list[Text]  # whose passwords were left out
     state: dict[Text, int]  # the version of each file of the state
-    files: list[Entry] = []
+    files: dict[Text, Text] = {}  # SHA-256 by name, in the order of the tar
 
 
 class Member(NamedTuple):
@@ -119,24 +111,18 @@ class Archive(NamedTuple):
 def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """Copy the state's files into a folder, and those of 0.2.0 if no later version has run; return versions.
 
-    0.2.0 itself must not run meanwhile. StoreError, OSError.
+    0.2.0 itself must not run meanwhile. DamagedError, NewerError, StoreError, OSError.
     """
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
     versions: dict[str, int] = {}
     for name, schema in SCHEMAS.items():
-        source = state_dir / name
-        version = stored_version(source, schema)
-        if version is not None:
-            refuse_newer(state_dir, {name: version})
-            versions[name] = version
-        elif not os.access(source, os.R_OK, follow_symlinks=False) and os.path.lexists(source):
-            raise StoreError(f"{source} may not be read by this user (make the backup as root)")
-        elif source.exists():
-            what = "is damaged (start the gateway once, which sets it aside, or move it away)"
-            raise DamagedError(f"{source} {what}")
+        if os.path.lexists(state_dir / name):
+            try:
+                versions[name] = snapshot(state_dir / name, to / name, schema)
+            except DamagedError as error:
+                hint = "start the gateway once, which sets it aside, or move it away"
+                raise DamagedError(f"{error} ({hint})") from error
     old = files_of_0_2(state_dir) if is_import_due(state_dir) else ()
-    for name in versions:
-        snapshot(state_dir / name, to / name)
     for name in old:  # as they are, with what may be damaged in them
         (to / name).parent.mkdir(exist_ok=True)
         shutil.copyfile(state_dir / name, to / name)
@@ -156,12 +142,14 @@ def upgrade(state_dir: Path) -> list[str]:
     return problems
 
 
-def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Manifest:
+def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> None:
     """Write a backup, for its owner alone; it appears whole, and after it was verified, or not at all.
 
-    Return its manifest. OSError, StoreError.
+    `facts` get what is in it. OSError, StoreError.
     """
-    facts = facts.model_copy(update={"files": [_entry(member) for member in members]})
+    for member in members:
+        with member.content.open("rb") as content:
+            facts.files[member.name] = _digest(content)
     manifest, new = path.with_name(f"{path.name}.{MANIFEST}"), path.with_name(path.name + NEW)
     try:
         with open(manifest, "wb", opener=_fresh) as file:
@@ -174,9 +162,8 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Man
             for member in (Member(MANIFEST, manifest, manifest), *members):
                 _add(tar, member)
         sync_file(new)
-        with open_archive(new) as archive:
+        with open_archive(new):
             put_in_place(new, path)
-            return archive.manifest
     finally:
         for each in (manifest, new):
             each.unlink(missing_ok=True)
@@ -230,12 +217,11 @@ def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path
         manifest = Manifest.model_validate_json(text)
     except ValidationError as error:
         raise DamagedError(f"{path}: its {MANIFEST} is damaged") from error
-    names = [entry.name for entry in manifest.files]
-    if names != [info.name for info in infos[1:]] or len(set(names)) != len(names):
+    if list(manifest.files) != [info.name for info in infos[1:]]:
         raise DamagedError(f"{path}: its files are not those of its manifest")
-    for info, entry in zip(infos[1:], manifest.files, strict=True):
-        if info.size != entry.octets or _digest(_opened(tar, info)) != entry.sha256:
-            raise DamagedError(f"{path}: {entry.name} is not what was stored")
+    for info in infos[1:]:
+        if _digest(_opened(tar, info)) != manifest.files[info.name]:
+            raise DamagedError(f"{path}: {info.name} is not what was stored")
     return manifest
 
 
@@ -244,11 +230,6 @@ def _opened(tar: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
     if source is None:
         raise DamagedError(f"{info.name} is no file")
     return source
-
-
-def _entry(member: Member) -> Entry:
-    with member.content.open("rb") as file:
-        return Entry(name=member.name, octets=os.fstat(file.fileno()).st_size, sha256=_digest(file))
 
 
 def _digest(source: IO[bytes]) -> str:

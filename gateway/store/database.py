@@ -227,21 +227,26 @@ class Database:
         self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
-def snapshot(path: Path, copy: Path) -> None:
-    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
+def snapshot(path: Path, copy: Path, schema: Schema) -> int:
+    """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
 
     The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
-    later takes the file for one that was lost: what has happened since is missing in it.
+    later takes the file for one that was lost: what has happened since is missing in it. DamagedError,
+    NewerError, StoreError.
     """
+    if path.exists() and not os.access(path, os.R_OK):
+        raise StoreError(f"{path} may not be read by this user (make the backup as root)")
     new = copy.with_name(copy.name + NEW)
     with _translated(copy):
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with closing(_reader(path)) as source:
+        with _translated(path), closing(_reader(path)) as source:
+            version = _version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
+    return version
 
 
 def mark_restored(path: Path) -> None:

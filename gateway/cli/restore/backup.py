@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import fcntl
+import glob
 import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from gateway import __version__
 from gateway.cli.command import flag
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         octets = file.stat().st_size
     except OSError as error:
         raise StoreError(f"{error.filename or file}: {error.strerror or error}") from error
-    configured = sum(not each.name.startswith(f"{STATE}/") for each in facts.files) - 1
+    configured = sum(not each.startswith(f"{STATE}/") for each in facts.files) - 1
     print(f"configuration {path} and {configured} files that it refers to")
     print(f"state of {state_dir}: {', '.join(facts.state) or 'nothing yet'}")
     if facts.has_secrets:
@@ -85,7 +86,8 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> Ma
             logins=logins,
             state=versions,
         )
-        return write_archive(file, facts, [own, *configured, *state])
+        write_archive(file, facts, [own, *configured, *state])
+        return facts
 
 
 def missing_in(facts: Manifest) -> list[str]:
@@ -125,26 +127,12 @@ def _checked_target(file: Path) -> Path:
 
 @contextmanager
 def _copies_beside(file: Path) -> Iterator[Path]:
-    """Give an empty folder for copies; what a killed process has left in it is deleted."""
-    folder = file.with_name(f".{file.name}.copies")
-    folder.mkdir(mode=0o700, exist_ok=True)
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        status = os.fstat(descriptor)
-        if status.st_uid != os.geteuid() or status.st_mode & 0o077:
-            raise StoreError(f"{folder} is another user's (name another file)")
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise StoreError(f"another process is writing a backup to {file}") from error
-        try:
-            for each in folder.iterdir():
-                shutil.rmtree(each) if each.is_dir() else each.unlink()
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-    finally:
-        os.close(descriptor)
+    """Give an empty folder for copies; what a killed process has left beside the same file is deleted."""
+    begin, end = f".{file.name}.", ".copies"
+    for left in file.parent.glob(f"{glob.escape(begin)}*{end}"):
+        shutil.rmtree(left)
+    with TemporaryDirectory(end, begin, file.parent) as folder:
+        yield Path(folder)
 
 
 def _configured(

@@ -150,27 +150,27 @@ def _write_configured(archive: Archive, place: _Place) -> None:
 def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
     """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
     known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
-    for entry in archive.manifest.files:
-        if not entry.name.startswith(f"{STATE}/") and entry.name not in known:
-            raise DamagedError(f"the backup holds {entry.name}, which its configuration does not name")
+    for stored in archive.manifest.files:
+        if not stored.startswith(f"{STATE}/") and stored not in known:
+            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
 
 
 def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:
     """Return the files of the configuration's folder and of the state, each with its name in the backup."""
     configured: dict[str, str] = {}
     state: dict[str, str] = {}
-    for entry in archive.manifest.files:
-        first, _, rest = entry.name.partition("/")
+    for stored in archive.manifest.files:
+        first, _, rest = stored.partition("/")
         path = PurePosixPath(rest)
         is_inside = rest and not path.is_absolute() and ".." not in path.parts and str(path) == rest
         if first == CONFIG and is_inside:
-            configured[rest] = entry.name
+            configured[rest] = stored
         elif first == OUTSIDE and is_inside:
-            configured[f"{OUTSIDE}/{rest}"] = entry.name
+            configured[f"{OUTSIDE}/{rest}"] = stored
         elif first == STATE and is_state_name(rest):
-            state[rest] = entry.name
+            state[rest] = stored
         else:
-            raise DamagedError(f"the backup holds {entry.name}, which no gateway has")
+            raise DamagedError(f"the backup holds {stored}, which no gateway has")
     return configured, state
 
 
