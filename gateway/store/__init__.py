@@ -30,25 +30,19 @@ from gateway.store.documents import Document, Documents, read_document, write_do
 from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
 from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
-    DAMAGED,
-    DISK_FULL,
-    Deleted,
     Loss,
     OutboxRow,
     OutboxTable,
     Page,
     Rank,
     Total,
-    losses_of,
     merged,
 )
 from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
-from gateway.store.state import State
+from gateway.store.state import StateStore
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 
 __all__ = [
-    "DAMAGED",
-    "DISK_FULL",
     "FIRST_HASH",
     "HISTORY",
     "HISTORY_FILE",
@@ -62,7 +56,6 @@ __all__ = [
     "Archive",
     "CommandTable",
     "Connection",
-    "Deleted",
     "Document",
     "Documents",
     "FullError",
@@ -79,7 +72,7 @@ __all__ = [
     "Rank",
     "Remembered",
     "Schema",
-    "State",
+    "StateStore",
     "Store",
     "Total",
     "Verification",
@@ -90,7 +83,6 @@ __all__ = [
     "is_state_name",
     "is_upgrade_due",
     "keep_private",
-    "losses_of",
     "mark_restored",
     "merged",
     "open_archive",

@@ -27,7 +27,7 @@ from gateway.store import audit
 from gateway.store.chain import Head, read_line
 from gateway.store.commands import remembered
 from gateway.store.database import Connection, FullError, Schema, put_aside, read_file, write_file
-from gateway.store.outbox import DAMAGED, Deleted, Loss, OutboxRow, OutboxTable, Rank, losses_of
+from gateway.store.outbox import Loss, OutboxRow, OutboxTable, Rank, merged
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
@@ -160,7 +160,7 @@ def _copy_commands(state_dir: Path, connection: Connection) -> None:
 
 def _copy_outbox(state_dir: Path, connection: Connection) -> None:
     """Copy what waits for the broker; rows that are damaged are declared as lost."""
-    table, damaged = OutboxTable(), list[Deleted]()
+    table, lost = OutboxTable(), list[Loss]()
 
     def whole(found: Iterable[Any]) -> Iterator[OutboxRow]:
         for kind, number, *columns, checksum in found:
@@ -168,12 +168,12 @@ def _copy_outbox(state_dir: Path, connection: Connection) -> None:
             if checksum == _checksum(row):
                 yield row
             else:
-                damaged.append(Deleted(row.rank, number, row.size, 0.0))
+                lost.append(Loss("damaged", row.rank, 1, 0.0, 0.0))
 
     _read(state_dir / OUTBOX, _MESSAGES, lambda found: table.insert(connection, whole(found)))
-    losses = _read(state_dir / OUTBOX, _LOSSES)
-    earlier = [Loss(reason, Rank(kind), *columns) for reason, kind, *columns in losses]
-    table.set_losses(connection, [*earlier, *losses_of(DAMAGED, damaged)])
+    earlier = _read(state_dir / OUTBOX, _LOSSES)
+    lost += (Loss(reason, Rank(kind), *columns) for reason, kind, *columns in earlier)
+    table.set_losses(connection, merged(lost))
 
 
 def _copy_documents(state_dir: Path, connection: Connection) -> None:

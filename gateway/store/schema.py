@@ -1,13 +1,13 @@
 """What is in a gateway's two files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. A step never changes once it was released: whoever changes a table adds one.
+them all. A step never changes once it was released: a changed table is one step more.
 """
 
 from __future__ import annotations
 
-from gateway.store import outbox
 from gateway.store.database import Connection, Schema
+from gateway.store.outbox import TABLES
 
 STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
@@ -28,7 +28,7 @@ _AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
 
 
 def _first(connection: Connection) -> None:
-    for sql in (_COMMANDS, *outbox.TABLES, _DOCUMENTS, _AUDIT):
+    for sql in (_COMMANDS, *TABLES, _DOCUMENTS, _AUDIT):
         connection.execute(sql)
 
 

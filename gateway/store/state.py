@@ -25,11 +25,11 @@ CLOSE_WITHIN_S = 2.0
 SETTLE_WITHIN_S = 2.0
 
 
-class State:
+class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
     `hold_s` is how long an old command might still pass for a new one. Without operators it is no error, only
-    a warning, when nothing can be stored. `follow` has others told the store's news, after its own parts.
+    a warning, when nothing can be stored. `follow` passes the store's news on, after the parts of this.
     """
 
     takes = (AuditRecord,)

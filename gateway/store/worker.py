@@ -104,7 +104,7 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        What is urgent is done before everything that is not; otherwise the order is kept. What need not be
+        What is urgent is done before everything that is not; otherwise the order stays. What need not be
         flushed at once outlives the process, but perhaps not a power cut. What is freeing only deletes, and
         is done on a full disk too: it should touch less than a quarter of the reserve.
         """
@@ -202,7 +202,7 @@ class Store:
         self._report(News.OPEN, f"{self._file.path} is open")
 
     def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
-        """Do the work; once more in a new file where the one in use turns out to be damaged."""
+        """Do the work; once more in a new file where the one in use is damaged."""
         if not batch:
             return []
         is_flushed = any(piece.is_flushed for piece in batch)
@@ -265,7 +265,7 @@ class _Piece:
     future: Future[Any] = field(default_factory=Future)
 
     def begin(self) -> bool:
-        """Return whether it is to be done: nobody has given it up meanwhile."""
+        """Return whether it is to be done: its caller has not given it up meanwhile."""
         self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
         return self.is_begun
 

@@ -20,7 +20,7 @@ from gateway.contract import (
 from gateway.plugins.history.service.service import PARTS, HistoryService
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
-from gateway.store import State
+from gateway.store import StateStore
 
 
 class Subscriber:
@@ -55,7 +55,7 @@ def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
     assert seen == [("all", "early"), ("all", "late")]
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, State])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateStore])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

@@ -1,9 +1,7 @@
-"""The outbox against an oracle: chance puts, sends, loses connections, disks and processes; the oracle counts.
-
-    python -m tests.mqtt.outbox_model [messages] [seeds]
+"""The outbox against an oracle: chance puts, sends, and loses connections, disks and processes.
 
 Nothing here waits: the disk is SQLite in memory, and what a thread does has three moments (asked for, done,
-told), between which anything else may happen. A crash forgets everything but the table.
+reported), between which anything else may happen. A crash forgets everything but the table.
 """
 
 from __future__ import annotations
@@ -11,19 +9,18 @@ from __future__ import annotations
 import json
 import random
 import sqlite3
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 from unittest.mock import patch
 
 from gateway.contract import Event, Quality, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
-from gateway.mqtt.outbox.backlog import Batch
+from gateway.mqtt.outbox.backlog import Batch, Bounds
 from gateway.mqtt.outbox.outbox import HELD_AFTER_S, Outbox, Outgoing
 from gateway.store import OutboxTable, Rank
 from gateway.store.outbox import TABLES
@@ -37,12 +34,19 @@ KIND = {Rank.VALUE: "value", Rank.EVENT: "event", Rank.RESULT: "result"}
 class Trouble:
     """What may happen besides puts and sends, and the bounds."""
 
+    WIDE: ClassVar = (20_000, 400_000, 48 * 2**20)
+
     crashes: bool = True
     disk_fails: bool = False
     table_is_lost: bool = False
     max_rows: int = 20_000
     most_rows: int = 400_000
     most_bytes: int = 48 * 2**20
+
+    @property
+    def is_bounded(self) -> bool:
+        """Return whether there is less room than messages."""
+        return (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
 
 
 TROUBLES = (
@@ -63,7 +67,7 @@ class Oracle:
     kinds: dict[int, str] = field(default_factory=dict)
     put_s: dict[int, float] = field(default_factory=dict)
     starters: dict[int, int] = field(default_factory=dict)  # of values
-    staged: set[int] = field(default_factory=set)  # whose place is not that of their put
+    displaced: set[int] = field(default_factory=set)  # whose place is not that of their put
     received: dict[int, int] = field(default_factory=dict)  # how often, live ones once
     order: list[tuple[str, int]] = field(default_factory=list)  # of first receptions of rows
     excused: set[int] = field(default_factory=set)  # not stored when the process died, and too young for it
@@ -76,15 +80,14 @@ class Oracle:
     def receive(self, number: int, group: str) -> None:
         """Note that the broker has a row."""
         self.received[number] = self.received.get(number, 0) + 1
-        if self.received[number] == 1 and number not in self.staged:
+        if self.received[number] == 1 and number not in self.displaced:
             self.order.append((group, number))
         assert self.received[number] == 1 or number in self.doubtful, f"{number} came twice"
 
     def check(self, *, is_ordered: bool) -> None:
         """Everything came, or was declared by kind and time, no more than that, and in order."""
         missing = self.kinds.keys() - self.received.keys()
-        lost = [each for number, gap in self.gaps.items() if number not in self.excused - self.received.keys()
-                for each in gap]  # fmt: skip
+        lost = [each for gap in self.gaps.values() for each in gap]
         for kind in KIND.values():
             declared = sum(each["count"] for each in lost if each["kind"] == kind)
             sure = {number for number in missing - self.excused if self.kinds[number] == kind}
@@ -115,6 +118,7 @@ class Model:
         self.looked_s = 0.0  # up to here all is stored that must be
         self.is_disk_well = True
         self.disk = self._new_disk()
+        self.released_s: dict[int, float] = {}  # what was staged before
         self.stored: set[int] = set()  # what the table has or had
         self.ask: Callable[[], Any] | None = None  # what the disk is to do
         self.answer: tuple[str, Any] | None = None  # what it has done
@@ -126,13 +130,14 @@ class Model:
         self.outbox = Outbox(
             last_topic="b/gateway/status",
             boot=f"run {self.lives}",
-            max_rows=self.trouble.max_rows,
+            memory=Bounds(self.trouble.max_rows, 16 * 2**20),
+            table=Bounds(self.trouble.most_rows, self.trouble.most_bytes),
         )
         self.backlog = self.outbox.backlog
         self.backlog.expect_table()
         self.is_unreadable = False
         self.backlog.is_table_away = lambda: self.is_unreadable
-        self.table = OutboxTable(most_rows=self.trouble.most_rows, most_bytes=self.trouble.most_bytes)
+        self.table = OutboxTable()
         self.is_recalled = self.is_connected = False
         self.wire: list[tuple[Outgoing, bool]] = []  # with whether the broker has it
         self.deletable: set[int] = set()  # acknowledged, and perhaps still in the table
@@ -169,7 +174,7 @@ class Model:
 
     def _stage(self) -> None:
         number = self._number("result")
-        self.oracle.staged.add(number)
+        self.oracle.displaced.add(number)
         message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
@@ -279,23 +284,27 @@ class Model:
                 lambda c: (self.table.totals(c), self.table.keys(c), self.table.losses(c)),
             )
             return
-        wanted = self.backlog.wanted() if self.is_connected else []
+        wanted = self.backlog.wanted(is_sending=self.is_connected)
         if wanted and self.dice.random() < 0.7:
             rank, after = self.dice.choice(wanted)
             self.doing = ("page", rank)
             self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
             return
-        batch = self.backlog.batch(is_freeing=self.dice.random() < 0.1)
+        if self.dice.random() < 0.5 and (delivered := self.backlog.take_delivered()):
+            self.doing = ("delete", delivered)
+            ids = [(rank, id_) for id_, rank in delivered.items()]
+            self.ask = partial(self._transact, partial(self.table.delete, ids=ids))
+            return
+        batch = self.backlog.batch()
         if batch is not None:
             self.doing = ("batch", batch)
             self.ask = partial(self._transact, partial(self._write, batch))
 
-    def _write(self, batch: Batch, connection: sqlite3.Connection) -> Any:
-        self.table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
+    def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
+        self.table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
-        return self.table.trim(connection, batch.keep)
 
     def _do(self) -> None:
         assert self.ask is not None
@@ -313,23 +322,30 @@ class Model:
     def _take_answer(self) -> None:
         assert self.answer is not None
         (how, answer), (what, about), self.answer = self.answer, self.doing, None
-        self.is_unreadable = how == "failed" and what != "batch"
+        self.is_unreadable = how == "failed" and what in ("recall", "page")
         if how == "failed":
             if what == "batch":
                 self.backlog.unwritten(about)
+            elif what == "delete":
+                self.backlog.give_back_delivered(about)
         elif what == "recall":
             self.is_recalled = True
             self.outbox.recall(*answer)
         elif what == "page":
             self.backlog.page(about, answer)
-        else:
-            self.backlog.written(about, answer)
+        elif what == "batch":
+            self.backlog.written(about)
 
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""
         self._note_doubtful()
-        stored = {_number_of(payload) for (payload,) in self.disk.execute("SELECT payload FROM outbox")}
+        rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
+        stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
+        lost = self.backlog._lost.keys() | (self.doing[1].lost if self.doing[0] == "batch" else {}).keys()
+        base = self.table._earlier or 0
+        # Given up and not deleted: it comes after all, later than what came after it.
+        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
         oracle.doubtful |= self.deletable & stored
         for loss in self.table.losses(self.disk):
             oracle.again[KIND[loss.rank]] += loss.rows
@@ -337,20 +353,22 @@ class Model:
             oracle.again[KIND[loss.rank]] -= min(loss.rows, oracle.again[KIND[loss.rank]])
         unstored = oracle.kinds.keys() - stored - oracle.received.keys()
         unstored -= self.stored
+        waiting = {_number_of(row.payload) for row in self.backlog._memory.values()}
+        for number in self.oracle.gaps.keys() & waiting & unstored:
+            del self.oracle.gaps[number]  # it is declared again
         oracle.excused |= {each for each in unstored if self._is_young(each) or each in self.staged}
         self._begin()
 
     def _is_young(self, number: int) -> bool:
         """Return whether a message need not have been stored yet: no look of the disk since it was put."""
-        return self.oracle.put_s[number] >= self.looked_s - (
-            HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0
-        )
+        put_s = self.released_s.get(number, self.oracle.put_s[number])
+        return put_s >= self.looked_s - (HELD_AFTER_S if self.oracle.kinds[number] == "value" else 0.0)
 
     def settle(self) -> None:
         """Let the disk do all that waits, as far as it can."""
         for _ in range(10_000):
             self.disk_step()
-            if self.ask is None and self.answer is None:
+            if self.ask is None and self.answer is None and self.is_recalled:
                 self.outbox.hold_slow(self.now_s)
                 batch = self.backlog.batch()
                 if batch is None:
@@ -390,6 +408,7 @@ class Model:
     def _release_staged(self) -> None:
         for number in [number for number in self.staged if self.dice.random() < 0.3]:
             self.outbox.put(self.staged.pop(number), self.now_s)
+            self.released_s[number] = self.now_s
 
     def end(self) -> None:
         """Let everything come that will ever come."""
@@ -450,15 +469,3 @@ def run(seed: int, messages: int, trouble: Trouble) -> Counter[str]:
         excused=len(oracle.excused - oracle.received.keys()),
         runs=model.lives,
     )
-
-
-def main() -> None:
-    """Run all troubles with many messages, and print what happened."""
-    messages, seeds = (int(each) for each in (*sys.argv[1:], "100000", "20")[:2])
-    for seed in range(seeds):
-        trouble = TROUBLES[seed % len(TROUBLES)]
-        print(seed, trouble, dict(run(seed, messages, trouble)), flush=True)
-
-
-if __name__ == "__main__":
-    main()

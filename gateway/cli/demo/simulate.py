@@ -33,6 +33,7 @@ from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.message import Message
+from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
@@ -193,7 +194,7 @@ async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSet
         raise UsageError(
             f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
-    answers = Outbox(last_topic="", max_rows=MOST_WAITING)
+    answers = Outbox(last_topic="", memory=Bounds(MOST_WAITING, 2**20))
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)

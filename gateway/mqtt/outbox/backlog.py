@@ -1,34 +1,43 @@
-"""The rows that wait for the broker: which of them are in memory, and what the table must be told.
+"""The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
 memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
-written, and `written` or `unwritten` must follow.
+written, and `written` or `unwritten` must follow. What was delivered is deleted apart from that, by
+`take_delivered`: on a full disk only deleting is possible, and makes room.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.queue import HIGHEST, RankQueue
-from gateway.store import DAMAGED, DISK_FULL, Deleted, Loss, OutboxRow, Page, Rank, Total, losses_of
+from gateway.store import Loss, OutboxRow, Page, Rank, Total
 
-MEMORY_FULL, STORE_LOST = "memory_full", "store_lost"  # why something was lost
+# Why something was lost:
+MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_VALUES = 500  # in one transaction
-MOST_FREED = 200  # rows deleted at a time on a full disk: they pass through the room that is left
+MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
+
+
+class Bounds(NamedTuple):
+    """How much there may be."""
+
+    rows: int
+    bytes: int
 
 
 class Batch(NamedTuple):
     """What is to be written in one transaction."""
 
     rows: Sequence[OutboxRow]
-    gone: Mapping[int, Rank]  # by id
+    lost: Mapping[int, Rank]  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None  # None: the table has them
-    keep: frozenset[int]  # what may not be deleted for room
 
     @property
     def is_flushed(self) -> bool:
@@ -43,8 +52,8 @@ class Backlog:
     memory does not wait for what is only in the table.
     """
 
-    def __init__(self, *, max_rows: int, max_bytes: int, utc_of: Callable[[float], float]) -> None:
-        self._max_rows, self._max_bytes = max_rows, max_bytes
+    def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
+        self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
         self._utc_of = utc_of
         self._queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
         self._memory: dict[int, OutboxRow] = {}
@@ -53,7 +62,8 @@ class Backlog:
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
-        self._gone: dict[int, Rank] = {}  # what the table has to delete
+        self._delivered: dict[int, Rank] = {}  # what the table has to delete
+        self._lost: dict[int, Rank] = {}  # likewise, together with a loss
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
         self.on_work: Callable[[], None] = lambda: None
@@ -108,7 +118,7 @@ class Backlog:
         """Remove a row if it is held: the broker has its message."""
         if id_ in self._held:
             self._held.remove(id_)
-            self._note_gone(self._memory.pop(id_))
+            self._have_deleted(self._memory.pop(id_), self._delivered)
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
@@ -143,7 +153,7 @@ class Backlog:
         """Note that the broker has acknowledged what was taken."""
         for row in rows:
             self._flying.remove(row.id)
-            self._forget(row)
+            self._forget(row, self._delivered)
 
     def give_back(self) -> None:
         """Put everything that was taken and not done back into its place."""
@@ -153,45 +163,50 @@ class Backlog:
             self._queues[row.rank].add(row)
             self._leave_to_table(row)
 
-    # What the table must be told.
+    # What is to be written.
 
-    def batch(self, *, is_freeing: bool = False) -> Batch | None:
-        """Return what is to be written next, None for nothing; what frees room only deletes.
+    def take_delivered(self) -> dict[int, Rank]:
+        """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
+        some = dict(list(self._delivered.items())[:MOST_DELETED])
+        for id_ in some:
+            del self._delivered[id_]
+        return some
+
+    def give_back_delivered(self, some: Mapping[int, Rank]) -> None:
+        """Have rows deleted later."""
+        self._delivered = {**some, **self._delivered}
+
+    def batch(self) -> Batch | None:
+        """Return what is to be written next, None for nothing.
 
         All events and results are in it, so that what declares a loss is written with the loss.
         """
-        ids: list[int] = []
-        if not is_freeing:
-            values = [id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE]
-            ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
-            ids += values[:MOST_VALUES]
-        gone = dict(list(self._gone.items())[: MOST_FREED if is_freeing else None])
-        losses = self.losses.unsaved(is_whole=not is_freeing)
-        if not ids and not gone and losses is None:
+        ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
+        values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
+        ids += islice(values, MOST_VALUES)
+        losses = self.losses.unsaved()
+        if not ids and not self._lost and losses is None:
             return None
         for id_ in ids:
             del self._unwritten[id_]
-        for id_ in gone:
-            del self._gone[id_]
         self._writing = frozenset(ids)
+        lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, gone, losses, keep=frozenset(self._held | self._flying))
+        return Batch(rows, lost, losses)
 
-    def written(self, batch: Batch, deleted: Sequence[Deleted]) -> None:
-        """Note that a batch is in the table, and what was deleted for it."""
+    def written(self, batch: Batch) -> None:
+        """Note that a batch is in the table."""
         self._writing = frozenset()
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])
-        self.losses.saved()
-        self._note_deleted(DISK_FULL, deleted)
 
     def unwritten(self, batch: Batch) -> None:
         """Note that a batch could not be written."""
         self._writing = frozenset()
         again = {row.id: None for row in batch.rows if row.id in self._memory}
         self._unwritten = again | self._unwritten
-        self._gone = {**batch.gone, **self._gone}
+        self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
             self.losses.save_again()
 
@@ -216,27 +231,33 @@ class Backlog:
                 self._bring_strays(rank)
                 queue.read(HIGHEST, 0.0)
 
-    def wanted(self) -> list[tuple[Rank, int]]:
-        """Return what is to be read: the ranks, and after which row."""
-        return [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+    def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
+        """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
+        wanting = [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+        return wanting if is_sending or self._excess() else []
 
     def page(self, rank: Rank, page: Page) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self._queues[rank]
-        rows = [row for row in page.rows if row.id not in self._memory and row.id not in self._gone]
+        rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
         queue.bring(row.id for row in rows)
-        self._note_deleted(DAMAGED, page.damaged)
+        for row in page.damaged:
+            queue.lose_beyond(1, row.size)
+            self._lost[row.id] = rank
+            self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
         self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
         if page.is_last:
             self._lose_beyond(rank)
         queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
+        self._make_room()
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
-        self._gone.clear()
+        self._delivered.clear()
+        self._lost.clear()
         for rank, queue in self._queues.items():
             self._bring_strays(rank)
             self._lose_beyond(rank)
@@ -253,21 +274,33 @@ class Backlog:
         self._bytes += row.size
         self._queues[row.rank].add(row)
         self._leave_to_table(row)
-        while self._is_full and (victim := self._oldest()) is not None:
-            self._queues[victim.rank].remove(victim)
-            self._forget(victim)
-            time_s = self._utc_of(victim.time_s)
-            self.losses.add([Loss(MEMORY_FULL, victim.rank, 1, time_s, time_s)], is_saved=False)
+        self._make_room()
         if row.rank is not Rank.VALUE:
             self.on_work()
 
-    @property
-    def _is_full(self) -> bool:
-        return self._bytes > self._max_bytes or len(self._memory) - len(self._held) > self._max_rows
+    def _make_room(self) -> None:
+        """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
+        while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
+            self._queues[victim.rank].remove(victim)
+            self._forget(victim, self._lost)
+            self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
-    def _oldest(self) -> OutboxRow | None:
-        """Return the oldest row of the lowest rank that is in memory and waits."""
+    def _excess(self) -> str:
+        """Return of what there is too much: of rows in memory, or of all that wait."""
+        here = Bounds(len(self._memory) - len(self._held), self._bytes)
+        queues = self._queues.values()
+        all_ = Bounds(sum(queue.rows for queue in queues), sum(queue.bytes for queue in queues))
+        for reason, there_is in ((MEMORY_FULL, here), (DISK_FULL, all_)):
+            bound = self._bounds[reason]
+            if there_is.rows > bound.rows or there_is.bytes > bound.bytes:
+                return reason
+        return ""
+
+    def _victim(self, reason: str) -> OutboxRow | None:
+        """Return the oldest row of the lowest rank that has any; None while that is being read."""
         for rank, queue in self._queues.items():
+            if reason == DISK_FULL and queue.rows:
+                return self.first(rank)
             if not queue.ids:
                 self._bring_strays(rank)
             if queue.ids:
@@ -282,43 +315,31 @@ class Backlog:
             del self._memory[row.id]
             self._bytes -= row.size
 
-    def _forget(self, row: OutboxRow) -> None:
+    def _forget(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
         """Let go of a row that is in no place any more."""
         del self._memory[row.id]
         self._bytes -= row.size
-        self._note_gone(row)
+        self._have_deleted(row, gone)
 
-    def _note_gone(self, row: OutboxRow) -> None:
+    def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
         """Have the table delete a row that it has, or may have: what has a key may have been staged."""
         is_written = row.id not in self._unwritten
         self._unwritten.pop(row.id, None)
         if is_written or row.key:
-            self._gone[row.id] = row.rank
+            gone[row.id] = row.rank
 
-    def _note_deleted(self, reason: str, deleted: Sequence[Deleted]) -> None:
-        """Let go of rows that the table has given up; what was taken meanwhile is not lost."""
-        lost = []
-        for each in deleted:
-            row = self._memory.get(each.id)
-            if each.id in self._flying:
-                self._unwritten[each.id] = None
-            elif each.id not in self._gone:
-                lost.append(each)
-                if row is None:
-                    self._queues[each.rank].lose_beyond(1, each.size)
-                else:
-                    self._queues[each.rank].remove(row)
-                    del self._memory[each.id]
-                    self._bytes -= each.size
-        self.losses.add(losses_of(reason, lost), is_saved=len(lost) == len(deleted))
+    def _is_gone(self, id_: int) -> bool:
+        return id_ in self._delivered or id_ in self._lost
+
+    def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
+        self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
 
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not; everything in memory is within the queue."""
         queue = self._queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
-            first_s, last_s = self._utc_of(queue.first_s), self._utc_of(queue.last_s)
-            self.losses.add([Loss(STORE_LOST, rank, queue.beyond, first_s, last_s)], is_saved=False)
+            self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
             queue.lose_beyond(queue.beyond, size)
 
     def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:

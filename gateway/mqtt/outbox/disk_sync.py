@@ -6,8 +6,7 @@ Sending never waits for the disk. One transaction is under way at a time; what c
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
 3. What memory or disk could not hold is declared once, in the event `gap`.
-4. When nothing can be written, rows wait in memory; deleting and reading are tried by themselves, because on
-   a full disk they are possible, and the way to make room.
+4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import Connection, Deleted, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
 from gateway.system.supervised import is_set_within
 
@@ -32,6 +31,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 LOOK_S = 0.5  # what need not be written at once waits for so long
+FLUSH_S = 5.0  # values may be in the kernel's hands for so long
 RETRY_S = 1.0
 HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
@@ -64,8 +64,9 @@ class DiskSync:
         self._wake = wake
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
-        self._is_recalled = self._is_unreadable = self._is_full = False
+        self._is_recalled = self._is_unreadable = False
         self._waiting: list[Callable[[], None]] = []
+        self._flushed_s = float("-inf")
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away
         self._backlog.on_work = self._work.set
@@ -169,33 +170,34 @@ class DiskSync:
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self) -> None:
-        """Write what waits for it; while the disk is full, delete first."""
-        if not self._is_recalled:
-            return
-        while (batch := self._backlog.batch(is_freeing=self._is_full)) is not None:
+        """Delete what was delivered, which makes room on a full disk, then write what waits for it."""
+        while delivered := self._backlog.take_delivered():
+            ids = [(rank, id_) for id_, rank in delivered.items()]
             try:
-                deleted = await self._do(
-                    partial(self._written, batch), is_flushed=batch.is_flushed, is_freeing=self._is_full
-                )
-            except BaseException as error:
+                await self._do(partial(self._table.delete, ids=ids), is_freeing=True)
+            except BaseException:
+                self._backlog.give_back_delivered(delivered)
+                raise
+        while (batch := self._backlog.batch()) is not None:
+            is_due = self._clock.now_s() - self._flushed_s > FLUSH_S
+            try:
+                await self._do(partial(self._written, batch), is_flushed=is_due or batch.is_flushed)
+            except BaseException:
                 self._backlog.unwritten(batch)
-                self._is_full = isinstance(error, StoreError) and bool(batch.rows and batch.gone)
-                if not self._is_full:
-                    raise
-            else:
-                self._backlog.written(batch, deleted)
-        self._is_full = False
+                raise
+            self._backlog.written(batch)
+            if is_due or batch.is_flushed:
+                self._flushed_s = self._clock.now_s()
 
-    def _written(self, batch: Batch, connection: Connection) -> list[Deleted]:
-        self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
+    def _written(self, batch: Batch, connection: Connection) -> None:
+        self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
-        return self._table.trim(connection, batch.keep)
 
     async def _read(self) -> None:
-        """Read rows back into memory while they are being sent."""
-        for rank, after in self._backlog.wanted() if self._outbox.is_connected else ():
+        """Read rows back into memory, to be sent or given up."""
+        for rank, after in self._backlog.wanted(is_sending=self._outbox.is_connected):
             work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
             page = await self._do(work, is_freeing=True)
             rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]

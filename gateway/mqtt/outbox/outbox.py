@@ -22,15 +22,17 @@ from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
-from gateway.mqtt.outbox.backlog import Backlog
+from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.mqtt.outbox.losses import Refusals
 from gateway.store import Loss, OutboxRow, Rank, Total
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
+IN_MEMORY = Bounds(20_000, 16 * 2**20)
+IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
-class News(NamedTuple):
+class LiveMessage(NamedTuple):
     """A retained message that the broker has not acknowledged; a value has the id that its row would have."""
 
     message: Message
@@ -43,7 +45,7 @@ class Outgoing(NamedTuple):
 
     ticket: int
     message: Message
-    news: News | None = None  # None: rows, or a repetition for a new connection
+    news: LiveMessage | None = None  # None: rows, or a repetition for a new connection
     rows: Sequence[OutboxRow] = ()
 
 
@@ -59,15 +61,15 @@ class Outbox:
         *,
         last_topic: str,
         boot: str = "",
-        max_rows: int = 20_000,
-        max_bytes: int = 16 * 2**20,
+        memory: Bounds = IN_MEMORY,
+        table: Bounds = IN_TABLE,
         utc_of: Callable[[float], float] = float,
     ) -> None:
         self._last_topic = last_topic
         self._boot = boot
-        self.backlog = Backlog(max_rows=max_rows, max_bytes=max_bytes, utc_of=utc_of)
+        self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
         self._latest: dict[str, Message] = {}
-        self._news: dict[str, News] = {}  # by topic; not sent yet
+        self._news: dict[str, LiveMessage] = {}  # by topic; not sent yet
         self._staged: dict[tuple[str, bytes], int] = {}  # rows that somebody else stores: key, payload
         self._left: frozenset[str] = frozenset()  # keys of what earlier runs have left behind
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
@@ -214,10 +216,10 @@ class Outbox:
 
     def _put_retained(self, message: Message, now_s: float) -> None:
         """Replace the newest message of a topic; a value that is replaced unsent is left to the history."""
-        news = News(message, now_s)
+        news = LiveMessage(message, now_s)
         if message.value is not None:
             self._numbers += 1
-            news = News(message, now_s, self._numbers)
+            news = LiveMessage(message, now_s, self._numbers)
         before = self._news.get(message.topic)
         self._latest[message.topic] = message
         if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
@@ -240,19 +242,19 @@ class Outbox:
             message.correlation,
         )
 
-    def _hold(self, news: News) -> None:
+    def _hold(self, news: LiveMessage) -> None:
         """Have a value stored that is still to be published live, so that a crash does not lose it."""
         if news.message.value is not None and not self.backlog.holds(news.id):
             self.backlog.hold(self._late(news))
 
-    def _leave_to_history(self, news: News) -> None:
+    def _leave_to_history(self, news: LiveMessage) -> None:
         """Let a value that was replaced be published late."""
         if self.backlog.holds(news.id):
             self.backlog.release(news.id)
         elif news.message.value is not None:
             self.backlog.put(self._late(news))
 
-    def _late(self, news: News) -> OutboxRow:
+    def _late(self, news: LiveMessage) -> OutboxRow:
         """Return a value as an item for its starter's history topic."""
         record = news.message.value
         assert record is not None
@@ -298,7 +300,7 @@ class Outbox:
         return self._outgoing(Message(rows[0].topic, batch.payload(), qos=1, retain=False), rows=rows)
 
     def _outgoing(
-        self, message: Message, *, news: News | None = None, rows: Sequence[OutboxRow] = ()
+        self, message: Message, *, news: LiveMessage | None = None, rows: Sequence[OutboxRow] = ()
     ) -> Outgoing:
         self._tickets += 1
         return Outgoing(self._tickets, message, news, rows)

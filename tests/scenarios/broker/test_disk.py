@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from gateway.store import OutboxTable, Rank
+from gateway.mqtt.outbox.backlog import Bounds
+from gateway.mqtt.outbox.outbox import IN_TABLE, Outbox
+from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
@@ -286,9 +288,9 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         assert lives.lost() == Counter()
 
 
-def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
+def long_outage(monkeypatch: pytest.MonkeyPatch, table: Bounds) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.OutboxTable", partial(OutboxTable, **bounds))
+    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, table=table))
     with RigPlant(SSW07) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -304,18 +306,59 @@ def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter
 def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    nothing, none, all_events = long_outage(monkeypatch)
+    nothing, none, all_events = long_outage(monkeypatch, IN_TABLE)
     assert (nothing, none) == (Counter(), set())
 
-    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"most_bytes": 32_000}):
-        lost, missing, events = long_outage(monkeypatch, **bounds)
+    for table in (Bounds(60, 10**6), Bounds(150, 10**6), Bounds(10**6, 140_000)):
+        lost, missing, events = long_outage(monkeypatch, table)
 
-        assert events + lost["event"] >= all_events, "what is lost is declared"
+        assert events + lost["event"] == all_events, "what is lost is declared, and no more"
         assert lost["value"] > len(missing) > 0
         assert missing == set(range(min(missing), max(missing) + 1)), "the oldest go"
-        if "most_rows" in bounds:
-            assert events + lost["event"] == all_events
-            assert lost["result"] == 0
+        assert lost["result"] == 0
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=60 * 4096))
+    with RigPlant(SSW07, seed=1) as plant:
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(1))
+        for _ in range(60):
+            lives.step("broker down")
+        lives.end()
+
+        assert "store_unavailable" in plant.events()
+        assert plant.events()[-1] == "store_available"
+        assert lives.faults() == lives.trips
+        assert lives.missing_values() == set()
+        assert lives.lost() == Counter()
+        assert plant.last("gateway/outbox")["oldest_s"] < 1.0
+
+
+def test_with_a_broker_no_value_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: Counter[Rank] = Counter()
+
+    class Watched(OutboxTable):
+        def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
+            rows = tuple(rows)
+            written.update(row.rank for row in rows)
+            super().insert(connection, rows)
+
+    monkeypatch.setattr("gateway.app.uplink.OutboxTable", Watched)
+    with RigPlant(SSW07) as plant:
+        plant.run(until=4.0)
+        written.clear()
+        for second in range(5, 65):
+            act(plant, f"pump P003 = {10 * second}")
+            plant.run(until=second)
+        act(plant, TRIP)
+        plant.run(until=70.0)
+
+        assert len(plant.messages("starter/pump/value/current")) > 20
+        assert written.keys() == {Rank.EVENT, Rank.RESULT}
 
 
 @pytest.mark.parametrize("seed", range(12))
