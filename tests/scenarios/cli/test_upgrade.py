@@ -43,6 +43,18 @@ def with_damaged(*names: str) -> Action:
     return damage
 
 
+def with_a_long_audit(plant: RigPlant) -> None:
+    """Let the audit that 0.2.0 has left be in four files, and the last line cut short by a crash."""
+    left_by_0_2(plant)
+    folder = plant.folder / "state" / "audit"
+    lines = (folder / "audit-00000001.jsonl").read_text().splitlines(keepends=True)
+    for number in range(4):
+        part = "".join(lines[3 * number : 3 * number + 3 if number < 3 else None])
+        (folder / f"audit-{number + 1:08d}.jsonl").write_text(part)
+    with (folder / "audit-00000004.jsonl").open("a") as file:
+        file.write('{"kind":')
+
+
 def untouched(plant: RigPlant) -> str:
     """Say which files of 0.2.0 are not as it left them, or what stands beside them."""
     golden = unpack_golden(plant.folder / "golden")
@@ -124,6 +136,17 @@ UPGRADES = [
                 cli("history CONFIG belt", out="full voltage, 3.9151 s"),
                 cli(f"audit verify CONFIG --contains {FIRST_HASH}", out="chain whole"),
             ],
+        },
+    ),
+    row(
+        "of a long audit of 0.2.0 the newest part is imported, and the chain goes on",
+        given=FOUR + ALICE,
+        before=with_a_long_audit,
+        then={
+            3.0: [
+                cli("audit verify CONFIG", out=("8 entries", "chain whole")),
+                cli(f"audit verify CONFIG --contains {FIRST_HASH}", code=1, out="no line has the hash"),
+            ]
         },
     ),
     row(
