@@ -15,7 +15,7 @@ LARGEST = {  # code lines of a room that is still above its budget: lower them w
     "app": 1438,
     "system": 730,
     "storage": 371,
-    "store": 1230,
+    "store": 1210,
     "plugins": 5506,
     "cli": 5307,
     "sim": 2836,

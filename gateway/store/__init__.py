@@ -31,9 +31,9 @@ from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_fil
 from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
     Loss,
+    OutboxPage,
     OutboxRow,
     OutboxTable,
-    Page,
     Rank,
     Total,
     merged,
@@ -66,9 +66,9 @@ __all__ = [
     "News",
     "NoJournal",
     "OnNews",
+    "OutboxPage",
     "OutboxRow",
     "OutboxTable",
-    "Page",
     "Rank",
     "Remembered",
     "Schema",

@@ -109,8 +109,8 @@ def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> N
         connection.execute(_PUT, (line,))
         octets += len(line)
     _put_anchor(connection, anchor._replace(octets=octets))
-    if octets > MOST_BYTES:
-        _give_up_oldest(connection)
+    while octets > MOST_BYTES:
+        octets = _give_up_oldest(connection)
 
 
 def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
@@ -120,17 +120,18 @@ def take_over(connection: Connection, lines: Sequence[str], before: Head | None,
     append(connection, entries=[_note("state_imported", text, "")])
 
 
-def _give_up_oldest(connection: Connection) -> None:
-    """Delete some lines, and note what stands before those that are left."""
-    octets, first, last = connection.execute(_SHARE).fetchone()
-    if octets:
-        gone = first + (last - first) // GIVEN_UP
-        try:
-            head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
-        except (ValueError, TypeError):
-            head = None
-        connection.execute(_GIVE_UP, (gone,))
-        _put_anchor(connection, Anchor(head, connection.execute(_SHARE).fetchone()[0]))
+def _give_up_oldest(connection: Connection) -> int:
+    """Delete some lines, note what stands before those that are left, and return how long these are."""
+    _, first, last = connection.execute(_SHARE).fetchone()
+    gone = first + (last - first) // GIVEN_UP
+    try:
+        head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
+    except (ValueError, TypeError):
+        head = None
+    connection.execute(_GIVE_UP, (gone,))
+    octets: int = connection.execute(_SHARE).fetchone()[0]
+    _put_anchor(connection, Anchor(head, octets))
+    return octets
 
 
 def read_audit(

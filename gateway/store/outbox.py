@@ -37,7 +37,10 @@ _INSERT = "INSERT INTO outbox VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO 
 _DELETE = "DELETE FROM outbox WHERE rank = ? AND id = ?"
 _PAGE = "SELECT * FROM outbox WHERE rank = ? AND id > ? ORDER BY id LIMIT ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
-_TOTALS = f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox GROUP BY rank"
+_TOTALS = (
+    f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
+)
+_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != ''"
 _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
@@ -86,7 +89,7 @@ class Loss(NamedTuple):
     last_s: float
 
 
-class Page(NamedTuple):
+class OutboxPage(NamedTuple):
     """The next rows of a rank, in order."""
 
     rows: Sequence[OutboxRow]
@@ -113,7 +116,7 @@ class OutboxTable:
         base = self._base(connection)
         connection.executemany(_DELETE, ((rank, id_ + base) for rank, id_ in ids))
 
-    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> Page:
+    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> OutboxPage:
         """Return the rows of a rank after an id, the oldest first."""
         base = self._base(connection)
         found = connection.execute(_PAGE, (rank, after + base, limit)).fetchall()
@@ -123,16 +126,18 @@ class OutboxTable:
             row = OutboxRow(id_, rank, *columns)
             (rows if _checksum(row) == checksum else damaged).append(row._replace(id=id_ - base))
         upto = found[-1][1] - base if found else after
-        return Page(rows, damaged, upto, is_last=len(found) < limit)
+        return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
-        """Return how much there is of each rank of which there is something; reads the whole table."""
-        found = {rank: Total(*columns) for rank, *columns in connection.execute(_TOTALS)}
-        return {rank: found[rank] for rank in Rank if rank in found}
+        """Return how much earlier runs have left of each rank; reads the whole table."""
+        found = connection.execute(_TOTALS, (self._base(connection),))
+        totals = {rank: Total(*columns) for rank, *columns in found}
+        return {rank: totals[rank] for rank in Rank if rank in totals}
 
     def keys(self, connection: Connection) -> frozenset[str]:
-        """Return the keys of all rows that have one."""
-        return frozenset(key for (key,) in connection.execute("SELECT key FROM outbox WHERE key != ''"))
+        """Return the keys of what earlier runs have left."""
+        found = connection.execute(_KEYS, (self._base(connection),))
+        return frozenset(key for (key,) in found)
 
     def losses(self, connection: Connection) -> list[Loss]:
         """Return the losses that are not declared yet."""

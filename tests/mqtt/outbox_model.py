@@ -178,7 +178,7 @@ class Model:
         message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
-        if self.is_disk_well and self.dice.random() < 0.8 and self.is_recalled:
+        if self.is_disk_well and self.dice.random() < 0.8:
             self._transact(lambda connection: self.table.insert(connection, [row]))
 
     def _put_value(self) -> None:

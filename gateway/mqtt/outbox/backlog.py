@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.queue import HIGHEST, RankQueue
-from gateway.store import Loss, OutboxRow, Page, Rank, Total
+from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 
 # Why something was lost:
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
@@ -236,7 +236,7 @@ class Backlog:
         wanting = [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
         return wanting if is_sending or self._excess() else []
 
-    def page(self, rank: Rank, page: Page) -> None:
+    def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self._queues[rank]
         rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]

@@ -66,7 +66,7 @@ class Losses:
         return event
 
 
-class Refusals:
+class RefusedMessages:
     """Publications that the broker would not take; they are not sent again."""
 
     def __init__(self) -> None:

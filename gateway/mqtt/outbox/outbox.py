@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
-from gateway.mqtt.outbox.losses import Refusals
+from gateway.mqtt.outbox.losses import RefusedMessages
 from gateway.store import Loss, OutboxRow, Rank, Total
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
@@ -79,7 +79,7 @@ class Outbox:
         self._late_upto = 0  # the id of the last row from before this connection
         self._was_late = False
         self._history_credit = 0
-        self.refusals = Refusals()
+        self.refusals = RefusedMessages()
         self.on_delivered: Callable[[str], None] = lambda _: None  # called with each key
 
     @property
