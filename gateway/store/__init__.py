@@ -5,6 +5,16 @@ imported from here.
 """
 
 from gateway.store.audit import Anchor, append_note, read_audit
+from gateway.store.backup import (
+    Archive,
+    Manifest,
+    Member,
+    copy_state,
+    is_state_name,
+    open_archive,
+    upgrade,
+    write_archive,
+)
 from gateway.store.chain import FIRST_HASH, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, CommandTable, Journal, NoJournal, Remembered
 from gateway.store.database import (
@@ -13,13 +23,12 @@ from gateway.store.database import (
     Schema,
     Work,
     mark_restored,
-    newer_text,
     read_file,
-    snapshot,
-    stored_version,
     write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
+from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
     Loss,
     OutboxPage,

@@ -113,6 +113,13 @@ def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> N
         octets = _give_up_oldest(connection)
 
 
+def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
+    """Begin an empty table with the lines of another audit, which stood at `before`, and a note of that."""
+    connection.executemany(_PUT, ((line,) for line in lines))
+    _put_anchor(connection, Anchor(before, sum(map(len, lines))))
+    append(connection, entries=[_note("state_imported", text, "")])
+
+
 def _give_up_oldest(connection: Connection) -> int:
     """Delete some lines, note what stands before those that are left, and return how long these are."""
     _, first, last = connection.execute(_SHARE).fetchone()

@@ -224,7 +224,7 @@ class CommandTable(Journal):
     def _read(self, connection: Connection) -> list[Remembered]:
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
         found = connection.execute(_ROWS)
-        return [_remembered(*row) for row in found if not str(row[1]).startswith(ours)]
+        return [remembered(*row) for row in found if not str(row[1]).startswith(ours)]
 
     def _recall(self, future: Future[list[Remembered]]) -> None:
         if self._is_recalled or future.exception() is not None:
@@ -278,7 +278,7 @@ def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:
     return (*key, result.starter, may_be_written, json.dumps(said))
 
 
-def _remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:
+def remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:
     """Return a command as it was stored; DamagedError."""
     try:
         said = json.loads(body)

@@ -108,7 +108,7 @@ class Database:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
         with _translated(self.path):
-            aside = _put_aside(self.path) if self._is_file else self.path
+            aside = put_aside(self.path) if self._is_file else self.path
         self._connect(is_lost=True)
         return f"{error}; put aside as {aside.name}, a new one is used"
 
@@ -227,21 +227,26 @@ class Database:
         self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
-def snapshot(path: Path, copy: Path) -> None:
-    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
+def snapshot(path: Path, copy: Path, schema: Schema) -> int:
+    """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
 
     The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
-    later takes the file for one that was lost: what has happened since is missing in it.
+    later takes the file for one that was lost: what has happened since is missing in it. DamagedError,
+    NewerError, StoreError.
     """
+    if path.exists() and not os.access(path, os.R_OK):
+        raise StoreError(f"{path} may not be read by this user (make the backup as root)")
     new = copy.with_name(copy.name + NEW)
     with _translated(copy):
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with closing(_reader(path)) as source:
+        with _translated(path), closing(_reader(path)) as source:
+            version = _version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
+    return version
 
 
 def mark_restored(path: Path) -> None:
@@ -269,11 +274,14 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     )  # sqlite.org/fileformat2
 
 
-def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
-    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError.
+
+    `is_idle`: no process opens it meanwhile, unless one has already.
+    """
     with _translated(path):
         os.stat(path)
-        with closing(_reader(path)) as connection:
+        with closing(_reader(path, is_idle=is_idle)) as connection:
             _version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             try:
@@ -294,12 +302,13 @@ def write_file(path: Path, schema: Schema, work: Work) -> None:
         database.close()
 
 
-def _reader(path: Path) -> Connection:
+def _reader(path: Path, *, is_idle: bool = False) -> Connection:
     """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
 
-    Without a log no process has it open, so what is read cannot change meanwhile (sqlite.org/wal.html 5).
+    Nothing is made beside one that is idle. Without a log no process has it open, so what is read cannot
+    change meanwhile (sqlite.org/wal.html 5).
     """
-    is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
+    is_fixed = not os.path.lexists(f"{path}-wal") and (is_idle or not os.access(path.parent, os.W_OK))
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
     connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
     connection.text_factory = _text
@@ -383,7 +392,7 @@ def _place(path: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def _put_aside(path: Path) -> Path:
+def put_aside(path: Path) -> Path:
     """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
     stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
     for end in _COMPANIONS:

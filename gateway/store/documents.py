@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
 from gateway.store.database import Connection, read_file, write_file
+from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
 from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
@@ -146,9 +147,15 @@ class Document(Generic[T]):
 
 
 def read_bodies(path: Path | None) -> dict[str, str]:
-    """Return the documents in a file, by name; none when there is no file. StoreError."""
+    """Return the documents in a file, by name; those of 0.2.0 while there is no file. StoreError."""
+    if path is None or not path.parent.exists():
+        return {}
+    return documents_of_0_2(path.parent) if is_import_due(path.parent) else _read_bodies(path)
+
+
+def _read_bodies(path: Path) -> dict[str, str]:
     try:
-        return {} if path is None or not path.parent.exists() else read_file(path, STATE, _bodies)
+        return read_file(path, STATE, _bodies)
     except StoreError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             return {}
@@ -162,6 +169,7 @@ def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
 
 def write_document(path: Path, name: str, kind: TypeAdapter[T], document: T) -> None:
     """Save a document for the next run of a gateway, which does not run now; StoreError."""
+    import_files(path.parent)
     write_file(path, STATE, partial(put_body, name=name, body=kind.dump_json(document).decode()))
 
 

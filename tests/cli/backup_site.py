@@ -5,31 +5,18 @@ from __future__ import annotations
 import fcntl
 import io
 import json
-import sqlite3
 import tarfile
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gateway.contract import LockRecord
-from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
-from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
-from gateway.starters.policy.write_budget import WRITES
-from gateway.store import (
-    HISTORY,
-    HISTORY_FILE,
-    STATE_FILE,
-    append_note,
-    read_document,
-    write_document,
-    write_file,
-)
-from gateway.system.clock_steps import ClockReading
+from gateway.starters.policy.motor_history import LOCKS, MOTORS
+from gateway.store import STATE_FILE, read_document, upgrade
 from gateway.system.password_hash import password_line
 from tests.rig.sites import line, operator, starter, table
+from tests.store.golden.state import unpack_golden
 
-UTC_S = 1_760_000_000.0
 HASH = password_line("correct horse")
 CONFIG = (
     table("gateway", name="plant", state_dir="state")
@@ -119,21 +106,5 @@ def build_site(folder: Path) -> Path:
     (folder / "secret" / "mqtt.password").chmod(0o600)
     (folder / "site.toml").write_text(CONFIG.replace("OUTSIDE", str(outside)))
     (folder / "site.toml").chmod(0o640)
-    (folder / "state").mkdir()
-    write_file(folder / "state" / HISTORY_FILE, HISTORY, lambda _: None)
-    _store(folder / "state" / STATE_FILE)
+    upgrade(unpack_golden(folder / "state"))
     return folder / "site.toml"
-
-
-def _store(path: Path) -> None:
-    """Write what a gateway stores: a start and a lock, counts, the number of a birth, a command."""
-    motors = MotorHistory(["pump", "mill"])
-    motors.note_start("pump", now_s=90.0)
-    motors.set_lock("mill", LockRecord(by="alice", since_s=UTC_S, reason="bearing"))
-    stored = motors.stored(now_s=100.0, reading=ClockReading(100.0, UTC_S, "boot"))
-    write_document(path, LOCKS, MOTORS, stored)
-    write_document(path, "writes", WRITES, {"pump": 1})
-    write_document(path, BIRTHS, NUMBER, 7)
-    append_note(path, "gateway_started", "version 0.3.0")
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("INSERT INTO commands VALUES ('alice', 'c2', 'pump', 1, '{}')")

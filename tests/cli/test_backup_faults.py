@@ -14,8 +14,7 @@ import pytest
 
 from gateway.cli.main import main
 from gateway.starters.policy.write_budget import WRITES
-from gateway.storage.upkeep.archive import Archive
-from gateway.store import STATE_FILE, read_document, write_document
+from gateway.store import HISTORY_FILE, STATE_FILE, Archive, read_document, write_document
 from tests.cli.backup_site import build_site, files_below, lock_of, names_in, running
 
 MOST_POINTS = 300
@@ -144,3 +143,29 @@ def test_a_gateway_that_runs_by_the_configuration_is_left_alone_with_another_sta
 
     assert "a gateway runs by" in capsys.readouterr().err
     assert octets_below(site.parent) == before
+
+
+def test_the_files_of_0_2_0_are_not_copied_while_it_runs(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (site.parent / "state" / STATE_FILE).unlink()
+
+    with running(site.parent / "state"):
+        assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+
+    assert "a gateway of 0.2.0 runs" in capsys.readouterr().err
+    assert not (tmp_path / "plant.tar.gz").exists()
+
+
+def test_a_damaged_file_and_what_a_killed_backup_has_left(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, other = tmp_path / ".plant.tar.gz.x.copies", tmp_path / ".plant.tar.gz"
+    for folder in (left, other):
+        folder.mkdir()
+    (site.parent / "state" / HISTORY_FILE).write_text("Dear diary, " * 1000)
+
+    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+
+    assert "history.sqlite: file is not a database (start the gateway once" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == {"etc", "ssl", other.name}
