@@ -14,7 +14,7 @@ LARGEST = {  # code lines of a room that is still above its budget: lower them w
     "config": 1354,
     "app": 1423,
     "system": 730,
-    "storage": 155,
+    "store": 1514,
     "plugins": 4926,
     "cli": 5289,
     "sim": 2836,

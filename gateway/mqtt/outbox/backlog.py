@@ -55,7 +55,7 @@ class Backlog:
     def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
         self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
         self._utc_of = utc_of
-        self._queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
+        self.queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
         self._memory: dict[int, OutboxRow] = {}
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
@@ -72,17 +72,17 @@ class Backlog:
     @property
     def is_empty(self) -> bool:
         """Return whether nothing waits, here or in the table."""
-        return not self._flying and not any(queue.rows for queue in self._queues.values())
+        return not self._flying and not any(queue.rows for queue in self.queues.values())
 
     @property
     def has_history(self) -> bool:
         """Return whether values wait to be published late."""
-        return self._queues[Rank.VALUE].rows > 0
+        return self.queues[Rank.VALUE].rows > 0
 
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (in flight and in the table too), how many bytes, and since when."""
         flying = [self._memory[id_] for id_ in self._flying]
-        queues = [queue for queue in self._queues.values() if queue.rows]
+        queues = [queue for queue in self.queues.values() if queue.rows]
         since_s = [row.time_s for row in flying]
         since_s += [self._memory[queue.ids[0]].time_s for queue in queues if queue.ids]
         since_s += [queue.first_s for queue in queues if queue.beyond]
@@ -136,7 +136,7 @@ class Backlog:
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if not queue.rows:
             return None
         if not queue.is_next_here:
@@ -147,7 +147,7 @@ class Backlog:
 
     def take(self, row: OutboxRow) -> None:
         """Remove what `first` returned, until it is done or given back."""
-        self._queues[row.rank].remove(row)
+        self.queues[row.rank].remove(row)
         self._flying.add(row.id)
 
     def take_history(self, most: int) -> list[OutboxRow]:
@@ -155,7 +155,7 @@ class Backlog:
         first = self.first(Rank.VALUE)
         if first is None:
             return []
-        queue = self._queues[Rank.VALUE]
+        queue = self.queues[Rank.VALUE]
         upto = queue.upto if queue.is_next_here else HIGHEST
         near = (self._memory[id_] for id_ in queue.ids[:LOOKAHEAD] if id_ <= upto)
         batch = [row for row in near if (row.topic, row.boot) == (first.topic, first.boot)][:most]
@@ -174,7 +174,7 @@ class Backlog:
         flown = [self._memory[id_] for id_ in sorted(self._flying)]
         self._flying.clear()
         for row in flown:
-            self._queues[row.rank].add(row)
+            self.queues[row.rank].add(row)
             self._leave_to_table(row)
 
     # What is to be written.
@@ -232,13 +232,13 @@ class Backlog:
 
     def expect_table(self) -> None:
         """Take it that there is a table, whose rows of earlier runs come first."""
-        for queue in self._queues.values():
+        for queue in self.queues.values():
             queue.expect_table()
 
     def recall(self, totals: Mapping[Rank, Total], losses: Iterable[Loss]) -> None:
         """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
         self.losses.recall(losses)
-        for rank, queue in self._queues.items():
+        for rank, queue in self.queues.items():
             if rank in totals:
                 queue.recall(totals[rank])
             else:
@@ -247,12 +247,12 @@ class Backlog:
 
     def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
         """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
-        wanting = [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+        wanting = [(rank, queue.upto) for rank, queue in self.queues.items() if queue.wants_page]
         return wanting if is_sending or self._excess() else []
 
     def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
         for row in rows:
             self._memory[row.id] = row
@@ -272,7 +272,7 @@ class Backlog:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
         self._delivered.clear()
         self._lost.clear()
-        for rank, queue in self._queues.items():
+        for rank, queue in self.queues.items():
             self._bring_strays(rank)
             self._lose_beyond(rank)
             queue.read(HIGHEST, 0.0)
@@ -286,7 +286,7 @@ class Backlog:
         if is_new:
             self._unwritten[row.id] = None
         self._bytes += row.size
-        self._queues[row.rank].add(row)
+        self.queues[row.rank].add(row)
         self._leave_to_table(row)
         self._make_room()
         if row.rank is not Rank.VALUE:
@@ -295,14 +295,14 @@ class Backlog:
     def _make_room(self) -> None:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
         while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
-            self._queues[victim.rank].remove(victim)
+            self.queues[victim.rank].remove(victim)
             self._forget(victim, self._lost)
             self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
     def _excess(self) -> str:
         """Return of what there is too much: of rows in memory, or of all that wait."""
         here = Bounds(len(self._memory) - len(self._held), self._bytes)
-        queues = self._queues.values()
+        queues = self.queues.values()
         all_ = Bounds(sum(queue.rows for queue in queues), sum(queue.bytes for queue in queues))
         for reason, there_is in ((MEMORY_FULL, here), (DISK_FULL, all_)):
             bound = self._bounds[reason]
@@ -312,7 +312,7 @@ class Backlog:
 
     def _victim(self, reason: str) -> OutboxRow | None:
         """Return the oldest row of the lowest rank that has any; None while that is being read."""
-        for rank, queue in self._queues.items():
+        for rank, queue in self.queues.items():
             if reason == DISK_FULL and queue.rows:
                 return self.first(rank)
             if not queue.ids:
@@ -324,7 +324,7 @@ class Backlog:
     def _leave_to_table(self, row: OutboxRow) -> None:
         """Forget a row that the table has, unless it is held, in flight or within the window."""
         is_written = row.id not in self._unwritten and row.id not in self._writing
-        is_here = row.id in self._held or row.id in self._flying or row.id in self._queues[row.rank]
+        is_here = row.id in self._held or row.id in self._flying or row.id in self.queues[row.rank]
         if is_written and not is_here:
             del self._memory[row.id]
             self._bytes -= row.size
@@ -350,7 +350,7 @@ class Backlog:
 
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not; everything in memory is within the queue."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
@@ -358,7 +358,7 @@ class Backlog:
 
     def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:
         """Have rows of beyond that are still in memory within the queue."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if queue.beyond:
             places = self._held | self._flying | set(queue.ids)
             rows = (row for row in self._memory.values() if row.rank is rank and row.id <= upto)

@@ -33,11 +33,11 @@ IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
 class LiveMessage(NamedTuple):
-    """A retained message that the broker has not acknowledged; a value has the id that its row would have."""
+    """A retained message that the broker has not acknowledged; a value's row in the history would have its id."""
 
     message: Message
     since_s: float
-    id: int = 0
+    id: int
 
 
 class Outgoing(NamedTuple):
@@ -151,7 +151,9 @@ class Outbox:
         if self._opening:
             taken: Outgoing | None = self._take_latest(self._opening.popleft())
         else:
-            taken = self._take_row()
+            queues = self.backlog.queues  # looked at here for speed: there is seldom anything in these two
+            is_waiting = queues[Rank.RESULT].rows or queues[Rank.EVENT].rows
+            taken = self._take_row() if is_waiting else None
         if taken is None:
             taken = self._take_latest(next(iter(self._news))) if self._news else self._take_history()
         if taken is not None and taken.message.qos:
@@ -202,10 +204,8 @@ class Outbox:
 
     def _put_retained(self, message: Message, now_s: float) -> None:
         """Replace the newest message of a topic; a value that is replaced unsent is left to the history."""
-        news = LiveMessage(message, now_s)
-        if message.value is not None:
-            self._numbers += 1
-            news = LiveMessage(message, now_s, self._numbers)
+        self._numbers += 1
+        news = LiveMessage(message, now_s, self._numbers)
         before = self._news.get(message.topic)
         self._latest[message.topic] = message
         if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
