@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from gateway.app.plant import Plant
@@ -30,7 +29,7 @@ from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
-from tests.history.memory_file import MemoryFile
+from tests.history.support import NO_OUTBOX, NoFile
 from tests.lab.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.local_host import LocalHost
 from tests.starters.fakes import RecordingSink
@@ -79,7 +78,6 @@ class RunningPlant:
     plant: Plant = field(init=False)
     services: StarterServices = field(init=False)
     history: History = field(init=False)
-    file: MemoryFile = field(default_factory=MemoryFile)  # of the history
     records: RecordWriter = field(init=False)  # which everything shares
 
     # What the plant calls
@@ -183,13 +181,14 @@ async def running(
     names = [setup.name for setup in setups(here.config)]
     policy = Policy(policy_of(here.config), names, rights=rights, records=records)
     here.history = History(
-        Path("unused"),
+        NoFile(),  # type: ignore[arg-type] # what is asked of it
         setups(here.config),
+        outbox=NO_OUTBOX,
         publish_event=here.publish_event,
         policy=policy,
-        make_file=lambda _path, _on_news: here.file,  # type: ignore[arg-type,return-value] # what is asked of it
         records=records,
     )
+    here.history.note_left(())
     past = here.history if has_past else None
     # Seldom: it would look at the same instant as what is tested.
     services = StarterServices(monitor_every_s=3600.0, past=past)

@@ -29,6 +29,7 @@ from gateway.contract import (
 )
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands
+from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -38,7 +39,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.store import STATE_FILE, StateStore
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -98,7 +99,7 @@ class Parts:
         self._connect()
 
     def _connect(self) -> None:
-        self.uplink.outbox.on_delivered = self.history.delivered
+        self.uplink.disk_sync.on_recalled = self.history.note_left
         self.state.follow(self.uplink.disk_sync.note_news)
         self.state.commands.row_of = self.uplink.stage
         self.health.note_link(None)
@@ -174,12 +175,16 @@ class Parts:
 
     def _build_history(self) -> History:
         return History(
-            self.site.state_dir,
+            HistoryStore(self.site.state_dir / HISTORY_FILE),
             setups_in(self.site.config),
+            outbox=StoredRecords(
+                keep=self.uplink.keep,
+                payloads=self.uplink.disk_sync.payloads,
+                let_go=self.uplink.disk_sync.let_go,
+            ),
             records=self._records,
             publish_event=self.publish_event,
             policy=self.policy,
-            publish_again=self.uplink.publish_again,
         )
 
     def _build_dispatcher(self) -> Dispatcher:

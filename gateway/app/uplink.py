@@ -9,7 +9,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 from gateway import __version__
@@ -219,15 +220,9 @@ class Uplink:
         """
         return self.disk_sync.stage(message_of(result, self.topics.base)) if result.key else None
 
-    def publish_again(self, records: Sequence[Record]) -> None:
-        """Publish starts and trips that a crash may have prevented, unless the outbox has them too."""
-
-        def publish() -> None:
-            for record in records:
-                if record.key not in self.disk_sync.left:
-                    self.publisher.put(record)
-
-        self.disk_sync.when_recalled(publish)
+    def keep(self, record: Record) -> Future[None]:
+        """Store a record that has a key for the broker; it is sent once it was put on the bus."""
+        return self.disk_sync.keep(message_of(record, self.topics.base))
 
     async def close(self, reason: str) -> None:
         """Publish what waits, and that the gateway is offline."""

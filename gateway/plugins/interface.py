@@ -16,8 +16,7 @@ from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.freshness import Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.storage.history_table import HistoryRow
-from gateway.store import Documents
+from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
 from gateway.system.supervised import InThread

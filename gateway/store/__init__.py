@@ -28,6 +28,7 @@ from gateway.store.database import (
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
+from gateway.store.history import HistoryRow, HistoryStore, read_history
 from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
     Loss,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from gateway.store.database import Connection
@@ -40,7 +40,7 @@ _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
 _TOTALS = (
     f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
 )
-_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != ''"
+_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
 _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
@@ -134,10 +134,16 @@ class OutboxTable:
         totals = {rank: Total(*columns) for rank, *columns in found}
         return {rank: totals[rank] for rank in Rank if rank in totals}
 
-    def keys(self, connection: Connection) -> frozenset[str]:
-        """Return the keys of what earlier runs have left."""
-        found = connection.execute(_KEYS, (self._base(connection),))
-        return frozenset(key for (key,) in found)
+    def keys(self, connection: Connection) -> list[str]:
+        """Return the keys of what earlier runs have left, the oldest first."""
+        return [key for (key,) in connection.execute(_KEYS, (self._base(connection),))]
+
+    def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
+        """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
+        wanted = f"SELECT * FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
+        found = connection.execute(wanted, tuple(keys))
+        rows = ((OutboxRow(id_, Rank(rank), *columns), checksum) for rank, id_, *columns, checksum in found)
+        return {row.key: row.payload for row, checksum in rows if _checksum(row) == checksum}
 
     def losses(self, connection: Connection) -> list[Loss]:
         """Return the losses that are not declared yet."""

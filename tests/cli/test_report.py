@@ -18,7 +18,7 @@ from gateway.cli.report.labels import translator
 from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.report import make_report
 from gateway.cli.report.text import WIDTH, to_text
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 from tests.history.year import STARTER, Year, lived, write
 from tests.report_picture import PUBLISHED
 
@@ -111,7 +111,7 @@ def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(year: Y
     def seen(id_: str, time: str, before: float, after: float) -> HistoryRow:
         values = {"before": {"value": before, "unit": "s"}, "after": {"value": after, "unit": "s"}}
         data = {"time": time, "parameter": "P102", "name": "acceleration ramp time", **values}
-        return HistoryRow(STARTER, "setting", id_, 1.0, data, 100)
+        return HistoryRow(STARTER, "setting", id_, data, 100)
 
     rows = [*year.rows, seen("a", "2026-01-02T03:04:05.678Z", 20.0, 25.0)]
     rows.append(seen("b", "2030-01-02T03:04:05.678Z", 25.0, 10.0))

@@ -11,11 +11,16 @@ from pathlib import Path
 
 from gateway.config.convert import policy_of, rights_of, setups_of
 from gateway.config.load import parse
-from gateway.contract import EventRecord, Record, RecordWriter, StartRecord
+from gateway.contract import EventRecord, Record, RecordWriter, Sink, StartRecord, Topics
+from gateway.mqtt import DiskSync, Outbox, Publisher, message_of
+from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
+from gateway.starters.policy.freshness import RunToken
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.readings import Readings
+from gateway.store import HISTORY_FILE, STATE, STATE_FILE, HistoryStore, OutboxTable, Store
 from gateway.system.clock import SystemClock
+from gateway.system.supervised import on_this_loop
 from tests.history.support import AnalyticStart, ReadMotor
 from tests.small_site import small_site
 
@@ -24,17 +29,17 @@ SITE = small_site(*((name, "ssw07") for name in STARTERS))
 
 
 class Stored:
-    """A sink that has the names of starts as soon as they are published, and hands records to the history."""
+    """A sink that has the names of starts as soon as they are published, and hands records on."""
 
     def __init__(self) -> None:
-        self.published: list[tuple[str, str]] = []  # and not named yet
-        self.history: History | None = None
+        self.published: asyncio.Queue[str] = asyncio.Queue()
+        self.others: list[Sink] = []
 
     def put(self, record: Record) -> None:
-        if self.history is not None:
-            self.history.put(record)
+        for other in self.others:
+            other.put(record)
         if isinstance(record, StartRecord):
-            self.published.append((record.starter, record.id))
+            self.published.put_nowait(f"{record.starter} {record.id}\n")
         if isinstance(record, EventRecord):
             os.write(1, f"{record.code}: {record.text}\n".encode())
 
@@ -47,31 +52,43 @@ def replies(number: int) -> list[Readings]:
 
 
 async def write(folder: Path, run: str) -> None:
-    """Record start after start, without end; one is named once the file has it."""
-    sink = Stored()
+    """Record start after start, without end and without a broker; one is named once the file has it."""
+    sink, clock = Stored(), SystemClock()
     config = parse(SITE, "site.toml")
     setups = [setup for line in config.lines for setup in setups_of(line)]
-
-    records = RecordWriter(sink, SystemClock(), boot=run)
+    records = RecordWriter(sink, clock, boot=run)
+    publish_event = partial(records.event, "")
+    store, topics = Store(folder / STATE_FILE, STATE), Topics("plant")
+    outbox = Outbox(last_topic="", boot=run, utc_of=clock.utc_s)
+    publisher = Publisher(topics, RunToken(run), outbox, sink=sink, clock=clock)
+    disk_sync = DiskSync(
+        outbox, store, OutboxTable(), clock=clock, publish_event=publish_event, wake=publisher.wake
+    )
     history = History(
-        folder,
+        HistoryStore(folder / HISTORY_FILE),
         setups,
+        outbox=StoredRecords(
+            keep=lambda record: disk_sync.keep(message_of(record, topics.base)),
+            payloads=disk_sync.payloads,
+            let_go=disk_sync.let_go,
+        ),
         records=records,
         policy=Policy(policy_of(config), STARTERS, rights=rights_of(config), records=records),
-        publish_event=partial(records.event, ""),
+        publish_event=publish_event,
     )
-    sink.history = history
-    running = asyncio.create_task(history.run())
-    await asyncio.sleep(0)  # it begins
+    sink.others += [history, publisher]
+    disk_sync.on_recalled = history.note_left
+    store.start(on_this_loop(disk_sync.note_news))
+    running = [asyncio.create_task(each) for each in (disk_sync.run(), history.run())]
+    await asyncio.sleep(0)  # they begin
     for number in itertools.count():
-        assert not running.done()
+        assert not any(task.done() for task in running)
         starter = STARTERS[number % len(STARTERS)]
         for readings in replies(number // len(STARTERS)):
             history.take_readings(starter, readings)
+        name = await sink.published.get()
         await history.stored("", ())  # what was put up to now is on the disk
-        lines = [f"{starter} {id_}\n" for starter, id_ in sink.published]
-        os.write(1, "".join(lines).encode())  # one piece that no kill can cut
-        sink.published.clear()
+        os.write(1, name.encode())  # one piece that no kill can cut
 
 
 if __name__ == "__main__":

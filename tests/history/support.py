@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from gateway.contract import StartRecord
+from gateway.contract import Record, StartRecord
 from gateway.families.profile.load import load_profile
-from gateway.plugins.history.start_recorder import FinishedStart, StartPoints, StartRecorder
+from gateway.plugins.history.delivery import StoredRecords
+from gateway.plugins.history.start_recorder import StartPoints, StartRecorder
 from gateway.starters.telemetry.readings import Readings, Value
+from gateway.store import HistoryRow
 
 UTC_S = 1_795_222_000.0  # minus the steady clock
 POINTS = StartPoints.of(load_profile("ssw07"))
@@ -110,6 +113,48 @@ class ReadMotor:
             at_s = self.start.begin_s + READ_BACK_S if self.is_ours and is_between else next_s
 
 
+class NoFile:
+    """Stands for a file that has everything at once; `stored` is what was put, by kind and id."""
+
+    def __init__(self) -> None:
+        self.stored: dict[tuple[str, str], HistoryRow] = {}
+
+    def start(self, *_: object) -> None:
+        pass
+
+    def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
+        self.stored[row.kind, row.id] = row
+        for key in [key for key in self.stored if key[0] == row.kind][: -row.limit]:
+            del self.stored[key]
+
+    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
+        if (kind, id_) in self.stored:
+            self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
+
+    async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
+        return []
+
+    async def lacking(self, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
+        return []
+
+    async def close(self, *, within_s: float) -> bool:
+        return True
+
+
+def stored_at_once(_: Record) -> Future[None]:
+    """Stand for an outbox that stores at once."""
+    done: Future[None] = Future()
+    done.set_result(None)
+    return done
+
+
+async def no_payloads(_: Sequence[str]) -> dict[str, bytes]:
+    return {}
+
+
+NO_OUTBOX = StoredRecords(keep=stored_at_once, payloads=no_payloads, let_go=lambda _: None)
+
+
 def recorder(points: StartPoints = POINTS) -> StartRecorder:
     made = StartRecorder("pump", points, boot="boot", sequence=itertools.count(1))
     made.rated_a = RATED_A
@@ -122,7 +167,7 @@ def records(
     until_s: float = 60.0,
     one: StartRecorder | None = None,
     before: Callable[[StartRecorder, float], None] = lambda _recorder, _at_s: None,
-) -> list[FinishedStart]:
+) -> list[StartRecord]:
     """Return what a recorder makes of a motor."""
     one = one or recorder()
     found = []
@@ -134,6 +179,6 @@ def records(
     return found
 
 
-def sole(found: list[FinishedStart]) -> StartRecord:
-    (finished,) = found
-    return finished.record
+def sole(found: list[StartRecord]) -> StartRecord:
+    (record,) = found
+    return record

@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import pytest
 
@@ -6,7 +7,6 @@ from gateway.plugins.history.limits import (
     LEAST_FALL,
     LEAST_FALL_S,
     LEAST_LEVEL,
-    StartLimits,
     ThermalModel,
     pause_left_s,
     starts_left,
@@ -14,34 +14,32 @@ from gateway.plugins.history.limits import (
 
 
 def test_starts_left_are_those_of_the_last_hour() -> None:
-    limits = StartLimits(starts_per_hour=3)
-
-    assert starts_left(limits, [], now_s=10_000) == 3
-    assert starts_left(limits, [6000, 7000], now_s=10_000) == 2
-    assert starts_left(limits, [7000, 8000, 9000, 9500], now_s=10_000) == 0
+    assert starts_left(3, [], now_s=10_000) == 3
+    assert starts_left(3, [6000, 7000], now_s=10_000) == 2
+    assert starts_left(3, [7000, 8000, 9000, 9500], now_s=10_000) == 0
 
 
 def test_without_a_rule_the_number_of_starts_is_not_known() -> None:
-    assert starts_left(StartLimits(), [1.0], now_s=2.0) is None
+    assert starts_left(None, [1.0], now_s=2.0) is None
 
 
 @pytest.mark.parametrize(
     ("limits", "starts", "since", "pause"),
     [
-        (StartLimits(), [], 0.0, 0.0),
-        (StartLimits(after_stop_s=60), [], 9_980.0, 40.0),
-        (StartLimits(after_stop_s=60), [], 0.0, 0.0),
-        (StartLimits(after_stop_s=60), [], None, 60.0),  # it runs: the pause begins with its standstill
-        (StartLimits(between_starts_s=300), [9_900.0], 9_950.0, 200.0),
-        (StartLimits(starts_per_hour=2), [7_000.0, 9_000.0], 9_990.0, 600.0),
-        (StartLimits(starts_per_hour=2), [9_000.0], 9_990.0, 0.0),
-        (StartLimits(starts_per_hour=2, after_stop_s=900), [7_000.0, 9_000.0], 9_990.0, 890.0),
+        ({}, [], 0.0, 0.0),
+        ({"after_stop_s": 60}, [], 9_980.0, 40.0),
+        ({"after_stop_s": 60}, [], 0.0, 0.0),
+        ({"after_stop_s": 60}, [], None, 60.0),  # it runs: the pause begins with its standstill
+        ({"between_starts_s": 300}, [9_900.0], 9_950.0, 200.0),
+        ({"per_hour": 2}, [7_000.0, 9_000.0], 9_990.0, 600.0),
+        ({"per_hour": 2}, [9_000.0], 9_990.0, 0.0),
+        ({"per_hour": 2, "after_stop_s": 900}, [7_000.0, 9_000.0], 9_990.0, 890.0),
     ],
 )
 def test_the_pause_is_the_longest_that_any_limit_demands(
-    limits: StartLimits, starts: list[float], since: float | None, pause: float
+    limits: dict[str, Any], starts: list[float], since: float | None, pause: float
 ) -> None:
-    assert pause_left_s(limits, starts, standing_since_s=since, now_s=10_000.0) == pause
+    assert pause_left_s(starts, standing_since_s=since, now_s=10_000.0, **limits) == pause
 
 
 def cool(model: ThermalModel, *, level: float, tau_s: float, until_s: float, since_s: float = 0.0) -> float:

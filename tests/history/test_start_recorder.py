@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.contract import Cause, StartOutcome, StartSource
+from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.plugins.history.start_curve import crossings
 from gateway.plugins.history.start_recorder import (
     LONGEST_S,
-    FinishedStart,
     StartCommand,
     StartPoints,
     StartRecorder,
@@ -43,7 +42,7 @@ def one_reply(at_s: float, state: str, **values: Value) -> Readings:
 
 def feed(one: StartRecorder, *replies: Readings) -> list[StartOutcome]:
     found = [one.take(reply) for reply in replies]
-    return [each.record.outcome for each in found if each is not None]
+    return [each.outcome for each in found if each is not None]
 
 
 @pytest.mark.parametrize("fast_s", [0.1, 0.25, 0.4])
@@ -112,8 +111,8 @@ def test_what_the_state_never_showed_is_found_by_the_current() -> None:
 
     above_s = (2.5 * RATED_A - 150.0) / 300.0 * 0.2
     below_s = 2.0 - (2.5 * RATED_A - 80.0) / 370.0 * 0.3
-    assert finished.record.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
-    assert finished.record.outcome is StartOutcome.FULL_VOLTAGE
+    assert finished.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
+    assert finished.outcome is StartOutcome.FULL_VOLTAGE
 
 
 @pytest.mark.parametrize(
@@ -194,7 +193,7 @@ def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
     assert summary.lowest_v == 371.0
 
 
-def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) -> list[FinishedStart]:
+def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) -> list[StartRecord]:
     """Return the records of a motor of which some readings of the current, from the start on, are wrong."""
     found, number = [], -1
     for readings in motor.replies(0.0, 60.0):
@@ -304,7 +303,7 @@ def test_what_is_a_start_and_how_it_ended(replies: str, outcomes: list[str]) -> 
             flags = {name: value == "1"} if name else {}
             found.append(one.lose() if state == "lost" else one.take(one_reply(at_s, state, **flags)))
 
-    assert [each.record.outcome for each in found if each is not None] == outcomes
+    assert [each.outcome for each in found if each is not None] == outcomes
 
 
 @pytest.mark.parametrize(("remote", "source"), [(True, "remote"), (False, "local"), (None, "unknown")])
@@ -318,9 +317,9 @@ def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | No
     lost = one.lose()
 
     assert lost is not None
-    assert lost.record.cause.source == source
-    assert lost.record.standstill_s == pytest.approx(87.0)
-    assert (lost.record.acceleration_s, lost.record.peak_a, lost.record.samples["t_s"]) == (None, None, ())
+    assert lost.cause.source == source
+    assert lost.standstill_s == pytest.approx(87.0)
+    assert (lost.acceleration_s, lost.peak_a, lost.samples["t_s"]) == (None, None, ())
 
 
 @pytest.mark.parametrize("state", ["fault", "stopping"])

@@ -5,7 +5,6 @@ A fan whose bearing wears from the eighth month on: it takes ever longer to full
 
 from __future__ import annotations
 
-import asyncio
 import json
 import random
 import sqlite3
@@ -19,17 +18,14 @@ from typing import Any
 from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.plugins.history.delivery import Delivery
+from gateway.plugins.history.delivery import Delivery, Past
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trip_recorder import NOTHING
 from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, Fingerprint, Known
 from gateway.starters.setup import StarterSetup
-from gateway.storage.history import HistoryStore
-from gateway.storage.history_table import HistoryRow
-from gateway.store import STATE_FILE, write_document
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
 from gateway.system.clock import Clock
-from tests.history.memory_file import MemoryFile
-from tests.history.support import UTC_S, AnalyticStart, ReadMotor
+from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor
 
 STARTER = "cooling-fan-2"
 DAY_S = 86400.0
@@ -81,14 +77,14 @@ class Year:
 async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
     """Let the motor live its year and return what the gateway would have stored."""
     chance = random.Random(seed)
-    clock, memory, records = YearClock(), MemoryFile(), _Records()
+    clock, memory, records = YearClock(), NoFile(), _Records()
     writer: Any = RecordWriter(records, clock, boot="8c41d07e")
     store: Any = memory
-    delivery = Delivery(writer, store, count=lambda _: None, publish_again=lambda _: None)
+    delivery = Delivery(writer, store, NO_OUTBOX)
     profile = load_profile("ssw07")
     setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0))
-    history = MotorStarts(setup, delivery)
-    history.restore(())
+    history = MotorStarts(setup, delivery, lambda _: None)
+    history.restore(Past((), (), ()))
     starts, hours = 0, 0.0
     for day in range(days):
         for number in range(per_day):
@@ -97,9 +93,10 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
                 clock.at_s = readings.at_s
                 history.take_readings(readings)
             starts, hours = starts + 1, hours + chance.uniform(4.0, 5.0)
-            await asyncio.sleep(0)
+            delivery.release()
     history.close()
-    rows = [*memory.rows.values(), *_trips(), _counters(starts, hours, clock)]
+    delivery.release()
+    rows = [*memory.stored.values(), *_trips(), _counters(starts, hours)]
     return Year(rows, [each for each in records.found if isinstance(each, EventRecord)])
 
 
@@ -134,11 +131,11 @@ def _trips() -> list[HistoryRow]:
             at_fault={},
             fault_history=(),
         )
-        found.append(HistoryRow(STARTER, "trip", id_, time_s, trip.fields(), 100))
+        found.append(HistoryRow(STARTER, "trip", id_, trip.fields(), 100))
     return found
 
 
-def _counters(starts: int, hours: float, clock: YearClock) -> HistoryRow:
+def _counters(starts: int, hours: float) -> HistoryRow:
     bands = {"low": 0.02, "normal": 0.81, "high": 0.16, "over": 0.01}
     totals = {
         "operating_s": hours * 3600,
@@ -147,8 +144,7 @@ def _counters(starts: int, hours: float, clock: YearClock) -> HistoryRow:
         "starts": starts,
         "trips": {"e05": 2, "e03": 1},
     }
-    data = {"totals": totals, "thermal": {}, "is_whole": True}
-    return HistoryRow(STARTER, "counters", "8c41d07e", clock.utc_s(), data, 1)
+    return HistoryRow(STARTER, "counters", "8c41d07e", {"totals": totals, "thermal": {}})
 
 
 class _Records:
@@ -162,11 +158,11 @@ class _Records:
 async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> Path:
     """Write configuration, history, audit and identity, and return the configuration's path."""
     state_dir = folder / "state"
-    store = HistoryStore(state_dir, on_news=lambda *_: None)
-    store.start()
+    store = HistoryStore(state_dir / HISTORY_FILE)
+    store.start(lambda *_: None, lambda _: None)
     for row in rows:
-        store.put(*row[:3], time_s=row.time_s, data=row.data, limit=row.limit)
-    assert await store.close(10.0)
+        store.put(row)
+    assert await store.close(within_s=10.0)
     state = state_dir / STATE_FILE
     known = {STARTER: Known(Fingerprint(model="SSW-07", firmware="1.60"))}
     write_document(state, FINGERPRINTS, KNOWN, known)

@@ -141,19 +141,22 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
     assert texts(take_all(box)) == "s/p/state=1"
 
 
-def test_a_subscriber_receives_the_key_of_what_was_delivered() -> None:
+def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go() -> None:
     box = outbox()
-    reported: list[str] = []
-    box.on_delivered = reported.append
+    backlog = box.backlog
+    backlog.need("alice/7")
     connect(box)
-    box.put(result("7"), 0.0)
-    (taken,) = take_all(box)
-    assert reported == []
+    for number in ("7", "8"):
+        box.put(result(number), 0.0)
+    taken = {each.message.key: each for each in take_all(box)}
 
-    box.acked(taken.ticket, 0)
+    for each in taken.values():
+        box.acked(each.ticket, 0)
 
-    assert reported == ["alice/7"]
     assert box.is_idle
+    assert backlog.take_delivered().keys() == {taken["alice/8"].rows[0].id}
+    backlog.let_go("alice/7")
+    assert backlog.take_delivered().keys() == {taken["alice/7"].rows[0].id}
 
 
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:

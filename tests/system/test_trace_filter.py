@@ -17,7 +17,7 @@ class Log:
         self._stream = io.StringIO()
         handler = logging.StreamHandler(self._stream)
         handler.addFilter(TraceFilter())
-        self.logger = logging.Logger("gateway.storage.worker")
+        self.logger = logging.Logger("gateway.store.worker")
         self.logger.addHandler(handler)
 
     def fail(self, message: str = "work failed", *args: object, error: type[Exception] = ValueError) -> None:

@@ -10,7 +10,7 @@ from gateway.contract import CommandError, StartRecord, StartSamples, read_store
 from gateway.families import Parameter, Profile, parameters
 from gateway.plugins.history.baseline import Baseline, Month
 from gateway.plugins.history.counters import Totals, counted
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})
 TRENDS = ("acceleration_s", "peak_a", "i2t_a2s")
@@ -83,7 +83,7 @@ def add_rows(report: HealthReport, rows: Sequence[HistoryRow]) -> None:
             _add_row(report, row)
         except ValueError:
             damaged += 1
-    report.totals = totals_of(rows)
+    report.totals = counted(row.data for row in rows if row.kind == "counters").totals
     report.trips.reverse()
     report.months.sort(key=lambda month: month.month)
     if damaged:
@@ -108,14 +108,6 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
             report.trips.append(data)
         case _:
             pass  # counters are summed up apart
-
-
-def totals_of(rows: Iterable[HistoryRow]) -> Totals:
-    """Return the sums of the newest row that has all before it in it, and of those since."""
-    totals = Totals()
-    for row in counted(row.data for row in rows if row.kind == "counters"):
-        totals.add(row.totals)
-    return totals
 
 
 def settings_in(entries: Iterable[Mapping[str, Any]], starter: str, profile: Profile) -> list[Setting]:

@@ -18,8 +18,7 @@ from gateway.config.schema import StarterTable
 from gateway.errors import StoreError, UsageError
 from gateway.families import load_profile
 from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
-from gateway.storage.history import read_history
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow, read_history
 
 TRIP, START, CURVE = "trip", "start", "curve"  # kinds of rows
 STDOUT = "-"

@@ -35,8 +35,7 @@ from gateway.errors import GatewayError, StoreError
 from gateway.families import LANGUAGES, load_profile
 from gateway.mqtt import Incoming, connected
 from gateway.starters.identity.registry import FINGERPRINTS, KNOWN
-from gateway.storage.history import read_history
-from gateway.store import STATE_FILE, Anchor, read_audit, read_document
+from gateway.store import STATE_FILE, Anchor, read_audit, read_document, read_history
 
 ASKED_WITHIN_S = 2.0  # retained messages come at once
 CONNECTED_WITHIN_S = 5.0

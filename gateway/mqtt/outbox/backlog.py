@@ -65,6 +65,7 @@ class Backlog:
         self._writing: frozenset[int] = frozenset()
         self._delivered: dict[int, Rank] = {}  # what the table has to delete
         self._lost: dict[int, Rank] = {}  # likewise, together with a loss
+        self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
         self.on_work: Callable[[], None] = lambda: None
@@ -168,6 +169,16 @@ class Backlog:
         for row in rows:
             self._flying.remove(row.id)
             self._forget(row, self._delivered)
+            if row.key in self._needed:
+                self._needed[row.key] = row.id
+
+    def need(self, key: str) -> None:
+        """Have the row of a key stay in the table after its delivery, until `let_go`."""
+        self._needed.setdefault(key)
+
+    def let_go(self, key: str) -> None:
+        """Let a row be deleted once it is delivered; keys that are not needed do not matter."""
+        self._needed.pop(key, None)
 
     def give_back(self) -> None:
         """Put everything that was taken and not done back into its place."""
@@ -181,7 +192,9 @@ class Backlog:
 
     def take_delivered(self) -> dict[int, Rank]:
         """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
-        some = dict(list(self._delivered.items())[:MOST_DELETED])
+        needed = frozenset(self._needed.values())
+        free = ((id_, rank) for id_, rank in self._delivered.items() if id_ not in needed)
+        some = dict(islice(free, MOST_DELETED))
         for id_ in some:
             del self._delivered[id_]
         return some

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future
 from functools import partial
 from typing import TypeVar
 
@@ -65,20 +66,14 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
-        self._waiting: list[Callable[[], None]] = []
-        self.left: frozenset[str] = frozenset()  # the keys of what earlier runs have left behind
         self._flushed_s = float("-inf")
+        # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
+        # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
+        self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._asked_s: float | None = None  # since when the disk is at something
         self._backlog.is_table_away = self._is_away
         self._backlog.on_work = self._work.set
         self._backlog.expect_table()
-
-    def when_recalled(self, call: Callable[[], None]) -> None:
-        """Call when it is known what earlier runs have left behind, or when that takes too long."""
-        if self._is_recalled:
-            call()
-        else:
-            self._waiting.append(call)
 
     def note_news(self, news: News, _text: str) -> None:
         """Write everything again when the store has begun with a new file, and at once when it is back."""
@@ -95,6 +90,20 @@ class DiskSync:
                 self._table.insert(connection, [row])
 
         return store
+
+    def keep(self, message: Message) -> Future[None]:
+        """Store a message that has a key; it is sent once the outbox has it, and stays until `let_go`."""
+        self._backlog.need(message.key)
+        return self._store.submit(self.stage(message))
+
+    def let_go(self, key: str) -> None:
+        """Let a message be deleted once the broker has it."""
+        self._backlog.let_go(key)
+
+    async def payloads(self, keys: Sequence[str]) -> dict[str, bytes]:
+        """Return what was stored with these keys and is whole; StoreError."""
+        work = partial(self._table.payloads, keys=keys)
+        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
 
     async def run(self) -> None:
         """Keep the disk up to date, until cancelled."""
@@ -130,10 +139,10 @@ class DiskSync:
         hangs = self._asked_s is not None and self._clock.now_s() - self._asked_s > HANG_S
         return hangs or self._is_unreadable
 
-    def _wait_no_longer(self) -> None:
-        waiting, self._waiting = self._waiting, []
-        for call in waiting:
-            call()
+    def _wait_no_longer(self, keys: Sequence[str] = ()) -> None:
+        call, self.on_recalled = self.on_recalled, lambda _: ()
+        for key in call(keys):
+            self._backlog.need(key)
 
     async def _step(self) -> bool:
         """Do what is to be done, and return whether all of it could be."""
@@ -157,16 +166,16 @@ class DiskSync:
         return True
 
     async def _recall(self) -> None:
-        totals, self.left, losses = await self._do(self._recalled, is_freeing=True)
+        totals, keys, losses = await self._do(self._recalled, is_freeing=True)
         for rank, total in totals.items():
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
         self._backlog.recall(totals, losses)
-        self._wait_no_longer()
+        self._wait_no_longer(keys)
         self._wake()
 
-    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], frozenset[str], Iterable[Loss]]:
+    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], Iterable[Loss]]:
         table = self._table
         return table.totals(connection), table.keys(connection), table.losses(connection)
 

@@ -33,7 +33,7 @@ IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
 class LiveMessage(NamedTuple):
-    """A retained message that the broker has not acknowledged; a value's row in the history would have its id."""
+    """A retained message that the broker has not acknowledged; a value's late row would have its id."""
 
     message: Message
     since_s: float
@@ -78,7 +78,6 @@ class Outbox:
         self._was_late = False
         self._history_credit = 0
         self.refusals = RefusedMessages()
-        self.on_delivered: Callable[[str], None] = lambda _: None  # called with each key
 
     @property
     def latest(self) -> Mapping[str, Message]:
@@ -172,8 +171,6 @@ class Outbox:
         message = sent.message
         if sent.rows:
             self.backlog.done(sent.rows)
-            if message.key:
-                self.on_delivered(message.key)
         else:
             if sent.news is not None:
                 self.backlog.cancel(sent.news.id)

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from gateway.contract import read_stored
 from gateway.plugins.history.limits import NOTHING, Learnt
 from gateway.starters.telemetry.readings import Readings
 
+KIND = "counters"  # of the row on disk
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
 GAP_PERIODS = 4  # of the status; the same of the slowest values, which have `SLOW` times its period
 SLOW = 10
@@ -62,23 +64,24 @@ class Totals:
 
 @dataclass(slots=True)
 class CountersRow:
-    """What one run has stored; `is_whole`: with the sums of all earlier runs in it."""
+    """What is stored of one motor."""
 
-    totals: Totals
+    totals: Totals = field(default_factory=Totals)
     thermal: Learnt = NOTHING
-    is_whole: bool = False
 
 
-def counted(rows: Iterable[Mapping[str, Any]]) -> Iterator[CountersRow]:
-    """Yield of some rows, the oldest first, the newest that has all before it, and those since."""
-    for data in reversed(list(rows)):
-        try:
+def counted(rows: Iterable[Mapping[str, Any]]) -> CountersRow:
+    """Return what the rows of a motor say together; what is no count is as good as missing.
+
+    There is one, but for a run of 0.2.0 that could not read the disk: it had another, to be added.
+    """
+    found = CountersRow()
+    for data in rows:
+        with suppress(ValueError):
             row = read_stored(CountersRow, data)
-        except ValueError:
-            continue  # what is no count is as good as missing
-        yield row
-        if row.is_whole:
-            break
+            found.totals.add(row.totals)
+            found.thermal = found.thermal.with_more(row.thermal.taus_s, row.thermal.heatings)
+    return found
 
 
 class MotorCounters:

@@ -1,139 +1,174 @@
-"""Where the histories of all motors publish and store: nothing that a kill could undo or swallow.
+"""What the parts of a motor's history share, and how a start or a trip gets to the broker and the file.
 
-1. A start or a trip is counted at once, and published when the file has it, or cannot have it. So are values
-   that the history publishes meanwhile: the number of starts is never published before the start is stored.
-2. In the transaction that stores it there is a copy, marked as not delivered. It goes when the broker has
-   acknowledged the record.
-3. The next run publishes the copies that are left once more, word for word, unless the outbox has them on its
-   disk. Id, `boot` and `seq` say that it is the same record.
+1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
+   the history after that, or when the disk takes too long: no number of starts is published that a kill
+   takes back.
+2. Its row in the outbox is the record, and stays until the history has it too.
+3. What earlier runs have left in the outbox, and the history lacks, it stores at the start, by its id.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
-from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, ValueRecord, read_stored
-from gateway.errors import StoreError
-from gateway.storage.history import HistoryStore
-from gateway.storage.history_table import HistoryRow
+from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.readings import Readings
+from gateway.store import HistoryRow, HistoryStore
+from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
-UNDELIVERED = "undelivered"  # kind of the copies in the store; the id is "<kind of the record>/<its id>"
-MOST_COPIES = 20  # of each starter: as many starts as have their curves
 HELD_AT_MOST_S = 2.0  # a disk that is busy for longer is not waited for
-KINDS: Mapping[str, type[StartRecord | TripRecord]] = {"start": StartRecord, "trip": TripRecord}
+MOST_EARLY = 20  # records of a starter that wait in memory for it to be read
+KINDS = {StartRecord: "start", TripRecord: "trip"}  # of rows, and in keys
 
-PublishAgain = Callable[[Sequence[Record]], None]
+T = TypeVar("T", StartRecord, TripRecord)
+Rows = Mapping[str, Any]  # of a starter, by code
+
+
+class Past(NamedTuple):
+    """What earlier runs have stored of a motor, and what they only had for the broker; the oldest first."""
+
+    rows: Sequence[HistoryRow]
+    starts: Sequence[StartRecord]
+    trips: Sequence[TripRecord]
+
+
+class Part:
+    """A part of one motor's history, which does nothing unless it says so. All calls on the app's loop."""
+
+    def take_readings(self, readings: Readings) -> None:
+        """Record what was just read."""
+
+    def put(self, record: Record) -> None:
+        """Record what was just published."""
+
+    def note_fault_data(self, at_fault: Rows, history: Sequence[Rows]) -> None:
+        """Record what the starter says of a trip."""
+
+    def note_own_rows(self, rows: Mapping[str, float]) -> None:
+        """Record what the starter has counted itself, and its settings; by code, just read."""
+
+    def restore(self, past: Past) -> None:
+        """Go on from earlier runs; once."""
+
+    def reconfigure(self, setup: StarterSetup) -> None:
+        """Go on with another machine, or with other polls, under the same name: what was under way ends."""
+
+    def close(self) -> None:
+        """End what is under way and store what must outlive the gateway: it ends, or the starter is gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRecords:
+    """What is stored for the broker, by the keys of the records."""
+
+    keep: Callable[[Record], Future[None]]  # stores one; once it is put, it is sent
+    payloads: Callable[[Sequence[str]], Awaitable[Mapping[str, bytes]]]  # StoreError
+    let_go: Callable[[str], None]  # one need not stay any more when the broker has it
 
 
 class Delivery:
-    """A sink of records, and the store by starter; all calls on the app's loop."""
+    """The way to the broker and to the file, for the histories of all motors; all calls on the app's loop."""
 
-    def __init__(
-        self,
-        records: RecordWriter,
-        store: HistoryStore,
-        *,
-        count: Callable[[StartRecord | TripRecord], None],
-        publish_again: PublishAgain,
-    ) -> None:
-        self.records = replace(records, sink=self)
-        self._sink = records.sink
-        self._store = store
-        self._count = count
-        self._publish_again = publish_again
-        self._held: deque[tuple[int, Record]] = deque()  # by the start or trip that they wait for
-        self._number = 0  # of starts and trips so far
-        self._tasks: set[asyncio.Task[None]] = set()
+    def __init__(self, records: RecordWriter, store: HistoryStore, outbox: StoredRecords) -> None:
+        self.records = records
+        self.store = store
+        self._outbox = outbox
+        self._pending: dict[str, tuple[StartRecord | TripRecord, Callable[[], None]]] = {}  # not certain yet
+        self._latest: Future[None] | None = None
+        self._left: list[str] = []  # keys of what earlier runs have not seen delivered
+        self._early: dict[str, list[Callable[[], None]]] = {}  # by starter that is not read
 
-    def put(self, record: Record) -> None:
-        """Publish a record; a value after a start or trip only when the file has that."""
-        if self._held and isinstance(record, ValueRecord):
-            self._held.append((self._number, record))
-        else:
-            self._sink.put(record)
+    def publish(self, record: StartRecord | TripRecord, keep: Callable[[], None]) -> None:
+        """Publish a start or a trip as soon as it is certain; `keep` then has it counted and stored.
 
-    def publish(self, record: StartRecord | TripRecord) -> None:
-        """Count a start or trip now, and publish it when the file has what the caller stores of it next."""
-        self._number += 1
-        self._held.append((self._number, record))
-        starter, _, id_ = record.key.partition(":")
-        self.store(starter, UNDELIVERED, id_, record.fields(), limit=MOST_COPIES)
-        self._count(record)
-        release = partial(self._release, self._number)
-        loop = asyncio.get_running_loop()  # by its next step the caller has handed over what it stores
-        loop.call_soon(loop.call_later, HELD_AT_MOST_S, release)
-        loop.call_soon(self._store.when_stored, release)
-
-    def store(
-        self,
-        starter: str,
-        kind: str,
-        id_: str,
-        data: Mapping[str, Any],
-        *,
-        limit: int,
-        is_urgent: bool = False,
-    ) -> None:
-        """Store a row of a starter; see `HistoryStore.put`."""
-        utc_s = self.records.clock.utc_s()
-        self._store.put(starter, kind, id_, time_s=utc_s, data=data, limit=limit, is_urgent=is_urgent)
-
-    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
-        """Store a row once more, as the only one of another kind."""
-
-        async def work() -> None:
-            with suppress(StoreError):
-                row = await self._store.row(starter, kind, id_)
-                if row is not None:
-                    self.store(starter, to_kind, id_, row.data, limit=1, is_urgent=True)
-
-        self.begin(work())
-
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Have something done beside everything else, until `close`."""
-        task = asyncio.get_running_loop().create_task(work, name="history")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    def delivered(self, key: str) -> None:
-        """Drop the copy of what the broker has acknowledged; keys of other records are ignored."""
-        starter, _, id_ = key.partition(":")
-        if id_:
-            self._store.drop(starter, UNDELIVERED, id_)
-
-    def publish_left(self, starter: str, rows: Sequence[HistoryRow]) -> None:
-        """Publish again what earlier runs have stored, but perhaps not delivered."""
-        left: list[Record] = []
-        for row in rows:
-            kind, _, id_ = row.id.partition("/")
-            if row.kind != UNDELIVERED or id_.startswith(f"{self.records.boot}-"):
-                continue  # this run's own waits in its outbox
-            try:
-                left.append(read_stored(KINDS[kind], row.data, starter=starter))
-            except (KeyError, ValueError):
-                self._store.drop(starter, UNDELIVERED, row.id)
-        if left:
-            log.info("starter=%s records that the broker may not have had: %d", starter, len(left))
-            self._publish_again(left)
+        Before its starter is read, `keep` waits for that: it comes after what earlier runs have left.
+        """
+        self._pending[record.key] = (record, keep)
+        release = partial(self._release, record.key)
+        self._latest = self._outbox.keep(record)
+        self._latest.add_done_callback(on_this_loop(lambda _: release()))
+        asyncio.get_running_loop().call_later(HELD_AT_MOST_S, release)
 
     def release(self) -> None:
         """Publish everything that waits for the disk."""
-        self._release(self._number)
+        for key in list(self._pending):
+            self._release(key)
 
-    def close(self) -> None:
-        """End what was begun."""
-        for task in self._tasks:
-            task.cancel()
+    async def settle(self) -> None:
+        """Publish everything, when the disk has it or takes too long."""
+        if self._latest is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(HELD_AT_MOST_S):
+                    await asyncio.gather(asyncio.wrap_future(self._latest), return_exceptions=True)
+        self.release()
 
-    def _release(self, upto: int) -> None:
-        while self._held and self._held[0][0] <= upto:
-            self._sink.put(self._held.popleft()[1])
+    def note_stored(self, rows: Iterable[HistoryRow]) -> None:
+        """Let the outbox delete what the history has."""
+        for row in rows:
+            if row.kind in KINDS.values():
+                self._outbox.let_go(_key(row.starter, row.kind, row.id))
+
+    def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> Sequence[str]:
+        """Note what earlier runs have left in the outbox; return which of it must stay until it is stored."""
+        wanted = {f"{starter}:{kind}" for starter in starters for kind in KINDS.values()}
+        of_ours = ((key, *key.partition("/")) for key in keys)
+        own = f"{self.records.boot}-"
+        self._left = [key for key, of, _, id_ in of_ours if of in wanted and not id_.startswith(own)]
+        return self._left
+
+    async def take_left(self, starter: str, kind: type[T]) -> list[T]:
+        """Return what of that the history of a starter lacks, the oldest first; StoreError."""
+        begin = _key(starter, KINDS[kind], "")
+        ids = [key.removeprefix(begin) for key in self._left if key.startswith(begin)]
+        lacking = [begin + id_ for id_ in await self.store.lacking(starter, KINDS[kind], ids)]
+        payloads = await self._outbox.payloads(lacking) if lacking else {}
+        records: list[T] = []
+        for id_ in ids:
+            try:
+                records.append(read_record(kind, payloads[begin + id_], starter=starter))
+            except (KeyError, ValueError):
+                self._outbox.let_go(begin + id_)
+        return records
+
+    def expect(self, starter: str) -> None:
+        """Keep nothing of a starter until it is read."""
+        self._early[starter] = []
+
+    def go_on(self, starter: str) -> None:
+        """Keep what has come since then, and all that comes."""
+        for keep in self._early.pop(starter, ()):
+            _guarded(keep)
+
+    def _release(self, key: str) -> None:
+        record, keep = self._pending.pop(key, (None, None))
+        if record is None or keep is None:
+            return
+        self.records.put(record)
+        early = self._early.get(record.starter)
+        if early is None:
+            _guarded(keep)
+        else:
+            early.append(keep)
+            del early[:-MOST_EARLY]
+
+
+def _guarded(keep: Callable[[], None]) -> None:
+    try:
+        keep()
+    except Exception:  # a part's bug
+        log.exception("the history has lost a record")
+
+
+def _key(starter: str, kind: str, id_: str) -> str:
+    """Return the key of a record, as the record gives it."""
+    return f"{starter}:{kind}/{id_}"

@@ -25,37 +25,32 @@ LEAST_LEVEL = 0.05  # of the trip level: below that a step of 1 % says nothing
 TAU_S = (30.0, 30 * 86400.0)  # what a motor's can be
 
 
-@dataclass(frozen=True, slots=True)
-class StartLimits:
-    """What is demanded between starts, by the gateway's rules and by the starter's own settings."""
-
-    starts_per_hour: int | None = None
-    after_stop_s: float = 0.0  # of standstill before a start
-    between_starts_s: float = 0.0  # from one start to the next
-
-
-def starts_left(limits: StartLimits, starts_s: Sequence[float], *, now_s: float) -> int | None:
+def starts_left(per_hour: int | None, starts_s: Sequence[float], *, now_s: float) -> int | None:
     """Return how many starts the present hour still allows; None where their number is not limited."""
-    if limits.starts_per_hour is None:
+    if per_hour is None:
         return None
-    recent = sum(1 for start_s in starts_s if start_s > now_s - HOUR_S)
-    return max(limits.starts_per_hour - recent, 0)
+    return max(per_hour - sum(1 for start_s in starts_s if start_s > now_s - HOUR_S), 0)
 
 
 def pause_left_s(
-    limits: StartLimits, starts_s: Sequence[float], *, standing_since_s: float | None, now_s: float
+    starts_s: Sequence[float],
+    *,
+    standing_since_s: float | None,
+    now_s: float,
+    per_hour: int | None = None,
+    after_stop_s: float = 0.0,
+    between_starts_s: float = 0.0,
 ) -> float:
     """Return after what time a start would be allowed, if the motor stood still from now on.
 
-    `starts_s` are in order, the latest at the end; `standing_since_s` is None while the motor moves.
+    It must stand for `after_stop_s`, and `between_starts_s` lie between two starts. `starts_s` are in order,
+    the latest at the end; `standing_since_s` is None while the motor moves.
     """
-    since_s = now_s if standing_since_s is None else standing_since_s
-    waits_s = [0.0, since_s + limits.after_stop_s - now_s if limits.after_stop_s > 0 else 0.0]
-    if starts_s and limits.between_starts_s > 0:
-        waits_s.append(starts_s[-1] + limits.between_starts_s - now_s)
-    if starts_left(limits, starts_s, now_s=now_s) == 0 and limits.starts_per_hour:
-        waits_s.append(starts_s[-limits.starts_per_hour] + HOUR_S - now_s)
-    return max(waits_s)
+    waits_s = [(now_s if standing_since_s is None else standing_since_s) + after_stop_s - now_s]
+    waits_s += [start_s + between_starts_s - now_s for start_s in starts_s[-1:]]
+    if per_hour and starts_left(per_hour, starts_s, now_s=now_s) == 0:
+        waits_s.append(starts_s[-per_hour] + HOUR_S - now_s)
+    return max(0.0, *waits_s)
 
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

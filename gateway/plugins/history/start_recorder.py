@@ -68,14 +68,6 @@ class StartCommand:
     at_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class FinishedStart:
-    """A start that is over."""
-
-    record: StartRecord
-    was_found: bool = False  # under way at the first reading of all: an earlier run may have recorded it
-
-
 class _Phase(enum.Enum):
     UNSEEN = "unseen"  # nothing is known yet
     REST = "rest"  # or it was when the starter was lost
@@ -120,6 +112,7 @@ class StartRecorder:
         self._curve = Curve()  # of the start under way; before it, of the latest samples
         self._last_s = -math.inf
         self.rated_a: float | None = None
+        self.given_up_s: float | None = None  # UTC, when the latest start began, if that was given up
 
     def note_command(self, command: StartCommand) -> None:
         """Record that a start of ours was just written."""
@@ -130,7 +123,7 @@ class StartRecorder:
         for command in [each for each in self._commands if (each.client, each.id) == (client, command_id)]:
             self._commands.remove(command)
 
-    def take(self, readings: Readings) -> FinishedStart | None:
+    def take(self, readings: Readings) -> StartRecord | None:
         """Record what was just read; return the start that is over by it, if one is."""
         if readings.at_s < self._last_s:
             return None
@@ -144,7 +137,7 @@ class StartRecorder:
             return self.lose()
         return finished
 
-    def lose(self) -> FinishedStart | None:
+    def lose(self) -> StartRecord | None:
         """Record that the starter is not read any more; return the start that is over by it."""
         match self._phase:
             case _Phase.STARTING:
@@ -155,7 +148,7 @@ class StartRecorder:
                 self._rest_since_s = None  # it may have been started meanwhile
                 return None
 
-    def _follow(self, readings: Readings) -> FinishedStart | None:
+    def _follow(self, readings: Readings) -> StartRecord | None:
         if readings.state == "unknown":
             return self.lose()
         if readings.state == "fault":  # also from a reply without motion: the fault is what counts
@@ -165,7 +158,7 @@ class StartRecorder:
                 # as an earlier reply showed, which was not handed to us
                 self._phase, self._rest_since_s = _Phase.REST, readings.at_s
             return None
-        finished: FinishedStart | None = None
+        finished: StartRecord | None = None
         if readings.state == "starting":
             finished = self._accelerate(readings)
         elif readings.state == "running":
@@ -177,7 +170,7 @@ class StartRecorder:
         self._motion_s = readings.at_s
         return finished
 
-    def _accelerate(self, readings: Readings) -> FinishedStart | None:
+    def _accelerate(self, readings: Readings) -> StartRecord | None:
         if self._phase is _Phase.LOST:
             return None  # the start whose record was given up; one that was on was started anew meanwhile
         is_full = _is_full(readings.values)
@@ -203,7 +196,7 @@ class StartRecorder:
             return self._motion_s  # when it was announced already
         return math.nan if start.earliest_s is None else start.earliest_s
 
-    def _run(self, readings: Readings) -> FinishedStart | None:
+    def _run(self, readings: Readings) -> StartRecord | None:
         if any(readings.values.get(name) is True for name in _NOT_A_START):
             return self._leave(StartOutcome.STOPPED, _Phase.ON)
         start = self._start
@@ -217,7 +210,7 @@ class StartRecorder:
             self._phase = _Phase.ON
         return None
 
-    def _stay(self, start: _Start, readings: Readings) -> FinishedStart | None:
+    def _stay(self, start: _Start, readings: Readings) -> StartRecord | None:
         """Record the time after full voltage; where no state has shown the ramp, the high current ends it."""
         self._sample(readings)
         if start.began is None and self.rated_a:
@@ -232,14 +225,14 @@ class StartRecorder:
         start.after_until_s = at_s + AFTER_S
         self._phase = _Phase.AFTER
 
-    def _rest(self, readings: Readings) -> FinishedStart | None:
+    def _rest(self, readings: Readings) -> StartRecord | None:
         is_fault = readings.state == "fault"
         outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
         if self._phase is not _Phase.REST or self._rest_since_s is None:
             self._rest_since_s = readings.at_s
         return self._leave(outcome, _Phase.REST)
 
-    def _leave(self, outcome: StartOutcome, phase: _Phase) -> FinishedStart | None:
+    def _leave(self, outcome: StartOutcome, phase: _Phase) -> StartRecord | None:
         if self._start is None:
             self._phase = phase
             return None
@@ -277,7 +270,7 @@ class StartRecorder:
         if self._start is None and len(self._curve.at_s) > MOST_BEFORE:
             self._curve.cut_before(self._curve.at_s[1])
 
-    def _finish(self, outcome: StartOutcome, phase: _Phase) -> FinishedStart:
+    def _finish(self, outcome: StartOutcome, phase: _Phase) -> StartRecord | None:
         start, curve = self._start, self._curve
         assert start is not None
         command = self._command_of(start)
@@ -309,7 +302,11 @@ class StartRecorder:
         self._commands.clear()
         if phase is not _Phase.REST:
             self._rest_since_s = None
-        return FinishedStart(replace(record, samples=curve.shown(zero_s)), start.was_found)
+        before_s = self.given_up_s
+        self.given_up_s = record.time_s if outcome is StartOutcome.GIVEN_UP else None
+        if start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S:
+            return None  # it is recorded
+        return replace(record, samples=curve.shown(zero_s))
 
     def _measured(
         self, record: StartRecord, start: _Start, curve: Curve, zero_s: float, resolution_s: float

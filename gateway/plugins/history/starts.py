@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 from gateway.contract import (
     AlarmRecord,
-    AvailabilityRecord,
     CommandError,
     EventCode,
     InfoRecord,
@@ -24,17 +24,15 @@ from gateway.contract import (
     stored,
 )
 from gateway.plugins.history.baseline import Baseline, Month, Trend, TrendVerdict, month_of, values_of
-from gateway.plugins.history.delivery import Delivery
+from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.start_recorder import (
-    LONGEST_S,
-    FinishedStart,
     StartCommand,
     StartPoints,
     StartRecorder,
 )
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
 log = logging.getLogger(__name__)
 
@@ -42,27 +40,32 @@ START, CURVE, MONTH, BASELINE = "start", "curve", "month", "baseline"  # kinds i
 BASELINE_CURVE = "baseline_curve"  # of the baseline's typical start, which outlives the other curves
 CURVES, SUMMARIES, MONTHS = 20, 250, 18  # of each starter that stay
 DRIFT = "start_drift"  # event and alarm
-NOT_DRIVEN = ("offline", "disabled")  # availability
 
 T = TypeVar("T")
 
 
-class MotorStarts:
+class _Judged(NamedTuple):
+    """A start that is over, and what the trend says of it."""
+
+    record: StartRecord
+    verdict: TrendVerdict
+    trend: Trend
+    is_new: bool  # it has changed the baseline
+
+
+class MotorStarts(Part):
     """Records starts one after the other; they are without their samples as soon as these are stored."""
 
-    kinds = (START, MONTH, BASELINE, BASELINE_CURVE)
-
-    def __init__(self, setup: StarterSetup, delivery: Delivery) -> None:
+    def __init__(self, setup: StarterSetup, delivery: Delivery, count: Callable[[StartRecord], None]) -> None:
         self._starter = setup.name
         self._delivery = delivery
+        self._count = count
         self._records = delivery.records
         self._recorder = self._recorder_of(setup)
         self._trend = Trend()
         self._latest: list[StartRecord] = []  # those whose curves are stored
         self._month: Month | None = None
-        self._early: list[FinishedStart] | None = []  # over before `restore`
-        self._curve_of = ""  # the start whose curve is stored as the baseline's
-        self._is_unread = False  # what earlier runs have stored could not be read: none of it is replaced
+        self._is_restored = False
 
     def take_readings(self, readings: Readings) -> None:
         """Record what was just read."""
@@ -73,8 +76,6 @@ class MotorStarts:
         match record:
             case ResultRecord(verb="start", is_duplicate=False):
                 self._note_command(record)
-            case AvailabilityRecord() if record.state in NOT_DRIVEN:
-                self._finish(self._recorder.lose())
             case StateRecord(state="unknown"):
                 self._finish(self._recorder.lose())
             case InfoRecord():
@@ -82,36 +83,28 @@ class MotorStarts:
             case _:
                 pass
 
-    def restore(self, rows: Sequence[HistoryRow] | None) -> None:
-        """Go on from the starts of earlier runs; None: they cannot be read yet.
-
-        Once they can be, this is called again, and the starts that this run has stored are among them.
-        """
-        was_unread, self._is_unread = self._is_unread, rows is None
-        of_kind: dict[str, list[HistoryRow]] = {kind: [] for kind in self.kinds}
-        for row in rows or ():
-            of_kind.setdefault(row.kind, []).append(row)
-        starts = [start for row in of_kind[START] if (start := self._read(StartRecord, row)) is not None]
+    def restore(self, past: Past) -> None:
+        """Go on from the starts of earlier runs; then those come that they could not store."""
+        starts = _stored_in(past.rows, START, StartRecord, starter=self._starter)
         self._latest = starts[-CURVES:]
         self._trend = Trend()
-        self._trend.restore(starts, next((self._read(Baseline, row) for row in of_kind[BASELINE]), None))
-        month = max(of_kind[MONTH], key=lambda row: row.id, default=None)
-        self._month = None if month is None else self._read(Month, month)
-        if was_unread:
-            for start in starts:
-                if start.boot == self._records.boot:
-                    self._count_in_month(start)
-        self._curve_of = next((row.id for row in of_kind[BASELINE_CURVE]), "")
+        self._trend.restore(starts, next(iter(_stored_in(past.rows, BASELINE, Baseline)), None))
+        months = _stored_in(past.rows, MONTH, Month)
+        self._month = max(months, key=lambda month: month.month, default=None)
+        for latest in (*starts, *past.starts)[-1:]:
+            self._recorder.given_up_s = latest.time_s if latest.outcome is StartOutcome.GIVEN_UP else None
+        if self._trend.baseline is not None and not any(row.kind == BASELINE for row in past.rows):
+            self._store_baseline()  # the run that made it was killed
         self._put_alarm()
-        self._copy_curve()  # unless an earlier run has
-        early, self._early = self._early, None
-        for finished in early or ():
-            self._finish(finished)
+        self._is_restored = True
+        for start in past.starts:
+            self._keep(self._judged(start))
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
         self._finish(self._recorder.lose())
-        self._recorder = self._recorder_of(setup)
+        given_up_s, self._recorder = self._recorder.given_up_s, self._recorder_of(setup)
+        self._recorder.given_up_s = given_up_s
         if self._trend.baseline is not None and self._trend.baseline.is_raised:
             self._put_alarm()
 
@@ -121,7 +114,7 @@ class MotorStarts:
 
     def choose_baseline(self, id_: str | None, *, client: str) -> Mapping[str, Any]:
         """Compare later starts with this one (None: the last good one) and return it; CommandError."""
-        if self._early is not None or self._is_unread:
+        if not self._is_restored:
             raise CommandError(ResultCode.HISTORY_UNAVAILABLE)
         candidates = [start for start in reversed(self._latest) if id_ in (None, start.id)]
         if id_ is not None and not candidates:
@@ -145,33 +138,32 @@ class MotorStarts:
         elif result.phase in (Phase.FAILED, Phase.REJECTED):
             self._recorder.forget_command(result.client, result.id)
 
-    def _finish(self, finished: FinishedStart | None) -> None:
-        if finished is None:
-            return
-        if self._early is not None:
-            self._early.append(finished)
-            return
-        if finished.was_found and self._was_recorded(finished.record):
-            return
+    def _finish(self, start: StartRecord | None) -> None:
+        if start is not None:
+            judged = self._judged(start)
+            self._delivery.publish(judged.record, partial(self._keep, judged))
+
+    def _judged(self, record: StartRecord) -> _Judged:
+        """Compare a start with the baseline."""
         before = self._trend.baseline
-        verdict = self._trend.add(finished.record, now_s=self._records.clock.utc_s())
-        record = replace(finished.record, is_baseline=verdict.is_baseline, drift=verdict.drift)
+        verdict = self._trend.add(record, now_s=self._records.clock.utc_s())
+        record = replace(record, is_baseline=verdict.is_baseline, drift=verdict.drift)
+        return _Judged(record, verdict, self._trend, is_new=self._trend.baseline is not before)
+
+    def _keep(self, judged: _Judged) -> None:
+        """Count and store a start that is certain."""
+        if judged.trend is not self._trend:  # it was judged before it was known what it comes after
+            judged = self._judged(judged.record)
+        record, verdict, _, is_new = judged
         start = replace(record, samples={})
         self._latest = [*self._latest, start][-CURVES:]
-        self._delivery.publish(record)
+        self._count(start)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
         self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)
         self._report(verdict, start)
-        if self._trend.baseline is not before:
+        if is_new:
             self._store_baseline()
-
-    def _was_recorded(self, found: StartRecord) -> bool:
-        """Return whether a start that was under way at the first reading is the one given up before that."""
-        latest = self._latest[-1] if self._latest else None
-        if latest is None or latest.outcome is not StartOutcome.GIVEN_UP:
-            return False
-        return 0.0 <= found.time_s - latest.time_s <= LONGEST_S
 
     def _count_in_month(self, start: StartRecord) -> None:
         name = month_of(start.time_s)
@@ -183,8 +175,7 @@ class MotorStarts:
     def _store(
         self, kind: str, id_: str, data: Mapping[str, Any], *, limit: int, is_urgent: bool = False
     ) -> None:
-        if not self._is_unread or kind in (START, CURVE):
-            self._delivery.store(self._starter, kind, id_, data, limit=limit, is_urgent=is_urgent)
+        self._delivery.store.put(HistoryRow(self._starter, kind, id_, data, limit), is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, start: StartRecord) -> None:
         drift = _summary(start).get("drift", {})
@@ -228,25 +219,24 @@ class MotorStarts:
         self._store_baseline()
 
     def _store_baseline(self) -> None:
-        if self._trend.baseline is not None:
-            self._store(BASELINE, BASELINE, stored(self._trend.baseline), limit=1, is_urgent=True)
-            self._copy_curve()
-
-    def _copy_curve(self) -> None:
-        """Have the curve of the baseline's typical start stored apart, unless it is."""
+        """Store the baseline, after the curve of its typical start: that outlives the other curves."""
         baseline = self._trend.baseline
-        if baseline is not None and baseline.typical != self._curve_of and not self._is_unread:
-            self._curve_of = baseline.typical
-            self._delivery.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
-
-    def _read(self, kind: type[T], row: HistoryRow) -> T | None:
-        try:
-            return read_stored(kind, row.data, starter=self._starter)
-        except ValueError as error:
-            log.warning("starter=%s %s %s is lost: %s", self._starter, row.kind, row.id, error)
-            return None
+        if baseline is not None:
+            self._delivery.store.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
+            self._store(BASELINE, BASELINE, stored(baseline), limit=1, is_urgent=True)
 
 
 def _summary(start: StartRecord) -> Mapping[str, Any]:
     """Return what is stored of a start besides its curve."""
     return stored(start, without={"samples"})
+
+
+def _stored_in(rows: Iterable[HistoryRow], name: str, kind: type[T], **names: str) -> list[T]:
+    """Return what rows of one kind say; one that says nothing is lost."""
+    found = []
+    for row in rows:
+        try:
+            found += [read_stored(kind, row.data, **names)] if row.kind == name else []
+        except ValueError as error:
+            log.warning("starter=%s %s %s is lost: %s", row.starter, name, row.id, error)
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from gateway.contract import (
     EventCode,
@@ -18,41 +18,37 @@ from gateway.contract import (
 )
 from gateway.plugins.history.counters import (
     HOUR_S,
+    KIND,
     STANDING,
     CountersRow,
     MotorCounters,
     Totals,
     counted,
 )
-from gateway.plugins.history.delivery import Delivery
-from gateway.plugins.history.limits import NOTHING, StartLimits, ThermalModel, pause_left_s, starts_left
+from gateway.plugins.history.delivery import Delivery, Part, Past
+from gateway.plugins.history.limits import NOTHING, ThermalModel, pause_left_s, starts_left
 from gateway.starters.own_points import PublicationPace, Value, own_points
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.readings import Readings
-from gateway.storage.history_table import HistoryRow
+from gateway.store import HistoryRow
 
-KIND = "counters"  # of the rows on disk, one for each run whose sums are not in a later one's
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
 UNCHANGED_EVERY_S = 86_400.0
-MOST_RUNS = 8  # runs in a row that could not read the disk, and so have counted from 0
 LOOK_EVERY_S = 1.0  # between two looks at what is due; a change of state is looked at without delay
 OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
 
 
-class MotorValues:
-    """Counts from 0 where the disk could not be read: a later run adds up what it then can read."""
-
-    kinds = (KIND,)
+class MotorValues(Part):
+    """Counts from 0 until it is known what earlier runs have counted, but publishes and stores no sums."""
 
     def __init__(self, setup: StarterSetup, delivery: Delivery, policy: Policy) -> None:
         self._delivery = delivery
         self._policy = policy
         self._totals = Totals()
         self._is_restored = False
-        self._is_whole = False  # the sums have those of all earlier runs in them
         self._stored_s = self._delivery.records.clock.now_s()
         self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
         self._good: tuple[float | None, Mapping[str, Value]] = (None, {})  # when, and the values
@@ -113,17 +109,15 @@ class MotorValues:
         if self._thermal is not None and names.cooling in rows:
             self._thermal.set_tau_s = rows[names.cooling] * MINUTE_S
 
-    def restore(self, rows: Sequence[HistoryRow] | None) -> None:
+    def restore(self, past: Past) -> None:
         """Add what earlier runs have counted; once."""
-        if self._is_restored:
-            return
-        for row in counted(row.data for row in rows or () if row.kind == KIND):
-            self._totals.add(row.totals)
-            if self._thermal is not None:
-                early = self._thermal.learnt
-                self._thermal.learnt = early.with_more(row.thermal.taus_s, row.thermal.heatings)
-            self._is_whole = True
+        before = counted(row.data for row in past.rows if row.kind == KIND)
+        self._totals.add(before.totals)
+        if self._thermal is not None:
+            early = self._thermal.learnt
+            self._thermal.learnt = before.thermal.with_more(early.taus_s, early.heatings)
         self._is_restored = True
+        self._store()
 
     def close(self) -> None:
         """Store the sums."""
@@ -152,18 +146,17 @@ class MotorValues:
             return
         self._stored_s = self._delivery.records.clock.now_s()
         learnt = NOTHING if self._thermal is None else self._thermal.learnt
-        data = stored(CountersRow(self._totals, learnt, self._is_whole))
+        data = stored(CountersRow(self._totals, learnt))
         written_s, before = self._stored
         if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
             return
         self._stored = (self._stored_s, data)
-        limit = 1 if self._is_whole else MOST_RUNS
-        self._delivery.store(self._setup.name, KIND, self._delivery.records.boot, data, limit=limit)
+        self._delivery.store.put(HistoryRow(self._setup.name, KIND, self._delivery.records.boot, data))
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
-        """Publish what is due; good values only while the starter is seen and earlier sums are known."""
+        """Publish what is due; good values only while the starter is seen."""
         self._looked_s = now_s
-        is_good = self._counters.is_seen and self._is_restored
+        is_good = self._counters.is_seen
         if is_good:
             self._good = (
                 self._delivery.records.clock.utc_s(now_s) if utc_s is None else utc_s,
@@ -187,11 +180,14 @@ class MotorValues:
             )
 
     def _values(self, now_s: float) -> dict[str, Value]:
+        return (self._sums(now_s) if self._is_restored else {}) | self._limits(now_s)
+
+    def _sums(self, now_s: float) -> dict[str, Value]:
         totals, has_load = self._totals, self._counters.has_load
         rows = self._setup.profile.history
         trips = sorted(totals.trips.items())
         energy_kwh = round(totals.energy_kwh, 2) if self._counters.has_power else None
-        values: dict[str, Value] = {
+        return {
             "hours_total": _hours(self._own_or(rows.hours, totals.operating_s, now_s)),
             "energy_kwh": self._own_or(rows.energy, energy_kwh, now_s),
             "starts_total": totals.starts,
@@ -199,7 +195,6 @@ class MotorValues:
             "trips_by_code": " ".join(f"{code}:{count}" for code, count in trips),
             **{f"hours_{name}": _hours(s) if has_load else None for name, s in totals.bands_s.items()},
         }
-        return values | self._limits(now_s)
 
     def _own_or(self, code: str, ours: float | None, now_s: float) -> float | None:
         """Return the starter's own count; ours where it has or gives none, None while that is not known."""
@@ -213,14 +208,16 @@ class MotorValues:
         since_s = policy.motor_history.standing_since(self._setup.name)
         starts_s = policy.motor_history.starts_since(self._setup.name, now_s - HOUR_S)
         rules = policy.settings.rules.get(self._setup.name, NO_RULES)
-        limits = StartLimits(
-            starts_per_hour=rules.starts_per_hour,
+        left = starts_left(rules.starts_per_hour, starts_s, now_s=now_s)
+        self._announce(left)
+        pause_s = pause_left_s(
+            starts_s,
+            standing_since_s=since_s,
+            now_s=now_s,
+            per_hour=rules.starts_per_hour,
             after_stop_s=max(rules.minimum_pause_s, self._setting(rows.after_stop)),
             between_starts_s=self._setting(rows.between_starts),
         )
-        left = starts_left(limits, starts_s, now_s=now_s)
-        self._announce(left)
-        pause_s = pause_left_s(limits, starts_s, standing_since_s=since_s, now_s=now_s)
         restart_s = None
         if self._thermal is not None and self._counters.state in STANDING:
             restart_s = self._thermal.restart_in_s(now_s)

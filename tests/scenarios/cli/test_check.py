@@ -406,7 +406,7 @@ OTHERS = [
             given=SSW07,
             code=1,
             out="",
-            err="sqlite: No such file",
+            err="history.sqlite: No such file",
         )
         for words in ("history CONFIG pump", "report CONFIG pump --no-broker")
     ),

@@ -1,0 +1,180 @@
+"""The motors' history: starts, curves, months, baselines, trips, settings and counters, in a file of its own.
+
+The file has a thread of its own too, so that neither commands nor the outbox wait for it. A row is a JSON
+object of a kind, of which the newest few stay for each starter. It is compressed (a curve of 300 samples
+takes about 4 KB), and the compression carries a checksum (RFC 1950): a damaged row is left out when it is
+read. The order of rows is that in which they came first, whatever the wall clock said. While the disk is away
+rows wait in memory, a bounded number of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gateway.errors import StoreError, UnstorableError
+from gateway.store.database import Connection, read_file
+from gateway.store.schema import HISTORY, HISTORY_FILE
+from gateway.store.worker import RETRY_S, News, OnNews, Store
+from gateway.system.supervised import on_this_loop
+
+COLLECT_S = 5.0  # between transactions in which nothing is urgent
+MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
+
+_OF_STARTER = "SELECT kind, id, data FROM history WHERE starter = ?"
+_IS_THERE = "SELECT 1 FROM history WHERE starter = ? AND kind = ? AND id = ?"
+_PUT = """
+    INSERT INTO history (starter, kind, id, time_s, data) VALUES (?, ?, ?, ?, ?)
+    ON CONFLICT (starter, kind, id) DO UPDATE SET time_s = excluded.time_s, data = excluded.data
+"""
+_COPY = """
+    INSERT OR REPLACE INTO history (starter, kind, id, time_s, data)
+    SELECT starter, ?, id, time_s, data FROM history WHERE starter = ? AND kind = ? AND id = ?
+"""
+_PRUNE = """
+    DELETE FROM history WHERE starter = ? AND kind = ? AND number <=
+    (SELECT number FROM history WHERE starter = ? AND kind = ? ORDER BY number DESC LIMIT 1 OFFSET ?)
+"""
+_WINDOW_BITS, _MEMORY_LEVEL = 13, 6  # 64 KB of memory instead of 256 KB, for 2 % more on disk
+
+
+class HistoryRow(NamedTuple):
+    """What is stored of a starter under a kind and an id, in place of what was there."""
+
+    starter: str
+    kind: str
+    id: str
+    data: Mapping[str, Any]
+    limit: int = 1  # so many of this kind stay, the newest
+
+
+class HistoryStore:
+    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
+
+    def __init__(self, path: Path | None, *, retry_s: float = RETRY_S, collect_s: float = COLLECT_S) -> None:
+        self._store = Store(path, HISTORY, retry_s=retry_s)
+        self._collect_s = collect_s
+        self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_away = False
+        self._on_news: OnNews = lambda *_: None
+        self._on_stored: Callable[[Sequence[HistoryRow]], None] = lambda _: None
+
+    def start(self, on_news: OnNews, on_stored: Callable[[Sequence[HistoryRow]], None]) -> None:
+        """Begin; the file is opened in the thread. `on_stored` gets the rows of each transaction."""
+        self._on_news, self._on_stored = on_news, on_stored
+        self._store.start(on_this_loop(self._report))
+
+    def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
+        """Store a row; an urgent one now, with all that was put before it, any other within a few seconds."""
+        self._wait(row)
+        if is_urgent:
+            self.flush()
+        elif self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(self._collect_s, self.flush)
+
+    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
+        """Store a row once more, as the only one of another kind."""
+        self.flush()
+        work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
+        self._store.submit(work, is_flushed=False)
+
+    def flush(self) -> None:
+        """Hand everything that waits to the thread, as one transaction."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._waiting and not self._is_away:
+            rows, self._waiting = tuple(self._waiting.values()), {}
+            future = self._store.submit(partial(_write, rows=rows))
+            future.add_done_callback(on_this_loop(partial(self._when_done, rows)))
+
+    async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
+        """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
+        if self._is_away:
+            raise StoreError(self._store.trouble)
+        self.flush()
+        work = partial(_rows, starter=starter, kinds=kinds)
+        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
+
+    async def lacking(self, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
+        """Return which of these ids, the oldest first, came after the newest that is stored; StoreError.
+
+        Those before it were stored once, but perhaps not for as long as now.
+        """
+        work = partial(_lacking, starter=starter, kind=kind, ids=ids)
+        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
+
+    async def close(self, *, within_s: float) -> bool:
+        """Close the file when all is written; return whether there was time for it."""
+        self.flush()
+        return await asyncio.to_thread(self._store.close, within_s=within_s)
+
+    def _wait(self, row: HistoryRow) -> None:
+        self._waiting.pop(row[:3], None)
+        self._waiting[row[:3]] = row
+        if len(self._waiting) > MOST_UNSAVED:
+            del self._waiting[next(iter(self._waiting))]
+
+    def _when_done(self, rows: Sequence[HistoryRow], future: Future[None]) -> None:
+        """Have rows that could not be written wait again, before those that came later."""
+        error = future.exception()
+        if error is None or isinstance(error, UnstorableError):
+            self._on_stored(rows)
+            return
+        later, self._waiting = self._waiting, {}
+        for row in (*rows, *later.values()):
+            self._wait(row)
+
+    def _report(self, news: News, text: str) -> None:
+        self._is_away = news is News.AWAY
+        if news is News.OPEN:
+            self.flush()
+        self._on_news(news, text)
+
+
+def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
+    """Return what is stored of a starter, the oldest first, beside a gateway that runs or not; StoreError."""
+    return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
+
+
+def _write(connection: Connection, *, rows: Iterable[HistoryRow]) -> None:
+    """Store rows, and delete those that are too many now."""
+    for row in rows:
+        packer = zlib.compressobj(zlib.Z_DEFAULT_COMPRESSION, zlib.DEFLATED, _WINDOW_BITS, _MEMORY_LEVEL)
+        packed = packer.compress(json.dumps(row.data, separators=(",", ":")).encode()) + packer.flush()
+        connection.execute(_PUT, (row.starter, row.kind, row.id, time.time(), packed))
+        connection.execute(_PRUNE, (row.starter, row.kind, row.starter, row.kind, row.limit))
+
+
+def _copy(connection: Connection, *, starter: str, kind: str, id_: str, to_kind: str) -> None:
+    if connection.execute(_COPY, (to_kind, starter, kind, id_)).rowcount > 0:
+        connection.execute(_PRUNE, (starter, to_kind, starter, to_kind, 1))
+
+
+def _rows(connection: Connection, *, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
+    """Return the rows of these kinds (none: of all), but those that are damaged."""
+    of_kinds = f" AND kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
+    found = connection.execute(f"{_OF_STARTER}{of_kinds} ORDER BY number", (starter, *kinds))
+    rows = []
+    for kind, id_, packed in found:
+        with suppress(zlib.error, ValueError, TypeError):
+            data = json.loads(zlib.decompress(packed))
+            if isinstance(data, dict):
+                rows.append(HistoryRow(starter, str(kind), str(id_), data))
+    return rows
+
+
+def _lacking(connection: Connection, *, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
+    for place in range(len(ids), 0, -1):
+        if connection.execute(_IS_THERE, (starter, kind, ids[place - 1])).fetchone():
+            return list(ids[place:])
+    return list(ids)
