@@ -6,7 +6,7 @@ from itertools import groupby
 from pathlib import Path
 
 from gateway.contract import ResultCode
-from gateway.contract.results import result_meanings
+from gateway.contract.results import RESULTS
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end of codes -->\n"
@@ -15,7 +15,7 @@ BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end
 def tables() -> str:
     """Return the codes as Markdown."""
     parts = []
-    for title, codes in groupby(result_meanings().items(), key=lambda each: each[1].title):
+    for title, codes in groupby(RESULTS.items(), key=lambda each: each[1].group):
         rows = [f"| `{_shown(code)}` | {means.sentence} | {means.remedy} |" for code, means in codes]
         parts.append(
             "\n".join([f"### {title}", "", "| code | what it says | what to do |", "|---|---|---|", *rows])

@@ -32,8 +32,11 @@ def request(topic: str, payload: str) -> CommandRequest:
     """Return the command that a message is; it is fresh, or needs not be."""
     tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
     tokens.issue(7.0)
-    judged = command_in(Topics(BASE), Incoming(topic, payload.encode()), 7.0)
-    assert isinstance(judged, CommandRequest), judged
+    address = Topics(BASE).parse_command(topic)
+    assert address is not None
+    received = command_in(address, Incoming(topic, payload.encode()), 7.0, verb_error=lambda *_: None)
+    assert received.refusal is None, received
+    judged = received.request
     if judged.verb != STOP:
         moment = Moment(7.0, NOW_S)
         decision_of(judged.proof, verb=judged.verb, freshness=("token",), tokens=tokens, moment=moment)

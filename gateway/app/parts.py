@@ -39,7 +39,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, State
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -135,8 +135,8 @@ class Parts:
             wiring=wiring_of(config),
         )
 
-    def _build_state(self) -> State:
-        return State(
+    def _build_state(self) -> StateStore:
+        return StateStore(
             self.site.state_dir / STATE_FILE,
             boot=self._boot.run,
             clock=self.clock,
@@ -202,7 +202,6 @@ class Parts:
 
     def _build_incoming(self) -> IncomingCommands:
         return IncomingCommands(
-            self.uplink.topics,
             self.commands,
             dispatcher=self.dispatcher,
             clock=self.clock,

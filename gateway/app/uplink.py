@@ -27,6 +27,7 @@ from gateway.contract import (
     ResultRecord,
     RetainedTopic,
     Sink,
+    StatusRecord,
     Topics,
 )
 from gateway.mqtt import (
@@ -80,7 +81,9 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, boot=tokens.boot.run, utc_of=clock.utc_s)
+        self.outbox = Outbox(
+            last_topic=self.topics.of(StatusRecord), boot=tokens.boot.run, utc_of=clock.utc_s
+        )
         self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,

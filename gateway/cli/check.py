@@ -30,7 +30,7 @@ from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, StartError
 from gateway.families import ENGLISH, LANGUAGES, languages_of, load_profile
 from gateway.line import capacity
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.store import refuse_newer
 from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction

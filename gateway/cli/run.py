@@ -17,9 +17,9 @@ from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.cli.command import flag
+from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.schema import Config
-from gateway.storage.formats import keep_private
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.store import keep_private, refuse_newer
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler, TraceFilter
@@ -54,6 +54,7 @@ async def serve(path: Path, config: Config, password: str | None) -> None:
 
 async def serve_site(path: Path, site: Site, *, io: Io = MACHINE) -> None:
     """Run the gateway of a site until SIGTERM or SIGINT; SIGHUP makes it read its file again."""
+    upgrade_site(path, site)
     notifier = Notifier(os.environ)
     loop = asyncio.get_running_loop()
     ending: asyncio.Future[str] = loop.create_future()

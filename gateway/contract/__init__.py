@@ -5,7 +5,7 @@ A record is its payload; `docs/reference` and asyncapi.yaml are generated from h
 
 from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, Sink
 from gateway.contract.events import Event, EventCode, event_of, phrase
-from gateway.contract.json_text import encoded
+from gateway.contract.json_text import encoded, read_object
 from gateway.contract.latest import Latest
 from gateway.contract.records import (
     AlarmRecord,
@@ -46,7 +46,6 @@ from gateway.contract.request import (
     CommandRequest,
     Proof,
     read_body,
-    read_leniently,
 )
 from gateway.contract.results import (
     CommandError,
@@ -56,7 +55,6 @@ from gateway.contract.results import (
     joined,
     meaning_of,
 )
-from gateway.contract.strict_json import read_object
 from gateway.contract.topics import (
     LINE,
     CommandAddress,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
 from typing import Any, Protocol
 
 from gateway.contract.events import Event, EventCode, event_of
@@ -28,25 +30,16 @@ class PublishEvent(Protocol):
         """Take a code with the fields of its text and its data as `event_of` does, or an event."""
 
 
-class SequenceNumbers:
-    """Counts up by one from 1; the gateway has exactly one, used on the application's loop only."""
-
-    def __init__(self) -> None:
-        self._last = 0
-
-    def take(self) -> int:
-        """Return the next number."""
-        self._last += 1
-        return self._last
-
-
 @dataclass(frozen=True, slots=True)
 class RecordWriter:
-    """Where records go, the clock that dates them, the run and the numbers that identify them."""
+    """Where records go, the clock that dates them, the run and the numbers that identify them.
+
+    The gateway has exactly one `sequence`, from 1 up, used on the application's loop only.
+    """
 
     sink: Sink
     clock: Clock
-    sequence: SequenceNumbers = field(default_factory=SequenceNumbers)
+    sequence: Iterator[int] = field(default_factory=partial(count, 1))
     boot: str = ""
 
     def put(self, record: Record) -> None:
@@ -71,7 +64,7 @@ class RecordWriter:
         """Return the record of an event that happened at `time_s`; None: now."""
         return EventRecord(
             starter=starter,
-            seq=self.sequence.take(),
+            seq=next(self.sequence),
             time_s=self.clock.utc_s() if time_s is None else time_s,
             boot=self.boot,
             code=event.code,

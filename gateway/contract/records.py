@@ -12,23 +12,19 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from functools import cache, lru_cache
+from functools import cache
 from operator import not_
-from string import Formatter
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
-from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticSerializationError
-from pydantic_core.core_schema import DataclassField, ModelField, TypedDictField
 
 from gateway.contract.events import EventCode
-from gateway.contract.json_text import encoded, with_decimals
+from gateway.contract.json_text import encoded, read_object, with_decimals
 from gateway.contract.statistics import LineStatistics
-from gateway.contract.strict_json import read_object
 from gateway.contract.topics import to_level
 from gateway.contract.values import PointInfo, ResultValues, StartSamples
 from gateway.contract.vocabulary import (
@@ -40,13 +36,13 @@ from gateway.contract.vocabulary import (
     StarterState,
     rfc3339,
 )
+from gateway.contract.wording import names_in
 
 Number = bool | int | float
 Row = Mapping[str, Any]
 R = TypeVar("R", bound="Record")
 T = TypeVar("T")
 InTopic = Annotated[str, Field(exclude=True)]
-Hidden = Annotated[Any, Field(exclude=True)]
 
 
 def _seconds(time: object) -> float | None:
@@ -119,30 +115,17 @@ def _rounded(digits: int) -> PlainSerializer:
 Measured = Annotated[float, _rounded(4)]
 
 
-_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
-_OWN_NAMES: dict[type[Record], frozenset[str]] = {}
+def _made_keys(kind: type) -> frozenset[str]:
+    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"])
 
 
-def _adapter_of(kind: type) -> TypeAdapter[Any]:
-    if kind not in _ADAPTERS:
-        _ADAPTERS[kind] = TypeAdapter(kind)
-    return _ADAPTERS[kind]
-
-
-def _own_names_of(kind: type[Record]) -> frozenset[str]:
-    if kind not in _OWN_NAMES:
-        _OWN_NAMES[kind] = frozenset(_schema_of(kind)["properties"]) - {kind.BESIDE}
-    return _OWN_NAMES[kind]
-
-
-@lru_cache
-def _names(template: str) -> tuple[str, ...]:
-    return tuple(name for _, name, _, _ in Formatter().parse(template) if name)
+_adapter_of: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
+_keys_of: Callable[[type], frozenset[str]] = cache(_made_keys)  # of its JSON
 
 
 @cache  # as many as there are points
 def _filled(template: str, *names: str) -> str:
-    return template.format_map(dict(zip(_names(template), map(to_level, names), strict=True)))
+    return template.format_map(dict(zip(names_in(template), map(to_level, names), strict=True)))
 
 
 class Record:
@@ -158,12 +141,12 @@ class Record:
     @property
     def topic(self) -> str:
         """Return the topic below the base; what no level may hold has become `_`."""
-        return _filled(self.TOPIC, *(getattr(self, name) for name in _names(self.TOPIC)))
+        return _filled(self.TOPIC, *(getattr(self, name) for name in names_in(self.TOPIC)))
 
     @classmethod
     def topic_of(cls, **names: str) -> str:
         """Return the topic of such a record below the base."""
-        return _filled(cls.TOPIC, *(names[name] for name in _names(cls.TOPIC)))
+        return _filled(cls.TOPIC, *(names[name] for name in names_in(cls.TOPIC)))
 
     @property
     def key(self) -> str:
@@ -182,7 +165,7 @@ class Record:
         except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
             payload = encoded(self.fields())
         if self.BESIDE:
-            own = _own_names_of(type(self))  # which cannot be overwritten
+            own = _keys_of(type(self)) - {self.BESIDE}  # which cannot be overwritten
             added = {key: value for key, value in getattr(self, self.BESIDE).items() if key not in own}
             return payload[:-1] + b"," + encoded(added)[1:] if added else payload
         return payload
@@ -194,7 +177,7 @@ def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     A field of a later version is ignored; one that a later version adds here has a default.
     """
     found = read_object(payload)
-    own = {key: found.pop(key) for key in _own_names_of(kind) & found.keys()}
+    own = {key: found.pop(key) for key in (_keys_of(kind) - {kind.BESIDE}) & found.keys()}
     beside = {kind.BESIDE: found} if kind.BESIDE else {}
     return read_stored(kind, {**own, **beside}, **names)
 
@@ -210,37 +193,6 @@ def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
     serializer = _adapter_of(type(thing)).serializer
     fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
     return fields
-
-
-class _Schema(GenerateJsonSchema):
-    """Every field of a record is in its JSON, but one that is left out where it says nothing."""
-
-    def field_is_required(
-        self,
-        field: ModelField | DataclassField | TypedDictField,
-        total: bool,  # noqa: FBT001 - as pydantic calls it
-    ) -> bool:
-        if field["type"] == "typed-dict-field":
-            return field.get("required", total)
-        return field.get("serialization_exclude_if") is None
-
-
-def _schema_of(kind: Any) -> dict[str, Any]:
-    return TypeAdapter(kind).json_schema(mode="serialization", by_alias=True, schema_generator=_Schema)
-
-
-def json_schema(kind: type[Record]) -> dict[str, Any]:
-    """Return the JSON Schema of a record's payload."""
-    schema = _schema_of(kind)
-    if kind.BESIDE:
-        items = schema["properties"].pop(kind.BESIDE)
-        if "$ref" in items:
-            items = schema["$defs"][items["$ref"].rpartition("/")[2]]
-            schema["properties"] |= items["properties"]
-            schema["required"] = [*schema.get("required", ()), *items.get("required", ())]
-        else:
-            schema["additionalProperties"] = {"description": items["description"]}
-    return schema
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -406,8 +358,7 @@ class ResultRecord(Record):
     values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
         default_factory=dict
     )
-    correlation: Hidden = None  # MQTT 5 correlation data, echoed
-    response_topic: Hidden = None  # MQTT 5 response topic, already checked
+    correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
     @property
@@ -476,13 +427,26 @@ class Cause:
 class QuantityChange:
     """How a quantity of the last starts compares with the baseline."""
 
-    baseline: Annotated[float, _rounded(4), Field(description="at the baseline")]
-    median: Annotated[float, _rounded(4), Field(description="of the last starts")]
+    baseline: Annotated[Measured, Field(description="at the baseline")]
+    median: Annotated[Measured, Field(description="of the last starts")]
     change_pct: Annotated[float, _rounded(1), Field(description="by how much it has changed, %")]
 
 
+class _StoredRecord(Record):
+    """A record that is stored until the broker has it, by the `id` of what a starter did."""
+
+    __slots__ = ()
+    starter: str
+    id: str
+
+    @property
+    def key(self) -> str:
+        """Return what names it until then; no client's name has a colon in it."""
+        return f"{self.starter}:{self.TOPIC.rpartition('/')[2]}/{self.id}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartRecord(Record):
+class StartRecord(_StoredRecord):
     """One start of a motor with its samples, once it is over; after a kill perhaps once more, by its `id`."""
 
     TOPIC = "starter/{starter}/start"
@@ -517,11 +481,6 @@ class StartRecord(Record):
         Field(description="columns of the same length; null where a reply did not hold it"),
     ] = field(default_factory=dict)
 
-    @property
-    def key(self) -> str:
-        """Return what names it until the broker has it; no client's name has a colon in it."""
-        return f"{self.starter}:start/{self.id}"
-
 
 @dataclass(frozen=True, slots=True)
 class ReadingTable:
@@ -538,7 +497,7 @@ class ReadingTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TripRecord(Record):
+class TripRecord(_StoredRecord):
     """One trip: what was read before it, and what the starter says of it."""
 
     TOPIC = "starter/{starter}/trip"
@@ -555,11 +514,6 @@ class TripRecord(Record):
     at_fault: Annotated[Mapping[str, Row], Field(description="stored by the starter at the fault, by code")]
     fault_history: Annotated[tuple[Row, ...], Field(description="the starter's own list, the newest first")]
     thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
-
-    @property
-    def key(self) -> str:
-        """Return what names it until the broker has it; no client's name has a colon in it."""
-        return f"{self.starter}:trip/{self.id}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -613,12 +567,7 @@ class FreshRecord(Record):
     TOPIC = "gateway/fresh"
     QOS = 0
     token: Annotated[str, Field(description="for the `token` of a command")]
-    time_s: Annotated[
-        float,
-        BeforeValidator(_known_seconds),
-        PlainSerializer(rfc3339, return_type=_Text),
-        _time("time", "when it was issued"),
-    ]
+    time_s: Annotated[Time, _time("time", "when it was issued")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -673,7 +622,7 @@ class ForgetRecord(Record):
     def has(self, topic: str) -> bool:
         """Return whether a topic below the base is one of theirs."""
         branches = tuple(f"starter/{name}/" for name in self.starters)
-        return topic.startswith(branches) or topic in [f"gateway/line/{name}" for name in self.lines]
+        return topic.startswith(branches) or topic in [LineRecord.topic_of(line=name) for name in self.lines]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

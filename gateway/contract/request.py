@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from gateway.contract.json_text import read_object
 from gateway.contract.results import CommandError, ResultCode
-from gateway.contract.strict_json import read_object
 from gateway.contract.topics import shortened
 from gateway.system.value_demands import demand_of
 
@@ -48,7 +48,6 @@ class CommandRequest:
     reason: str | None = None
     received_s: float = 0.0  # on the steady clock
     correlation: bytes | None = None  # MQTT 5 correlation data, to be echoed
-    response_topic: str | None = None  # MQTT 5 response topic, already checked
     expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
     select: str | None = None  # the token of a selection
     proof: Proof = Proof()
@@ -113,51 +112,29 @@ class CommandBody(BaseModel):
         return Proof(token=self.token, issued_s=issued_s, boot=self.boot, ttl_s=self.ttl_s)
 
 
-_ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
-_REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
+_OF_ANY = ("id", "operator", "reason", "args")  # what is understood of a payload that is wrong elsewhere
 
 
-def read_body(payload: bytes) -> CommandBody:
-    """Return the payload of a command that must be right in every detail; CommandError."""
+def read_body(payload: bytes) -> tuple[CommandBody, CommandError | None]:
+    """Return the payload of a command, and what is wrong with it, which must be right in every detail.
+
+    Of a wrong one that is returned which can be understood: enough for a stop, and to name a refused command.
+    """
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise CommandError(ResultCode.TOO_BIG, "payload", size=len(payload), most=MAX_PAYLOAD_BYTES)
+        most = MAX_PAYLOAD_BYTES
+        return CommandBody(), CommandError(ResultCode.TOO_BIG, "payload", size=len(payload), most=most)
     try:
         fields = read_object(payload)
     except ValueError as error:
-        raise CommandError(ResultCode.BAD_JSON, why=shortened(str(error), 200)) from error
+        return CommandBody(), CommandError(ResultCode.BAD_JSON, why=shortened(str(error), 200))
     try:
         body = CommandBody.model_validate(fields)
     except ValidationError as error:
-        raise CommandError(
-            ResultCode.BAD_PAYLOAD, "fields", mistakes=shortened(_explained(error), 200)
-        ) from error
-    if body.id is None:
-        raise CommandError(ResultCode.NO_ID)
-    return body
-
-
-def read_leniently(payload: bytes) -> CommandBody:
-    """Return what can be understood of a payload: enough for a stop, and to name a refused command."""
-    if len(payload) > MAX_PAYLOAD_BYTES:
-        return CommandBody()
-    try:
-        fields = read_object(payload)
-    except ValueError:
-        return CommandBody()
-    args = fields.get("args")
-    return CommandBody(
-        id=_valid(_ID, fields.get("id")),
-        operator=_valid(_ID, fields.get("operator")),
-        reason=_valid(_REASON, fields.get("reason")),
-        args=args if isinstance(args, dict) else {},
-    )
-
-
-def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
-    try:
-        return adapter.validate_python(value)
-    except ValidationError:
-        return None
+        wrong = {mistake["loc"][0] for mistake in error.errors()}
+        body = CommandBody(**{name: fields[name] for name in _OF_ANY if name in fields and name not in wrong})
+        mistakes = shortened(_explained(error), 200)
+        return body, CommandError(ResultCode.BAD_PAYLOAD, "fields", mistakes=mistakes)
+    return body, CommandError(ResultCode.NO_ID) if body.id is None else None
 
 
 def _explained(error: ValidationError) -> str:

@@ -8,16 +8,11 @@ error: `tests/contract/test_results.py` finds each of them without running the c
 from __future__ import annotations
 
 import enum
-import tomllib
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
-from string import Formatter
 
-from pydantic import BaseModel, ConfigDict
-
+from gateway.contract.wording import Meaning, names_in, table
 from gateway.errors import GatewayError
 
 ResultCode = enum.StrEnum(  # the value of each is its name in lower case; in the groups of the table
@@ -42,57 +37,23 @@ ResultCode = enum.StrEnum(  # the value of each is its name in lower case; in th
 )
 
 
-class ResultMeaning(BaseModel):
-    """What one code means, for people, and what a result with it may say."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    title: str  # of its group
-    sentence: str
-    remedy: str
-    text: str | None = None
-    texts: Mapping[str, str] = {}
-
-    @property
-    def templates(self) -> Mapping[str, str]:
-        """Return the texts by case; the only text of a code has the case ""."""
-        return self.texts if self.text is None else {"": self.text, **self.texts}
+_GROUPS = table("results")
+NOTES: Mapping[str, str] = _GROUPS.pop("notes")  # by case
+RESULTS: Mapping[str, Meaning] = {
+    code: Meaning(group=group["title"], **row)
+    for group in _GROUPS.values()
+    for code, row in group.items()
+    if code != "title"
+}
 
 
-@cache
-def _tables() -> tuple[Mapping[str, ResultMeaning], Mapping[str, str]]:
-    document = tomllib.loads(files(__package__).joinpath("texts/results.toml").read_text("utf-8"))
-    notes: Mapping[str, str] = document.pop("notes")
-    codes: dict[str, ResultMeaning] = {}
-    for group in document.values():
-        title = group.pop("title")
-        codes |= {code: ResultMeaning(title=title, **entry) for code, entry in group.items()}
-    return codes, notes
-
-
-def result_meanings() -> Mapping[str, ResultMeaning]:
-    """Return what each code means, in the order of the table."""
-    return _tables()[0]
-
-
-def result_notes() -> Mapping[str, str]:
-    """Return the texts of the notes, by case."""
-    return _tables()[1]
-
-
-def meaning_of(code: str) -> ResultMeaning:
+def meaning_of(code: str) -> Meaning:
     """Return what a code means; one that is not in the list is a Modbus exception of another number."""
-    return result_meanings().get(code) or result_meanings()[ResultCode.EXCEPTION]
-
-
-@cache
-def fields_of(template: str) -> frozenset[str]:
-    """Return the fields that a text names."""
-    return frozenset(name for _, name, _, _ in Formatter().parse(template) if name)
+    return RESULTS.get(code) or RESULTS[ResultCode.EXCEPTION]
 
 
 def _filled(template: str | None, where: str, fields: Mapping[str, object]) -> str:
-    if template is None or fields_of(template) != fields.keys():
+    if template is None or names_in(template) != fields.keys():
         raise ValueError(f"results.toml has no text {where} of {', '.join(fields) or 'no fields'}")
     return template.format_map(fields)
 
@@ -104,7 +65,7 @@ class Note:
     text: str
 
     def __init__(self, case: str, /, **fields: object) -> None:
-        text = _filled(result_notes().get(case), f"notes.{case}", fields)
+        text = _filled(NOTES.get(case), f"notes.{case}", fields)
         object.__setattr__(self, "text", text)
 
 
@@ -116,7 +77,7 @@ class Reason:
     text: str
 
     def __init__(self, code: ResultCode, case: str = "", /, **fields: object) -> None:
-        text = _filled(result_meanings()[code].templates.get(case), f"{code}.{case}", fields)
+        text = _filled(RESULTS[code].texts.get(case), f"{code}.{case}", fields)
         word = f"{code}_{fields['number']}" if code is ResultCode.EXCEPTION else code.value
         object.__setattr__(self, "code", word)
         object.__setattr__(self, "text", text)

@@ -64,8 +64,6 @@ class Topics:
         for level in base.split("/"):
             _checked(level)
         self.base = base
-        self.gateway_status = f"{base}/gateway/status"
-        self.gateway_fresh = f"{base}/gateway/fresh"
         self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
         starter = f"starter/({LEVEL})/(?:(value|alarm)/{LEVEL}|(info|availability|state))"

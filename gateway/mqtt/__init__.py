@@ -5,16 +5,16 @@ Nothing outside reaches past this door. `Session` keeps the connection, `Publish
 """
 
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
 from gateway.mqtt.connection.broker import BrokerConnection, Listener
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings, Version
 from gateway.mqtt.incoming import IncomingCommands
 from gateway.mqtt.leftovers import Leftovers
 from gateway.mqtt.message import Message, cleared, message_of
+from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from gateway.contract import (
@@ -13,10 +14,7 @@ from gateway.contract import (
     Malformed,
     Note,
     ResultCode,
-    ResultRecord,
-    Topics,
     read_body,
-    read_leniently,
 )
 
 RETAINED_STOP = Note("retained_stop")
@@ -26,9 +24,10 @@ RETAINED_STOP = Note("retained_stop")
 class Incoming:
     """A message as the broker delivered it.
 
-    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_live` says of a retained one
-    that it was published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it
-    came before the connection was reported.
+    Its response topic counts for nothing: results go to one topic, so that the broker's ACL decides who reads
+    them. `expiry_s` and `correlation` come with MQTT 5 only. `is_live` says of a retained one that it was
+    published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it came before
+    the connection was reported.
     """
 
     topic: str
@@ -37,61 +36,37 @@ class Incoming:
     is_live: bool = False
     is_early: bool = False
     expiry_s: int | None = None
-    response_topic: str | None = None
     correlation: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Rejection:
-    """A command that is not carried out: as far as it is legible, and which rule refuses it."""
+class Received:
+    """A command as far as it is legible, and which rule refuses it, where one does."""
 
     request: CommandRequest
-    error: CommandError
-    problem: str = ""  # of a malformed topic, in a word
+    refusal: CommandError | None = None
+    problem: str = ""  # of a topic that names no command, in a word
 
 
-def command_in(topics: Topics, incoming: Incoming, received_s: float) -> CommandRequest | Rejection | None:
-    """Return the well-formed command of a message, or why it is none; None on any other topic.
-
-    `received_s` is when it arrived, on the steady clock.
-    """
-    address = topics.parse_command(incoming.topic)
-    if address is None:
-        return None
-    lenient = read_leniently(incoming.payload)
-    if isinstance(address, Malformed):
-        request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-        error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
-        return Rejection(request, error, problem=address.problem)
-    try:
-        if incoming.is_retained and not (address.verb == STOP and incoming.is_live):
-            raise CommandError(ResultCode.RETAINED)  # noqa: TRY301 - as for the others
-        if address.verb == STOP:
-            request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-            remark = RETAINED_STOP.text if incoming.is_retained else ""
-            return replace(request, args={}, remark=remark)  # nothing in a payload may hold up a stop
-        body = read_body(incoming.payload)
-        if incoming.expiry_s == 0:
-            raise CommandError(ResultCode.EXPIRED, "message")  # noqa: TRY301 - as for the others
-    except CommandError as error:
-        request = _request(topics, address, incoming, body=lenient, received_s=received_s)
-        return Rejection(request, error)
-    request = _request(topics, address, incoming, body=body, received_s=received_s)
-    expires_s = None if incoming.expiry_s is None else received_s + incoming.expiry_s
-    return replace(request, expires_s=expires_s)
-
-
-def _request(
-    topics: Topics,
+def command_in(
     address: CommandAddress | Malformed,
     incoming: Incoming,
-    *,
-    body: CommandBody,
     received_s: float,
-) -> CommandRequest:
-    # Results go to one topic only, so that the broker's ACL decides who reads them.
-    own_topic = topics.of(ResultRecord, starter=address.starter, client=address.client)
-    return CommandRequest(
+    *,
+    verb_error: Callable[[str, str], CommandError | None],
+) -> Received:
+    """Return the command of a message whose topic says `address`.
+
+    `received_s` is when it arrived, on the steady clock; `verb_error` says what is wrong with a verb for a
+    starter.
+    """
+    body, mistake = read_body(incoming.payload)
+    is_stop, expires_s = address.verb == STOP, None
+    if is_stop:  # nothing else in a payload may hold up a stop
+        body = CommandBody(id=body.id, operator=body.operator, reason=body.reason)
+    elif incoming.expiry_s is not None:
+        expires_s = received_s + incoming.expiry_s
+    request = CommandRequest(
         starter=address.starter,
         client=address.client,
         verb=address.verb,
@@ -101,8 +76,22 @@ def _request(
         reason=body.reason,
         received_s=received_s,
         correlation=incoming.correlation,
-        response_topic=incoming.response_topic if incoming.response_topic == own_topic else None,
         expect=body.expect,
         select=body.select,
         proof=replace(body.proof, is_early=incoming.is_early),
+        expires_s=expires_s,
     )
+    # The order of the refusals: first what the topic says, which alone needs no payload.
+    if isinstance(address, Malformed):
+        error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
+        return Received(request, error, problem=address.problem)
+    unknown = verb_error(address.starter, address.verb)
+    if unknown is not None:
+        return Received(request, unknown, problem=unknown.code)
+    if incoming.is_retained and not (is_stop and incoming.is_live):
+        return Received(request, CommandError(ResultCode.RETAINED))
+    if is_stop:
+        return Received(replace(request, remark=RETAINED_STOP.text if incoming.is_retained else ""))
+    if mistake is None and incoming.expiry_s == 0:
+        mistake = CommandError(ResultCode.EXPIRED, "message")
+    return Received(request, mistake)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from typing import Any
 
-from gateway.contract import CommandError, EventCode, PublishEvent, Topics, shortened
-from gateway.mqtt.commands import Incoming, Rejection, command_in
+from gateway.contract import CommandAddress, EventCode, Malformed, PublishEvent, shortened
+from gateway.mqtt.commands import Incoming, command_in
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 
-log = logging.getLogger(__name__)
-
-MALFORMED_TOPIC = "malformed_topic"
 MALFORMED_EVERY_S = 1.0  # events of one kind
 
 
@@ -24,53 +19,39 @@ class IncomingCommands:
 
     def __init__(
         self,
-        topics: Topics,
         commands: Commands,
         *,
         dispatcher: Dispatcher,
         clock: Clock,
         publish_event: PublishEvent,
     ) -> None:
-        self._topics = topics
         self._commands = commands
         self._dispatcher = dispatcher
-        self._clock = clock
         self._publish_event = publish_event
         self._malformed = Damped(self._publish_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
-    def take(self, incoming: Incoming, received_s: float | None = None) -> None:
-        """Pass an operator's message on, or answer why not; `received_s` is its arrival (steady clock)."""
+    def take(self, address: CommandAddress | Malformed, incoming: Incoming, received_s: float) -> None:
+        """Pass an operator's message on, or answer why not.
+
+        `address` is what its topic says, `received_s` its arrival on the steady clock.
+        """
         self._commands.look()
-        came_s = self._clock.now_s() if received_s is None else received_s
-        said = command_in(self._topics, incoming, came_s)
-        if said is None:
-            log.debug("topic=%s is no command", shortened(incoming.topic))
-            return
-        request = said.request if isinstance(said, Rejection) else said
-        unknown = self._dispatcher.verb_error(request.starter, request.verb)
-        if isinstance(said, Rejection) and said.problem:
-            self._commands.reject(request, said.error)
-            self._note_malformed(incoming, said.problem, said.error)
-        elif unknown is not None:
-            self._commands.reject(request, unknown)
-            self._note_malformed(incoming, unknown.code, unknown)
-        elif isinstance(said, Rejection):
-            self._commands.reject(request, said.error)
-        else:
-            self._commands.submit(said)
+        received = command_in(address, incoming, received_s, verb_error=self._dispatcher.verb_error)
+        self._commands.submit(received.request, received.refusal)
+        if received.refusal is not None and received.problem:
+            malformed = {
+                "problem": received.problem,
+                "topic": shortened(incoming.topic, 120),
+                "why": received.refusal.text,
+            }
+            self._malformed.put(received.problem, malformed)
 
-    def _note_malformed(self, incoming: Incoming, problem: str, error: CommandError) -> None:
-        """Report a message on a topic that names no command: mistyped, or with an unknown verb."""
-        self._malformed.put(
-            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": error.text}
-        )
-
-    def _publish_malformed(self, malformed: Mapping[str, Any], count: int) -> None:
+    def _publish_malformed(self, malformed: Mapping[str, str], count: int) -> None:
         self._publish_event(
             EventCode.MALFORMED_TOPIC,
             "several" if count else "one",
             problem=malformed["problem"],
             topic=malformed["topic"],
             count=max(count, 1),
-            why=malformed["text"],
+            why=malformed["why"],
         )

@@ -21,11 +21,13 @@ from typing import Any, Protocol
 from gateway.contract import (
     LINE,
     EventCode,
+    FreshRecord,
     PublishEvent,
     Quality,
     Record,
     RetainedTopic,
     StateRecord,
+    StatusRecord,
     Topics,
     read_object,
 )
@@ -105,7 +107,7 @@ class Leftovers:
 
     def connected(self, connection: ReadConnection) -> None:
         """Watch for another gateway, and read what is stored unless that has been done in this run."""
-        for topic in (self._topics.gateway_status, self._topics.gateway_fresh):
+        for topic in (self._topics.of(StatusRecord), self._topics.of(FreshRecord)):
             connection.read(topic, _ignore)
         if self.is_read:
             return
@@ -123,9 +125,9 @@ class Leftovers:
 
     def take(self, incoming: Incoming) -> None:
         """Take a message on a topic of this gateway's own; what is stored is marked as retained."""
-        if incoming.topic == self._topics.gateway_fresh:
+        if incoming.topic == self._topics.of(FreshRecord):
             self._take_heartbeat(incoming)
-        elif incoming.topic == self._topics.gateway_status:
+        elif incoming.topic == self._topics.of(StatusRecord):
             self._take_status(incoming)
         elif incoming.is_retained and self._reading is not None:
             self._take_stored(incoming)

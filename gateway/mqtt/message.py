@@ -37,7 +37,6 @@ def message_of(record: Record, base: str) -> Message:
         retain=record.RETAIN,
         is_queued=not record.RETAIN,
         is_droppable=record.IS_DROPPABLE,
-        # An accepted response topic is the result's own topic, so `response_topic` is not looked at again.
         correlation=record.correlation if isinstance(record, ResultRecord) else None,
         value=record if isinstance(record, ValueRecord) else None,
         key=record.key,

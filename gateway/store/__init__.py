@@ -5,6 +5,16 @@ imported from here.
 """
 
 from gateway.store.audit import Anchor, append_note, read_audit
+from gateway.store.backup import (
+    Archive,
+    Manifest,
+    Member,
+    copy_state,
+    is_state_name,
+    open_archive,
+    upgrade,
+    write_archive,
+)
 from gateway.store.chain import FIRST_HASH, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, CommandTable, Journal, NoJournal, Remembered
 from gateway.store.database import (
@@ -13,76 +23,22 @@ from gateway.store.database import (
     Schema,
     Work,
     mark_restored,
-    newer_text,
     read_file,
-    snapshot,
-    stored_version,
+    write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
+from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
 from gateway.store.history import HistoryRow, HistoryStore, read_history
+from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
-    DAMAGED,
-    DISK_FULL,
-    Deleted,
     Loss,
+    OutboxPage,
     OutboxRow,
     OutboxTable,
-    Page,
     Rank,
     Total,
-    losses_of,
     merged,
 )
-from gateway.store.schema import HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
-from gateway.store.state import State
+from gateway.store.schema import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE
+from gateway.store.state import StateStore
 from gateway.store.worker import RETRY_S, News, OnNews, Store
-
-__all__ = [
-    "DAMAGED",
-    "DISK_FULL",
-    "FIRST_HASH",
-    "HISTORY_FILE",
-    "INTEND_WITHIN_S",
-    "RETRY_S",
-    "SCHEMAS",
-    "STATE",
-    "STATE_FILE",
-    "Anchor",
-    "CommandTable",
-    "Connection",
-    "Deleted",
-    "Document",
-    "Documents",
-    "FullError",
-    "HistoryRow",
-    "HistoryStore",
-    "Journal",
-    "Loss",
-    "News",
-    "NoJournal",
-    "OnNews",
-    "OutboxRow",
-    "OutboxTable",
-    "Page",
-    "Rank",
-    "Remembered",
-    "Schema",
-    "State",
-    "Store",
-    "Total",
-    "Verification",
-    "Work",
-    "append_note",
-    "losses_of",
-    "mark_restored",
-    "merged",
-    "newer_text",
-    "read_audit",
-    "read_document",
-    "read_file",
-    "read_history",
-    "snapshot",
-    "stored_version",
-    "verify",
-    "write_document",
-]

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple, TypeVar
 from gateway.contract import AuditRecord, rfc3339
 from gateway.errors import UnstorableError
 from gateway.store.chain import Head, link, read_line
-from gateway.store.database import Connection, Database, read_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import MAX_BYTES, Store
+from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -109,21 +109,29 @@ def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> N
         connection.execute(_PUT, (line,))
         octets += len(line)
     _put_anchor(connection, anchor._replace(octets=octets))
-    if octets > MOST_BYTES:
-        give_up_oldest(connection)
+    while octets > MOST_BYTES:
+        octets = _give_up_oldest(connection)
 
 
-def give_up_oldest(connection: Connection) -> None:
-    """Delete some lines, and note what stands before those that are left."""
-    octets, first, last = connection.execute(_SHARE).fetchone()
-    if octets:
-        gone = first + (last - first) // GIVEN_UP
-        try:
-            head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
-        except (ValueError, TypeError):
-            head = None
-        connection.execute(_GIVE_UP, (gone,))
-        _put_anchor(connection, Anchor(head, connection.execute(_SHARE).fetchone()[0]))
+def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
+    """Begin an empty table with the lines of another audit, which stood at `before`, and a note of that."""
+    connection.executemany(_PUT, ((line,) for line in lines))
+    _put_anchor(connection, Anchor(before, sum(map(len, lines))))
+    append(connection, entries=[_note("state_imported", text, "")])
+
+
+def _give_up_oldest(connection: Connection) -> int:
+    """Delete some lines, note what stands before those that are left, and return how long these are."""
+    _, first, last = connection.execute(_SHARE).fetchone()
+    gone = first + (last - first) // GIVEN_UP
+    try:
+        head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
+    except (ValueError, TypeError):
+        head = None
+    connection.execute(_GIVE_UP, (gone,))
+    octets: int = connection.execute(_SHARE).fetchone()[0]
+    _put_anchor(connection, Anchor(head, octets))
+    return octets
 
 
 def read_audit(
@@ -143,12 +151,7 @@ def read_audit(
 
 def append_note(path: Path, code: str, text: str) -> None:
     """Add a note to the audit of a gateway that does not run; StoreError."""
-    database = Database(path, STATE, max_bytes=MAX_BYTES)
-    try:
-        database.open()
-        database.transact([partial(append, entries=[_note(code, text, "")])])
-    finally:
-        database.close()
+    write_file(path, STATE, partial(append, entries=[_note(code, text, "")]))
 
 
 def _note(code: str, text: str, boot: str) -> dict[str, Any]:

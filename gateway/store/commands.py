@@ -32,32 +32,24 @@ INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 MOST_UNSAVED = 10_000
 AT_ONCE = 100  # commands that are written again, or deleted, at a time
-MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
+MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
 # Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
 # printed, so no client's id begins so.
 UNNAMED = "\t"
 
 Key = tuple[str, str]  # client and id
+_Row = tuple[str, str, str, bool, str]  # the table's columns
 
 _PUT = """
-    INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
-    ON CONFLICT (client, id) DO UPDATE SET
-    starter = excluded.starter, verb = excluded.verb, phase = excluded.phase, code = excluded.code,
-    text = excluded.text, time_s = excluded.time_s, extra = excluded.extra, is_final = excluded.is_final,
+    INSERT INTO commands VALUES (?, ?, ?, ?, ?)
+    ON CONFLICT (client, id) DO UPDATE SET starter = excluded.starter, result = excluded.result,
     may_be_written = max(may_be_written, excluded.may_be_written)
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
 _FORGET_UNNAMED = "DELETE FROM commands WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
-_HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
-_FORGET_HARMLESS = f"""
-    DELETE FROM commands WHERE rowid IN (SELECT rowid FROM commands WHERE {_HARMLESS} ORDER BY rowid
-    LIMIT (SELECT count(*) / 2 + 1 FROM commands WHERE {_HARMLESS}))
-"""
-_ROWS = """
-    SELECT client, id, starter, verb, phase, code, text, time_s, extra, may_be_written FROM commands
-    ORDER BY rowid
-"""
+_ROWS = "SELECT client, id, may_be_written, result FROM commands ORDER BY rowid"
+_STORED = ("starter", "verb", "phase", "code", "text", "time_s")  # of a result, besides its values
 
 
 class Remembered(NamedTuple):
@@ -143,8 +135,7 @@ class CommandTable(Journal):
                 self._forget_now()
             waiting.end()
             return
-        may_be_written = result.phase is Phase.WRITTEN or result.verb == STOP
-        row = self._row(key, result, may_be_written=may_be_written)
+        row = _row(key, result, may_be_written=result.phase is Phase.WRITTEN or result.verb == STOP)
         also = self.row_of(result) if result.phase.is_final else None
         self._put(key, partial(_put, row=row, also=also), waiting)
 
@@ -155,8 +146,8 @@ class CommandTable(Journal):
             return
         try:
             async with asyncio.timeout(INTEND_WITHIN_S):
-                row = self._row(key, result, may_be_written=True)
-                await asyncio.wrap_future(self._store.submit(partial(_put, row=row), is_urgent=True))
+                work = partial(_put, row=_row(key, result, may_be_written=True))
+                await asyncio.wrap_future(self._store.submit(work, is_urgent=True))
         except TimeoutError:
             slow = CommandError(ResultCode.LEDGER_UNAVAILABLE, "slow", within_s=INTEND_WITHIN_S)
             self._on_slow(INTEND_WITHIN_S)
@@ -192,23 +183,6 @@ class CommandTable(Journal):
         if not result.id and result.verb != STOP:
             return None
         return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
-
-    def _row(self, key: Key, result: ResultRecord, *, may_be_written: bool) -> tuple[object, ...]:
-        """Return the columns of a command, in the schema's order."""
-        extra = json.dumps(result.values, default=str)
-        return (
-            *key,
-            result.starter,
-            result.verb,
-            result.phase.value,
-            result.code,
-            result.text,
-            result.time_s,
-            extra if len(extra) <= MOST_EXTRA else "{}",
-            int(result.phase.is_final),
-            int(may_be_written),
-            self._clock.utc_s(),
-        )
 
     def _put(self, key: Key, work: Work, waiting: _Waiting) -> None:
         self._unsaved.pop(key, None)
@@ -249,7 +223,8 @@ class CommandTable(Journal):
 
     def _read(self, connection: Connection) -> list[Remembered]:
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
-        return [_remembered(row) for row in connection.execute(_ROWS) if not str(row[1]).startswith(ours)]
+        found = connection.execute(_ROWS)
+        return [remembered(*row) for row in found if not str(row[1]).startswith(ours)]
 
     def _recall(self, future: Future[list[Remembered]]) -> None:
         if self._is_recalled or future.exception() is not None:
@@ -277,16 +252,11 @@ class _Waiting:
             call()
 
 
-def forget_harmless(connection: Connection) -> None:
-    """Delete the older half of the commands that may be repeated without harm."""
-    connection.execute(_FORGET_HARMLESS)
-
-
 def _nothing(_connection: Connection) -> None:
     """Have a transaction of its own, after all others."""
 
 
-def _put(connection: Connection, *, row: tuple[object, ...], also: Work | None = None) -> None:
+def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None:
     connection.execute(_PUT, row)
     if also is not None:
         also(connection)
@@ -301,25 +271,19 @@ def _forget(connection: Connection, *, keys: Sequence[Key]) -> None:
             connection.execute(_FORGET, (client, id_))
 
 
-def _remembered(row: tuple[object, ...]) -> Remembered:
+def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:
+    said = {name: getattr(result, name) for name in _STORED}
+    values = json.dumps(result.values, default=str)
+    said["values"] = json.loads(values) if len(values) <= MOST_VALUES else {}
+    return (*key, result.starter, may_be_written, json.dumps(said))
+
+
+def remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:
     """Return a command as it was stored; DamagedError."""
-    client, id_, starter, verb, phase, code, text, time_s, extra, may_be_written = row
-    texts = (client, id_, starter, verb, phase, code, text, extra)
-    if not all(isinstance(each, str) for each in texts) or not isinstance(time_s, float):
-        raise DamagedError("a command's row has a wrong type")
     try:
-        values, at = json.loads(str(extra)), Phase(str(phase))
-    except ValueError as error:
-        raise DamagedError("a command's row is not readable") from error
-    result = ResultRecord(
-        starter=str(starter),
-        client=str(client),
-        id=None if str(id_).startswith(UNNAMED) else str(id_),
-        verb=str(verb),
-        phase=at,
-        code=str(code),
-        text=str(text),
-        time_s=time_s,
-        values=values if isinstance(values, dict) else {},
-    )
+        said = json.loads(body)
+        said["phase"] = Phase(said["phase"])
+        result = ResultRecord(client=client, id=None if id_.startswith(UNNAMED) else id_, **said)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise DamagedError("what was stored of a command is not readable") from error
     return Remembered(result, may_be_written=bool(may_be_written))

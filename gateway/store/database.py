@@ -31,7 +31,7 @@ CACHE_KIB = 512  # rows are written once and read once: more would only fill up 
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
-SPARE_PAGES = 8  # of a bounded file, which the next transaction may need
+WRITTEN_BYTES = 2**30  # bound of a file that is written once
 LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 100  # given back to a full disk at a time: they pass through the write-ahead log
 
@@ -66,19 +66,13 @@ class Schema(NamedTuple):
 
 
 class Database:
-    """The file, open or not; all calls belong to one thread.
+    """The file, open or not; all calls belong to one thread."""
 
-    `make_room` deletes what is least missed; it is called when the file has reached its bound.
-    """
-
-    def __init__(
-        self, path: Path | None, schema: Schema, *, max_bytes: int, make_room: Work | None = None
-    ) -> None:
+    def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
         self.path = path or Path(":memory:")
         self.lost_s: float | None = None
         self._is_file = path is not None
         self._schema = schema
-        self._make_room = make_room
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
@@ -114,7 +108,7 @@ class Database:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
         with _translated(self.path):
-            aside = _put_aside(self.path) if self._is_file else self.path
+            aside = put_aside(self.path) if self._is_file else self.path
         self._connect(is_lost=True)
         return f"{error}; put aside as {aside.name}, a new one is used"
 
@@ -138,13 +132,6 @@ class Database:
                     connection.execute("ROLLBACK")
                 raise
         return answers
-
-    def make_room(self) -> bool:
-        """Delete what is least missed if the file has reached its own bound; return whether that was done."""
-        if self._make_room is None or not self._is_at_bound():
-            return False
-        self.transact([self._make_room])
-        return True
 
     def take_reserve(self) -> None:
         """Take the room again that was given up, as soon as the disk has it; FullError."""
@@ -182,13 +169,6 @@ class Database:
         if self._connection is None:
             raise StoreError(f"{self.path} is not open")
         return self._connection
-
-    def _is_at_bound(self) -> bool:
-        """Return whether little is left of the file's own bound."""
-        with _translated(self.path):
-            connection = self._opened()
-            pages = _ask(connection, "PRAGMA page_count") - _ask(connection, "PRAGMA freelist_count")
-        return bool(self._max_pages - pages < max(SPARE_PAGES, self._max_pages // 20))
 
     def _connect(self, *, is_lost: bool) -> None:
         with _translated(self.path):
@@ -247,21 +227,26 @@ class Database:
         self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
-def snapshot(path: Path, copy: Path) -> None:
-    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
+def snapshot(path: Path, copy: Path, schema: Schema) -> int:
+    """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
 
     The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
-    later takes the file for one that was lost: what has happened since is missing in it.
+    later takes the file for one that was lost: what has happened since is missing in it. DamagedError,
+    NewerError, StoreError.
     """
+    if path.exists() and not os.access(path, os.R_OK):
+        raise StoreError(f"{path} may not be read by this user (make the backup as root)")
     new = copy.with_name(copy.name + NEW)
     with _translated(copy):
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with closing(_reader(path)) as source:
+        with _translated(path), closing(_reader(path)) as source:
+            version = _version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
+    return version
 
 
 def mark_restored(path: Path) -> None:
@@ -289,11 +274,14 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     )  # sqlite.org/fileformat2
 
 
-def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
-    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError.
+
+    `is_idle`: no process opens it meanwhile, unless one has already.
+    """
     with _translated(path):
         os.stat(path)
-        with closing(_reader(path)) as connection:
+        with closing(_reader(path, is_idle=is_idle)) as connection:
             _version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             try:
@@ -304,12 +292,23 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
                 raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
 
 
-def _reader(path: Path) -> Connection:
+def write_file(path: Path, schema: Schema, work: Work) -> None:
+    """Do some work on a file that no process has open, and that is made where there is none; StoreError."""
+    database = Database(path, schema, max_bytes=WRITTEN_BYTES)
+    try:
+        database.open()
+        database.transact([work])
+    finally:
+        database.close()
+
+
+def _reader(path: Path, *, is_idle: bool = False) -> Connection:
     """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
 
-    Without a log no process has it open, so what is read cannot change meanwhile (sqlite.org/wal.html 5).
+    Nothing is made beside one that is idle. Without a log no process has it open, so what is read cannot
+    change meanwhile (sqlite.org/wal.html 5).
     """
-    is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
+    is_fixed = not os.path.lexists(f"{path}-wal") and (is_idle or not os.access(path.parent, os.W_OK))
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
     connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
     connection.text_factory = _text
@@ -393,7 +392,7 @@ def _place(path: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def _put_aside(path: Path) -> Path:
+def put_aside(path: Path) -> Path:
     """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
     stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
     for end in _COMPANIONS:

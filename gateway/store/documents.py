@@ -17,9 +17,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.database import Connection, Database, read_file
+from gateway.store.database import Connection, read_file, write_file
+from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
-from gateway.store.worker import MAX_BYTES, Store
+from gateway.store.worker import Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -83,7 +84,7 @@ class Documents:
         except DamagedError as error:
             document.damage = str(error)
             if self._publish_event is not None:
-                self._publish_event(EventCode.MEMORY_DAMAGED, name, damage=error)
+                self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
 
     def save_again(self, *, is_lost: bool) -> None:
@@ -146,9 +147,15 @@ class Document(Generic[T]):
 
 
 def read_bodies(path: Path | None) -> dict[str, str]:
-    """Return the documents in a file, by name; none when there is no file. StoreError."""
+    """Return the documents in a file, by name; those of 0.2.0 while there is no file. StoreError."""
+    if path is None or not path.parent.exists():
+        return {}
+    return documents_of_0_2(path.parent) if is_import_due(path.parent) else _read_bodies(path)
+
+
+def _read_bodies(path: Path) -> dict[str, str]:
     try:
-        return {} if path is None or not path.parent.exists() else read_file(path, STATE, _bodies)
+        return read_file(path, STATE, _bodies)
     except StoreError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             return {}
@@ -162,12 +169,8 @@ def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
 
 def write_document(path: Path, name: str, kind: TypeAdapter[T], document: T) -> None:
     """Save a document for the next run of a gateway, which does not run now; StoreError."""
-    database = Database(path, STATE, max_bytes=MAX_BYTES)
-    try:
-        database.open()
-        database.transact([partial(put_body, name=name, body=kind.dump_json(document).decode())])
-    finally:
-        database.close()
+    import_files(path.parent)
+    write_file(path, STATE, partial(put_body, name=name, body=kind.dump_json(document).decode()))
 
 
 def put_body(connection: Connection, *, name: str, body: str) -> None:
@@ -182,7 +185,12 @@ def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
     try:
         return kind.validate_json(body)
     except ValidationError as error:
-        raise DamagedError(f"what was stored of {name} is damaged: {error.error_count()} mistakes") from error
+        raise DamagedError(f"what was stored of the {name} is damaged: {_first_mistake(error)}") from error
+
+
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
 
 
 def _bodies(connection: Connection) -> dict[str, str]:

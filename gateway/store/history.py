@@ -43,10 +43,6 @@ _PRUNE = """
     DELETE FROM history WHERE starter = ? AND kind = ? AND number <=
     (SELECT number FROM history WHERE starter = ? AND kind = ? ORDER BY number DESC LIMIT 1 OFFSET ?)
 """
-_DROP_TENTH = """
-    DELETE FROM history WHERE number IN
-    (SELECT number FROM history ORDER BY number LIMIT (SELECT count(*) / 10 + 1 FROM history))
-"""
 _WINDOW_BITS, _MEMORY_LEVEL = 13, 6  # 64 KB of memory instead of 256 KB, for 2 % more on disk
 
 
@@ -64,7 +60,7 @@ class HistoryStore:
     """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
 
     def __init__(self, path: Path | None, *, retry_s: float = RETRY_S, collect_s: float = COLLECT_S) -> None:
-        self._store = Store(path, HISTORY, make_room=_make_room, retry_s=retry_s)
+        self._store = Store(path, HISTORY, retry_s=retry_s)
         self._collect_s = collect_s
         self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet
         self._timer: asyncio.TimerHandle | None = None
@@ -182,7 +178,3 @@ def _lacking(connection: Connection, *, starter: str, kind: str, ids: Sequence[s
         if connection.execute(_IS_THERE, (starter, kind, ids[place - 1])).fetchone():
             return list(ids[place:])
     return list(ids)
-
-
-def _make_room(connection: Connection) -> None:
-    connection.execute(_DROP_TENTH)

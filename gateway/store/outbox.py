@@ -2,22 +2,21 @@
 
 Ids rise, and within a rank they are the order. A run counts its own rows from 1, so that an id is known
 before anything is written; the table adds the highest id of earlier runs, whose rows are 0 and below for
-this run. A row has a checksum: one that is damaged is deleted and declared, never published. Losses that are
+this run. A row has a checksum: one that is damaged is lost and declared, never published. Losses that are
 not declared yet stand in a table of their own, changed in the transaction that makes the loss.
+What is lost when there is too much is decided in memory.
 """
 
 from __future__ import annotations
 
 import enum
 import zlib
-from collections.abc import Collection, Iterable, Sequence, Set
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from gateway.store.database import Connection
 
 ROW_BYTES = 220  # what a row costs besides its topic and payload, in memory and on the disk
-SPARE = 50  # a full table gives up one in so many of its rows and bytes, so that it is not full again at once
-DISK_FULL, DAMAGED = "disk_full", "damaged"  # why something was lost
 
 TABLES = (
     """
@@ -38,12 +37,11 @@ _INSERT = "INSERT INTO outbox VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO 
 _DELETE = "DELETE FROM outbox WHERE rank = ? AND id = ?"
 _PAGE = "SELECT * FROM outbox WHERE rank = ? AND id > ? ORDER BY id LIMIT ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
-_TOTALS = f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox GROUP BY rank"
-_OLDEST = f"SELECT id, {_SIZE}, time_s FROM outbox WHERE rank = ? ORDER BY id"
-_ADD_LOSS = """
-    INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET rows = rows + excluded.rows,
-    first_s = min(first_s, excluded.first_s), last_s = max(last_s, excluded.last_s)
-"""
+_TOTALS = (
+    f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
+)
+_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
+_ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
 class Rank(enum.IntEnum):
@@ -81,15 +79,6 @@ class Total(NamedTuple):
     last_s: float
 
 
-class Deleted(NamedTuple):
-    """A row that the table had to give up; its time is UTC."""
-
-    rank: Rank
-    id: int
-    size: int
-    time_s: float
-
-
 class Loss(NamedTuple):
     """Rows that will never be published; the times are UTC."""
 
@@ -100,62 +89,54 @@ class Loss(NamedTuple):
     last_s: float
 
 
-class Page(NamedTuple):
+class OutboxPage(NamedTuple):
     """The next rows of a rank, in order."""
 
     rows: Sequence[OutboxRow]
+    damaged: Sequence[OutboxRow]  # of which only the ids are certain
     upto: int  # the rank is read up to this id
     is_last: bool  # nothing comes after it
-    damaged: Sequence[Deleted]
 
 
 class OutboxTable:
     """The rows of one file; every call is made within a transaction, in the thread of the file."""
 
-    def __init__(self, *, most_rows: int = 400_000, most_bytes: int = 48 * 2**20) -> None:
-        self._most_rows = most_rows
-        self._most_bytes = most_bytes
-        self._rows_left = self._bytes_left = 0  # that may be inserted before it is counted what there is
+    def __init__(self) -> None:
         self._earlier: int | None = None  # the highest id of earlier runs
 
     def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
         """Write rows, whose times are UTC; those that are there already stay as they are."""
         base = self._base(connection)
-        for row in rows:
-            stored = row._replace(id=row.id + base)
-            connection.execute(_INSERT, (row.rank, stored.id, *row[2:], _checksum(stored)))
-            self._rows_left -= 1
-            self._bytes_left -= row.size
+        stored = (row._replace(id=row.id + base) for row in rows)
+        values = ((row.rank, row.id, *row[2:], _checksum(row)) for row in stored)
+        connection.executemany(_INSERT, values)
 
     def delete(self, connection: Connection, ids: Iterable[tuple[Rank, int]]) -> None:
         """Delete rows; those that are not there do not matter."""
         base = self._base(connection)
         connection.executemany(_DELETE, ((rank, id_ + base) for rank, id_ in ids))
 
-    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> Page:
-        """Return the rows of a rank after an id, the oldest first; damaged ones are deleted."""
+    def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> OutboxPage:
+        """Return the rows of a rank after an id, the oldest first."""
         base = self._base(connection)
         found = connection.execute(_PAGE, (rank, after + base, limit)).fetchall()
         rows: list[OutboxRow] = []
-        damaged: list[Deleted] = []
+        damaged: list[OutboxRow] = []
         for _, id_, *columns, checksum in found:
             row = OutboxRow(id_, rank, *columns)
-            if _checksum(row) == checksum:
-                rows.append(row._replace(id=id_ - base))
-            else:
-                damaged.append(Deleted(rank, id_ - base, row.size, _time(row.time_s)))
-        self._give_up(connection, DAMAGED, damaged)
+            (rows if _checksum(row) == checksum else damaged).append(row._replace(id=id_ - base))
         upto = found[-1][1] - base if found else after
-        return Page(rows, upto, is_last=len(found) < limit, damaged=damaged)
+        return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
-        """Return how much there is of each rank of which there is something; reads the whole table."""
-        found = {rank: Total(*columns) for rank, *columns in connection.execute(_TOTALS)}
-        return {rank: found[rank] for rank in Rank if rank in found}
+        """Return how much earlier runs have left of each rank; reads the whole table."""
+        found = connection.execute(_TOTALS, (self._base(connection),))
+        totals = {rank: Total(*columns) for rank, *columns in found}
+        return {rank: totals[rank] for rank in Rank if rank in totals}
 
     def keys(self, connection: Connection) -> list[str]:
-        """Return the keys of all rows that have one, the oldest first."""
-        return [key for (key,) in connection.execute("SELECT key FROM outbox WHERE key != '' ORDER BY id")]
+        """Return the keys of what earlier runs have left, the oldest first."""
+        return [key for (key,) in connection.execute(_KEYS, (self._base(connection),))]
 
     def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
         """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
@@ -174,44 +155,10 @@ class OutboxTable:
         connection.execute("DELETE FROM outbox_losses")
         connection.executemany(_ADD_LOSS, losses)
 
-    def trim(self, connection: Connection, keep: Set[int]) -> list[Deleted]:
-        """Delete the oldest rows of the lowest ranks when there is too much, and note them as lost.
-
-        Rows to `keep` are not deleted, and do not count: no result goes because of values that must stay.
-        """
-        if self._rows_left >= 0 and self._bytes_left >= 0:
-            return []
-        base, totals = self._base(connection), self.totals(connection).values()
-        self._rows_left = self._most_rows + len(keep) - sum(total.rows for total in totals)
-        self._bytes_left = self._most_bytes - sum(total.bytes for total in totals)
-        if self._rows_left >= 0 and self._bytes_left >= 0:
-            return []
-        deleted = []
-        for rank in Rank:
-            for id_, size, time_s in connection.execute(_OLDEST, (rank,)):
-                is_spare = self._rows_left >= self._most_rows // SPARE
-                if is_spare and self._bytes_left >= self._most_bytes // SPARE:
-                    break
-                if id_ - base not in keep:
-                    deleted.append(Deleted(rank, id_ - base, size, _time(time_s)))
-                    self._rows_left += 1
-                    self._bytes_left += size
-        self._give_up(connection, DISK_FULL, deleted)
-        return deleted
-
-    def _give_up(self, connection: Connection, reason: str, rows: Sequence[Deleted]) -> None:
-        self.delete(connection, ((row.rank, row.id) for row in rows))
-        connection.executemany(_ADD_LOSS, losses_of(reason, rows))
-
     def _base(self, connection: Connection) -> int:
         if self._earlier is None:
             (self._earlier,) = connection.execute("SELECT coalesce(max(id), 0) FROM outbox").fetchone()
         return self._earlier
-
-
-def losses_of(reason: str, rows: Iterable[Deleted]) -> list[Loss]:
-    """Return what is lost with these rows, summed up by rank."""
-    return merged(Loss(reason, row.rank, 1, row.time_s, row.time_s) for row in rows)
 
 
 def merged(losses: Iterable[Loss]) -> list[Loss]:
@@ -231,8 +178,3 @@ def merged(losses: Iterable[Loss]) -> list[Loss]:
 
 def _checksum(row: OutboxRow) -> int:
     return zlib.crc32(repr((int(row.rank), row.id, *row[2:])).encode("utf-8", "backslashreplace"))
-
-
-def _time(value: object) -> float:
-    """Return a time that was read; what is damaged may have none."""
-    return value if isinstance(value, float) else 0.0

@@ -1,7 +1,7 @@
 """What is in a gateway's two files, and how each version of them is made of the one before.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
-them all. A step never changes once it was released: whoever changes a table adds one.
+them all. A step never changes once it was released: a changed table is one step more.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
 _COMMANDS = """
     CREATE TABLE commands (
-        client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, verb TEXT NOT NULL,
-        phase TEXT NOT NULL, code TEXT NOT NULL, text TEXT NOT NULL, time_s REAL NOT NULL,
-        extra TEXT NOT NULL, is_final INTEGER NOT NULL, may_be_written INTEGER NOT NULL,
-        since_s REAL NOT NULL, PRIMARY KEY (client, id)
+        client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, may_be_written INTEGER NOT NULL,
+        result TEXT NOT NULL, PRIMARY KEY (client, id)
     )
 """
 _DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"

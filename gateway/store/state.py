@@ -11,9 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
-from gateway.store.audit import Audit, give_up_oldest
-from gateway.store.commands import CommandTable, Remembered, forget_harmless
-from gateway.store.database import Connection
+from gateway.store.audit import Audit
+from gateway.store.commands import CommandTable, Remembered
 from gateway.store.documents import Documents
 from gateway.store.schema import STATE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
@@ -26,11 +25,11 @@ CLOSE_WITHIN_S = 2.0
 SETTLE_WITHIN_S = 2.0
 
 
-class State:
+class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
     `hold_s` is how long an old command might still pass for a new one. Without operators it is no error, only
-    a warning, when nothing can be stored. `follow` has others told the store's news, after its own parts.
+    a warning, when nothing can be stored. `follow` passes the store's news on, after the parts of this.
     """
 
     takes = (AuditRecord,)
@@ -47,7 +46,7 @@ class State:
         retry_s: float = RETRY_S,
     ) -> None:
         self._publish_event = publish_event
-        self.store = Store(path, STATE, make_room=_make_room, retry_s=retry_s)
+        self.store = Store(path, STATE, retry_s=retry_s)
         self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
         self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
@@ -109,8 +108,3 @@ class State:
 
     def _severity(self) -> Severity:
         return Severity.ERROR if self.documents.is_operated else Severity.WARNING
-
-
-def _make_room(connection: Connection) -> None:
-    forget_harmless(connection)
-    give_up_oldest(connection)

@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-MAX_BYTES = 128 * 2**20
+MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 MOST_WAITING = 10_000  # pieces
@@ -37,7 +37,6 @@ MOST_AT_ONCE = 500  # pieces in one transaction
 BATCH_S = 0.05  # of one transaction, while there is more to do
 IDLE_S = 1.0  # without work, after which the log is written back
 TIDY_AFTER = 100  # transactions
-MOST_ROOM_MADE = 4  # times for one transaction
 
 
 class News(enum.StrEnum):
@@ -52,7 +51,7 @@ OnNews = Callable[[News, str], None]  # with a text for people
 
 
 class Store:
-    """The file and its thread; `path` None: the same in memory. `make_room` is of `Database`."""
+    """The file and its thread; `path` None: the same in memory."""
 
     def __init__(
         self,
@@ -60,10 +59,9 @@ class Store:
         schema: Schema,
         *,
         max_bytes: int = MAX_BYTES,
-        make_room: Work | None = None,
         retry_s: float = RETRY_S,
     ) -> None:
-        self._file = Database(path, schema, max_bytes=max_bytes, make_room=make_room)
+        self._file = Database(path, schema, max_bytes=max_bytes)
         self._on_news: OnNews = lambda *_: None
         self._urgent: deque[_Piece] = deque()
         self._others: deque[_Piece] = deque()
@@ -106,7 +104,7 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        What is urgent is done before everything that is not; otherwise the order is kept. What need not be
+        What is urgent is done before everything that is not; otherwise the order stays. What need not be
         flushed at once outlives the process, but perhaps not a power cut. What is freeing only deletes, and
         is done on a full disk too: it should touch less than a quarter of the reserve.
         """
@@ -204,16 +202,14 @@ class Store:
         self._report(News.OPEN, f"{self._file.path} is open")
 
     def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
-        """Do the work; once more after room was made, which may take a few times, or another file taken."""
+        """Do the work; once more in a new file where the one in use is damaged."""
+        if not batch:
+            return []
         is_flushed = any(piece.is_flushed for piece in batch)
-        for _ in range(MOST_ROOM_MADE):
-            try:
-                return self._file.transact(self._in_time(batch), is_flushed=is_flushed) if batch else []
-            except FullError:
-                if not self._file.make_room():
-                    raise
-            except DamagedError as error:
-                self._report(News.LOST, self._file.replace(error))
+        try:
+            return self._file.transact(self._in_time(batch), is_flushed=is_flushed)
+        except DamagedError as error:
+            self._report(News.LOST, self._file.replace(error))
         return self._file.transact(self._in_time(batch), is_flushed=is_flushed)
 
     def _in_time(self, batch: Sequence[_Piece]) -> Iterator[Work]:
@@ -269,7 +265,7 @@ class _Piece:
     future: Future[Any] = field(default_factory=Future)
 
     def begin(self) -> bool:
-        """Return whether it is to be done: nobody has given it up meanwhile."""
+        """Return whether it is to be done: its caller has not given it up meanwhile."""
         self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
         return self.is_begun
 

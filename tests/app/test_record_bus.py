@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from gateway.storage.state_dir import StateDir
 
 from gateway import contract
 from gateway.app.record_log import RecordLog, log_failure
@@ -24,6 +23,7 @@ from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
+from gateway.store import StateStore
 
 
 class Subscriber:
@@ -58,7 +58,7 @@ def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
     assert seen == [("all", "early"), ("all", "late")]
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateDir])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateStore])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

@@ -11,9 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from gateway.starters.policy.motor_history import LOCKS, MOTORS
+from gateway.store import STATE_FILE, read_document, upgrade
 from gateway.system.password_hash import password_line
 from tests.rig.sites import line, operator, starter, table
-from tests.storage.golden.state import unpack_golden
+from tests.store.golden.state import unpack_golden
 
 HASH = password_line("correct horse")
 CONFIG = (
@@ -75,9 +77,10 @@ def running(state_dir: Path) -> Iterator[None]:
 
 
 def lock_of(state_dir: Path, starter: str) -> dict[str, Any] | None:
-    document = json.loads((state_dir / "precautions.json").read_text())
-    found: dict[str, Any] | None = document["starters"][starter]["lock"]
-    return found
+    stored = read_document(state_dir / STATE_FILE, LOCKS, MOTORS)
+    assert stored is not None
+    lock = stored.starters[starter].lock
+    return None if lock is None else lock.model_dump()
 
 
 def renamed(name: str, content: bytes) -> tuple[tarfile.TarInfo, bytes]:
@@ -103,5 +106,5 @@ def build_site(folder: Path) -> Path:
     (folder / "secret" / "mqtt.password").chmod(0o600)
     (folder / "site.toml").write_text(CONFIG.replace("OUTSIDE", str(outside)))
     (folder / "site.toml").chmod(0o640)
-    unpack_golden(folder / "state")
+    upgrade(unpack_golden(folder / "state"))
     return folder / "site.toml"

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import gzip
 import json
+import queue
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
-from gateway.storage.audit.chain import Head, verify
-from gateway.storage.audit.segments import FOLDER, lines
-from gateway.storage.json_file import JsonFile
-from gateway.storage.ledger_table import LedgerTable
 
+from gateway.app.site import Site
 from gateway.cli.main import main
-from gateway.cli.restore.caution import locked_document
+from gateway.cli.restore.caution import lock_all
+from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.load import load
-from gateway.starters.policy.motor_history import MotorHistory
-from gateway.storage.database import Database
-from gateway.storage.formats import STATE_FILES
+from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
+from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
+from gateway.starters.policy.write_budget import WRITES
+from gateway.store import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE, News, Store, read_document
+from gateway.store.files import found_versions
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
+from tests.rig import run_cli
+
+LATER = HISTORY._replace(steps=(*HISTORY.steps, lambda file: file.execute("CREATE TABLE more (number INT)")))
 
 
 def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_asked_for(
@@ -31,9 +37,9 @@ def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_a
     out = capsys.readouterr().out
 
     assert names_in(backup)[0] == "manifest.json"
-    state = {each.name for each in STATE_FILES.values()}
+    state = set(SCHEMAS)
     wanted = {"manifest.json", "config/site.toml", f"outside{tmp_path}/ssl/ca.pem"}
-    wanted |= {f"state/{name}" for name in state} | {"state/audit/audit-00000001.jsonl"}
+    wanted |= {f"state/{name}" for name in state}
     assert set(names_in(backup)) == wanted
     assert set(names_in(full)) == wanted | {"config/secret/mqtt.password"}
     assert b"hunter2" not in gzip.decompress(backup.read_bytes())
@@ -58,9 +64,14 @@ def test_a_login_whose_password_cannot_be_found_in_the_text_is_not_stored_by_mis
     assert not (tmp_path / "plant.tar.gz").exists()
 
 
+@pytest.mark.parametrize("is_imported", [True, False])
 def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, is_imported: bool
 ) -> None:
+    backup = tmp_path / "plant.tar.gz"
+    if not is_imported:  # 0.2.0 has just ended
+        (site.parent / "state" / STATE_FILE).unlink()
+    assert main(["backup", str(site), str(backup)]) == 0
     assert main(["restore", str(backup), "--to", str(tmp_path / "new")]) == 0
     out = capsys.readouterr().out
     new, state = tmp_path / "new", tmp_path / "new" / "state"
@@ -70,20 +81,17 @@ def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
     assert config.web.users[0].password == unmatched_line()
     assert (new / "site.toml").stat().st_mode & 0o777 == 0o640
     assert (new / "outside" / str(tmp_path)[1:] / "ssl" / "ca.pem").read_text() == "authority"
-    for name in ("identities.json", "watchdogs.json", "faults.json", "wear.json", "home-assistant.json"):
-        assert (state / name).read_bytes() == (site.parent / "state" / name).read_bytes()
+    assert read_document(state / STATE_FILE, "writes", WRITES) == {"pump": 1}
     pump, mill = lock_of(state, "pump"), lock_of(state, "mill")
     assert pump is not None
     assert pump["by"] == "gateway"
     assert pump["reason"].startswith("restored from a backup of 20")
     assert mill is not None
     assert mill["reason"] == "bearing"  # its own lock stays
-    before = json.loads((site.parent / "state/sparkplug/bdseq.json").read_text())["bdSeq"]
-    assert json.loads((state / "sparkplug/bdseq.json").read_text())["bdSeq"] == (before + 128) % 256
-    verification = verify(lines(state / FOLDER), after=Head())
-    assert verification.problems == ()
-    *_, (_, last) = lines(state / FOLDER)
+    assert read_document(state / STATE_FILE, BIRTHS, NUMBER) == 2 + 128
+    last = run_cli("audit", "show", str(state), "--last", "1", "--json").out
     assert json.loads(last)["code"] == "state_restored"
+    assert run_cli("audit", "verify", str(state)).code == 0
     assert "locked until an operator unlocks them: pump\n" in out
     assert "not in the backup, to be given anew: secret/mqtt.password, the password of login ann" in out
     assert "put each where it belongs" in out
@@ -91,28 +99,78 @@ def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
 
 def test_a_ledger_that_comes_back_counts_as_lost_from_its_first_use_on(backup: Path, tmp_path: Path) -> None:
     main(["restore", str(backup), "--to", str(tmp_path / "new")])
-    table = LedgerTable()
+    news = queue.SimpleQueue[News]()
 
-    database = Database(tmp_path / "new" / "state" / "gateway.sqlite", [table], 2**26)
-    assert database.open() == ""
-    (rows,) = database.transact([table.rows])
-    database.close()
+    store = Store(tmp_path / "new" / "state" / STATE_FILE, STATE)
+    store.start(lambda kind, _: news.put(kind))
+    found = store.submit(lambda connection: connection.execute("SELECT id FROM commands").fetchall()).result()
+    assert store.close(within_s=10.0)
 
-    assert database.lost_s is not None
-    assert "c2" in {row.id for row in rows}
+    assert news.get() is News.OPEN
+    assert store.lost_s is not None
+    assert ("c2",) in found
 
 
 def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(site: Path) -> None:
     year_s = 365 * 86400.0
-    document = JsonFile(site.parent / "state" / "precautions.json").load()
-    assert document is not None
-    page = document["starters"]["pump"]
-    age_s = document["at"]["utc_s"] - page["starts"][0]
-    here = ClockReading(up_s=year_s, utc_s=document["at"]["utc_s"] + 60.0, boot_id="another")
+    path = site.parent / "state" / STATE_FILE
+    before = read_document(path, LOCKS, MOTORS)
+    assert before is not None
+    age_s = before.at.utc_s - before.starters["pump"].starts[0]
+    here = ClockReading(up_s=year_s, utc_s=before.at.utc_s + 60.0, boot_id="another")
 
-    stored, _ = locked_document(document, load(site), here, "restored")
+    lock_all(site.parent / "state", load(site), here, "restored")
 
+    stored = read_document(path, LOCKS, MOTORS)
+    assert stored is not None
     history = MotorHistory(["pump"])
-    later = ClockReading(year_s + 5.0, here.utc_s + 5.0, "another")
-    history.restore(stored, now_s=1000.0, reading=later)
+    history.restore(stored, now_s=1000.0, reading=ClockReading(year_s + 5.0, here.utc_s + 5.0, "another"))
     assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
+
+
+def test_a_file_of_an_earlier_version_is_taken_to_this_one_after_a_backup_that_can_be_restored(
+    site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = site.parent / "state"
+    monkeypatch.setitem(SCHEMAS, HISTORY_FILE, LATER)
+
+    upgrade_site(site, Site.read(site, {}))
+    upgrade_site(site, Site.read(site, {}))  # nothing more to do: the backup stays
+
+    backup = state / "before-upgrade.tar.gz"
+    assert manifest_of(backup)["state"] == {STATE_FILE: 1, HISTORY_FILE: 1}
+    assert "config/secret/mqtt.password" in names_in(backup)
+    assert main(["check", str(site), "--upgrade"]) == 0
+    monkeypatch.undo()  # the earlier version again
+    assert main(["check", str(site), "--upgrade"]) == 78
+    assert "history.sqlite has format 2" in capsys.readouterr().err
+    assert main(["restore", str(backup), "--replace"]) == 0
+    assert main(["check", str(site), "--upgrade"]) == 0
+
+
+def test_where_no_backup_can_be_made_the_upgrade_goes_on(
+    site: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(SCHEMAS, HISTORY_FILE, LATER)
+    known = Site.read(site, {})
+    (site.parent / "secret" / "mqtt.password").unlink()
+
+    upgrade_site(site, known)
+
+    assert "no backup before the upgrade" in caplog.text
+    assert found_versions(site.parent / "state")[HISTORY_FILE] == 2
+
+
+def test_a_state_of_a_later_version_is_refused_by_run_and_stays_as_it_is(
+    site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("faulthandler.enable", lambda: None)  # pytest has its own
+    monkeypatch.setattr("gateway.cli.run.log_to_stderr", lambda **_: None)
+    with closing(sqlite3.connect(site.parent / "state" / STATE_FILE)) as connection:
+        connection.execute("PRAGMA user_version = 9")
+    before = (site.parent / "state" / STATE_FILE).read_bytes()
+
+    assert main(["run", str(site)]) == 78
+
+    assert "state.sqlite has format 9" in capsys.readouterr().err
+    assert (site.parent / "state" / STATE_FILE).read_bytes() == before

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import shutil
 import signal
@@ -14,11 +13,12 @@ from typing import Any
 import pytest
 
 from gateway.cli.main import main
-from gateway.storage.upkeep.archive import Archive
+from gateway.starters.policy.write_budget import WRITES
+from gateway.store import HISTORY_FILE, STATE_FILE, Archive, read_document, write_document
 from tests.cli.backup_site import build_site, files_below, lock_of, names_in, running
 
 MOST_POINTS = 300
-OWN = '{"writes": {"pump": 9}}'  # of a state that is to be replaced
+OWN = {"pump": 9}  # writes, of a state that is to be replaced
 
 
 def octets_below(folder: Path) -> dict[str, bytes]:
@@ -52,7 +52,7 @@ def test_a_restore_for_which_there_is_no_room_changes_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     (site.parent / "state" / "gateway.lock").touch()
-    (site.parent / "state" / "wear.json").write_text(OWN)
+    write_document(site.parent / "state" / STATE_FILE, "writes", WRITES, OWN)
     before, left = octets_below(tmp_path), [3]
     extract = Archive.extract
 
@@ -64,7 +64,7 @@ def test_a_restore_for_which_there_is_no_room_changes_nothing(
         extract(self, name, path)
 
     monkeypatch.setattr(Archive, "extract", full)
-    for after in (1, 3, 11, 12):  # within the state, and within the configuration
+    for after in (1, 2, 3, 4):  # within the state, and within the configuration
         left[0] = after
         assert main(["restore", str(backup), "--replace"]) == 1
         found = octets_below(tmp_path)
@@ -100,7 +100,7 @@ def test_a_restore_that_is_killed_at_any_point_leaves_all_of_before_or_no_config
     for point in range(0, MOST_POINTS, 3):
         site = build_site(tmp_path / str(point))
         state, text = site.parent / "state", site.read_text()
-        (state / "wear.json").write_text(OWN)
+        write_document(state / STATE_FILE, "writes", WRITES, OWN)
         (state / "gateway.lock").touch()
         before = octets_below(site.parent)
         if (child := os.fork()) == 0:
@@ -120,12 +120,11 @@ def test_a_restore_that_is_killed_at_any_point_leaves_all_of_before_or_no_config
 
         assert main(["restore", str(backup), "--to", str(site.parent), "--replace"]) == 0
 
-        assert json.loads((state / "wear.json").read_text())["writes"] == {"pump": 1}
+        assert read_document(state / STATE_FILE, "writes", WRITES) == {"pump": 1}
         assert lock_of(state, "pump") is not None
         aside = state / "before-restore"
-        assert is_complete or (aside / "wear.json").read_text() == OWN
+        assert is_complete or read_document(aside / STATE_FILE, "writes", WRITES) == OWN
         assert is_complete or site.with_name("site.toml.before-restore").read_text() == text
-        assert (aside / "audit" / "audit-00000001.jsonl").exists()
         left = {name for name in files_below(site.parent) if name.endswith((".restored", ".new"))}
         assert left == set()
         assert not any((state / name).exists() for name in ("restoring", "restoring.new"))
@@ -144,3 +143,29 @@ def test_a_gateway_that_runs_by_the_configuration_is_left_alone_with_another_sta
 
     assert "a gateway runs by" in capsys.readouterr().err
     assert octets_below(site.parent) == before
+
+
+def test_the_files_of_0_2_0_are_not_copied_while_it_runs(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (site.parent / "state" / STATE_FILE).unlink()
+
+    with running(site.parent / "state"):
+        assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+
+    assert "a gateway of 0.2.0 runs" in capsys.readouterr().err
+    assert not (tmp_path / "plant.tar.gz").exists()
+
+
+def test_a_damaged_file_and_what_a_killed_backup_has_left(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, other = tmp_path / ".plant.tar.gz.x.copies", tmp_path / ".plant.tar.gz"
+    for folder in (left, other):
+        folder.mkdir()
+    (site.parent / "state" / HISTORY_FILE).write_text("Dear diary, " * 1000)
+
+    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+
+    assert "history.sqlite: file is not a database (start the gateway once" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == {"etc", "ssl", other.name}

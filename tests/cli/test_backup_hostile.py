@@ -16,7 +16,7 @@ from tests.cli.backup_site import altered, files_below, renamed, with_names
 def of_type(kind: bytes, target: str = "") -> Callable[[str, bytes], tuple[tarfile.TarInfo, bytes]]:
     def change(name: str, content: bytes) -> tuple[tarfile.TarInfo, bytes]:
         info = tarfile.TarInfo(name)
-        if name == "state/wear.json":
+        if name == "state/state.sqlite":
             info.type, info.linkname = kind, target
         return info, content
 
@@ -36,17 +36,17 @@ BAD = {
     "is a link": of_type(tarfile.SYMTYPE, "/etc/passwd"),
     "is a hard link": of_type(tarfile.LNKTYPE, "manifest.json"),
     "is a folder": of_type(tarfile.DIRTYPE),
-    "is no file that the configuration names": with_names("state/wear.json", "config/cron.d/evil"),
+    "is no file that the configuration names": with_names("state/state.sqlite", "config/cron.d/evil"),
     "writes to the terminal": saying(version="\x1b]0;evil\x07"),
     "has a list for a text": saying(version=["0.2.0"]),
     "has no whole folder": saying(folder="etc"),
     "climbs out of the configuration's folder": with_names("config/site.toml", "config/../../evil"),
-    "has a whole path": with_names("state/wear.json", "/tmp/evil"),
-    "is no file of a state": with_names("state/wear.json", "state/gateway.lock"),
+    "has a whole path": with_names("state/state.sqlite", "/tmp/evil"),
+    "is no file of a state": with_names("state/state.sqlite", "state/gateway.lock"),
     "was changed": lambda name, content: renamed(
-        name, content + b" " if name == "state/wear.json" else content
+        name, content + b" " if name == "state/state.sqlite" else content
     ),
-    "is missing": lambda name, content: None if name == "state/wear.json" else renamed(name, content),
+    "is missing": lambda name, content: None if name == "state/state.sqlite" else renamed(name, content),
     "has no manifest": lambda name, content: None if name == "manifest.json" else renamed(name, content),
     "has a damaged manifest": lambda name, content: renamed(
         name, b"{}" if name == "manifest.json" else content
@@ -69,7 +69,7 @@ def test_a_backup_that_was_tampered_with_writes_nothing(
 def test_a_backup_of_a_later_version_is_refused_with_78(
     backup: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for old, new in ((b'"format": 1', b'"format": 2'), (b'"history.db": 1', b'"history.db": 2')):
+    for old, new in ((b'"format": 1', b'"format": 2'), (b'"history.sqlite": 1', b'"history.sqlite": 2')):
         bad = altered(
             backup,
             lambda name, content, old=old, new=new: renamed(  # type: ignore[misc]
@@ -79,4 +79,4 @@ def test_a_backup_of_a_later_version_is_refused_with_78(
         assert main(["restore", str(bad), "--to", str(tmp_path / "new")]) == 78
 
     assert not (tmp_path / "new").exists()
-    assert "history.db has format 2" in capsys.readouterr().err
+    assert "history.sqlite has format 2" in capsys.readouterr().err

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
 import pytest
 
 from gateway.cli.main import main
+from gateway.starters.telemetry.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
+from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE
 
-KNOWN = {"starters": {"pump-1": {"rows": {"P314": [5], "P313": [1]}, "written": {}}}}  # s, action
+KNOWN = {"pump-1": KnownRows({"P314": (5,), "P313": (1,)})}  # s, action
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     (tmp_path / "state").mkdir()
-    (tmp_path / "state" / "watchdogs.json").write_text(json.dumps(KNOWN))
+    write_document(tmp_path / "state" / STATE_FILE, WATCHDOGS, KNOWN_ROWS, KNOWN)
     path = tmp_path / "site.toml"
     path.write_text(SITE.replace('name = "mcc1"', 'name = "mcc1"\nstate_dir = "state"'))
     return path

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
 from gateway.cli.doctor.machine import (
     clock_remark,
@@ -14,8 +15,9 @@ from gateway.cli.doctor.machine import (
     wear_remarks,
 )
 from gateway.families.devices.findings import Weight
+from gateway.starters.policy.write_budget import WRITES
+from gateway.store import STATE_FILE, write_document
 from tests.ordinary_user import give
-from tests.storage.golden.state import unpack_golden
 
 
 @pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])
@@ -57,34 +59,31 @@ def test_a_state_directory_that_may_not_be_written_is_a_problem(
 def test_a_file_in_the_state_directory_that_may_not_be_written_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unpack_golden(tmp_path)
-    (tmp_path / "not-the-gateways").touch()
+    for name in ("history.sqlite", "state.sqlite", "not-the-gateways"):
+        (tmp_path / name).touch()
     assert state_dir_remark(tmp_path).weight is None
-    foreign, access = "history.db", os.access
+    foreign, access = "history.sqlite", os.access
     monkeypatch.setattr(os, "access", lambda path, how: Path(path).name != foreign and access(path, how))
 
     file = state_dir_remark(tmp_path)
-    foreign = "audit"
-    folder = state_dir_remark(tmp_path)
 
-    assert file.weight is folder.weight is Weight.ERROR
-    assert f"{tmp_path}/history.db in it may not be written by the gateway's user (chown -R" in file.text
-    assert f"{tmp_path}/audit" in folder.text
+    assert file.weight is Weight.ERROR
+    assert f"{tmp_path}/history.sqlite in it may not be written by the gateway's user (chown -R" in file.text
     foreign = "not-the-gateways"
     assert state_dir_remark(tmp_path).weight is None
 
 
 @pytest.mark.root
 def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path) -> None:
-    unpack_golden(tmp_path)
-    (tmp_path / "gateway.sqlite").rename(tmp_path / "gateway.sqlite.aside-1")
+    for name in ("history.sqlite", "state.sqlite", "state.sqlite.aside-1"):
+        (tmp_path / name).touch()
     for path in (tmp_path, *tmp_path.rglob("*")):
         give(path)
     assert state_dir_remark(tmp_path).weight is None
 
-    os.chown(tmp_path / "audit" / "audit-00000001.jsonl", 0, 0)
+    os.chown(tmp_path / "state.sqlite", 0, 0)
 
-    assert "audit-00000001.jsonl in it may not be written" in state_dir_remark(tmp_path).text
+    assert "state.sqlite in it may not be written" in state_dir_remark(tmp_path).text
 
 
 def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_flash_could_be_worn(
@@ -92,7 +91,7 @@ def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_fla
 ) -> None:
     assert wear_remarks(tmp_path) == []
 
-    (tmp_path / "wear.json").write_text('{"writes": {"pump": 10000, "fan": 12}}', "utf-8")
+    write_document(tmp_path / STATE_FILE, "writes", WRITES, {"pump": 10000, "fan": 12})
 
     remarks = wear_remarks(tmp_path)
     assert [(remark.where, remark.weight) for remark in remarks] == [
@@ -103,6 +102,6 @@ def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_fla
 
 
 def test_damaged_counts_are_noted(tmp_path: Path) -> None:
-    (tmp_path / "wear.json").write_text('{"writes": 7}', "utf-8")
+    write_document(tmp_path / STATE_FILE, "writes", TypeAdapter(int), 7)
 
     assert [remark.weight for remark in wear_remarks(tmp_path)] == [Weight.NOTE]

@@ -6,7 +6,8 @@ from collections import Counter
 import pytest
 
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
-from gateway.contract.events import EVENTS, fields_in
+from gateway.contract.events import EVENTS
+from gateway.contract.wording import names_in
 from tests.contract.event_uses import (
     ADDED_TO_FAULT,
     FAULT,
@@ -44,7 +45,7 @@ def test_a_severity_is_given_where_a_code_has_several() -> None:
 
 def test_a_phrase_is_given_exactly_its_fields() -> None:
     for use in PHRASE_USES:
-        assert use.fields == fields_in(EVENTS[CODES[use.code]].phrases[use.case]), use
+        assert use.fields == names_in(EVENTS[CODES[use.code]].phrases[use.case]), use
 
 
 def test_every_code_every_case_and_every_phrase_is_used() -> None:
@@ -133,7 +134,7 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
 WRONG = {
     "a field is missing": (EventCode.BROKER_AWAY, "", {}),
     "a field is too much": (EventCode.BROKER_CONNECTED, "", {"trouble": "x"}),
-    "a severity is missing": (EventCode.MEMORY_AWAY, "locks", {"trouble": "x"}),
+    "a severity is missing": (EventCode.STORE_LOST, "", {"trouble": "x"}),
     "another severity": (EventCode.BROKER_AWAY, "", {"trouble": "x", "severity": Severity.ERROR}),
     "another of several": (EventCode.ALARM, "", {"severity": Severity.INFO}),
 }
@@ -147,7 +148,7 @@ def test_a_wrong_call_is_an_error(code: EventCode, case: str, fields: dict[str, 
 
 def test_a_case_that_the_code_has_not_is_an_error() -> None:
     with pytest.raises(KeyError):
-        event_of(EventCode.MEMORY_BACK, "other")
+        event_of(EventCode.SPARKPLUG_AWAY, "other")
 
 
 def test_a_value_with_braces_stays_as_it_is() -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from gateway.contract import Note, Reason, ResultCode, meaning_of
-from gateway.contract.results import fields_of, result_meanings, result_notes
+from gateway.contract.results import NOTES, RESULTS
+from gateway.contract.wording import names_in
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.commands.starter_io import _EXCEPTIONS
@@ -54,10 +55,9 @@ CALLS = [
     for node in ast.walk(ast.parse(path.read_text("utf-8")))
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
 ]
-MEANINGS = result_meanings().items()
 TABLE = {
-    **{(code, case): text for code, means in MEANINGS for case, text in means.templates.items()},
-    **{("notes", case): text for case, text in result_notes().items()},
+    **{(code, case): text for code, means in RESULTS.items() for case, text in means.texts.items()},
+    **{("notes", case): text for case, text in NOTES.items()},
 }
 
 
@@ -96,13 +96,13 @@ def uses() -> Iterator[Use]:
 
 
 def test_the_codes_are_those_of_the_table_in_its_order() -> None:
-    assert list(result_meanings()) == [code.value for code in ResultCode]
+    assert list(RESULTS) == [code.value for code in ResultCode]
 
 
 def test_each_use_names_a_text_of_the_table_with_exactly_its_fields() -> None:
     found = list(uses())
     wrong = [use for use in found if TABLE.get((use.code, use.case)) is None]
-    wrong += [use for use in found if use not in wrong and fields_of(TABLE[use.code, use.case]) != use.fields]
+    wrong += [use for use in found if use not in wrong and names_in(TABLE[use.code, use.case]) != use.fields]
 
     assert wrong == []
     assert len(found) > 200
@@ -134,7 +134,7 @@ def test_no_text_of_a_result_is_made_elsewhere() -> None:
 
 
 def test_a_text_is_a_clause_and_a_meaning_a_sentence() -> None:
-    sentences = [each for means in result_meanings().values() for each in (means.sentence, means.remedy)]
+    sentences = [each for means in RESULTS.values() for each in (means.sentence, means.remedy)]
 
     assert [text for text in TABLE.values() if re.match(r"[A-Z][a-z]|.*[. ;]$", text)] == []
     assert [each for each in sentences if not re.match(r"[A-Z`].*\.$", each)] == []

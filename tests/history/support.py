@@ -156,7 +156,7 @@ NO_OUTBOX = StoredRecords(keep=stored_at_once, payloads=no_payloads, let_go=lamb
 
 
 def recorder(points: StartPoints = POINTS) -> StartRecorder:
-    made = StartRecorder("pump", points, boot="boot", take_seq=itertools.count(1).__next__)
+    made = StartRecorder("pump", points, boot="boot", sequence=itertools.count(1))
     made.rated_a = RATED_A
     return made
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import random
+import sqlite3
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,8 +21,9 @@ from gateway.families.profile.schema import Variant
 from gateway.plugins.history.delivery import Delivery, Past
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trip_recorder import NOTHING
+from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, Fingerprint, Known
 from gateway.starters.setup import StarterSetup
-from gateway.store import HISTORY_FILE, HistoryRow, HistoryStore
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
 from gateway.system.clock import Clock
 from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor
 
@@ -160,17 +163,17 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
     for row in rows:
         store.put(row)
     assert await store.close(within_s=10.0)
-    (state_dir / "identities.json").write_text(
-        json.dumps({"starters": {STARTER: {"model": "SSW-07", "firmware": "1.60", "serial": None}}})
-    )
-    audit = state_dir / "audit"
-    audit.mkdir()
+    state = state_dir / STATE_FILE
+    known = {STARTER: Known(Fingerprint(model="SSW-07", firmware="1.60"))}
+    write_document(state, FINGERPRINTS, KNOWN, known)
     entries = (
         _set(40, "maintenance", "P314", 10, {"P314": 0}),
         _set(342, "maintenance", "P314", 5, {}),
         _set(342, "maintenance", "P313", 2, {"P313": 0}),
     )
-    (audit / "audit-00000001.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    with closing(sqlite3.connect(state)) as connection, connection:
+        lines = [(json.dumps(entry),) for entry in entries]
+        connection.executemany("INSERT INTO audit (line) VALUES (?)", lines)
     path = folder / "site.toml"
     path.write_text(CONFIG.format(port=port))
     return path

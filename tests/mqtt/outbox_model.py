@@ -1,7 +1,7 @@
 """The outbox against an oracle: chance puts, sends, and loses connections, disks and processes.
 
 Nothing here waits: the disk is SQLite in memory, and what a thread does has three moments (asked for, done,
-told), between which anything else may happen. A crash forgets everything but the table.
+reported), between which anything else may happen. A crash forgets everything but the table.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from unittest.mock import patch
 from gateway.contract import Event, Quality, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
-from gateway.mqtt.outbox.backlog import Batch
+from gateway.mqtt.outbox.backlog import Batch, Bounds
 from gateway.mqtt.outbox.outbox import HELD_AFTER_S, Outbox, Outgoing
 from gateway.store import OutboxTable, Rank
 from gateway.store.outbox import TABLES
@@ -45,8 +45,8 @@ class Trouble:
 
     @property
     def is_bounded(self) -> bool:
-        """Return whether something must be lost in the end."""
-        return self.table_is_lost or (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
+        """Return whether there is less room than messages."""
+        return (self.max_rows, self.most_rows, self.most_bytes) != Trouble.WIDE
 
 
 TROUBLES = (
@@ -67,7 +67,7 @@ class Oracle:
     kinds: dict[int, str] = field(default_factory=dict)
     put_s: dict[int, float] = field(default_factory=dict)
     starters: dict[int, int] = field(default_factory=dict)  # of values
-    staged: set[int] = field(default_factory=set)  # whose place is not that of their put
+    displaced: set[int] = field(default_factory=set)  # whose place is not that of their put
     received: dict[int, int] = field(default_factory=dict)  # how often, live ones once
     order: list[tuple[str, int]] = field(default_factory=list)  # of first receptions of rows
     excused: set[int] = field(default_factory=set)  # not stored when the process died, and too young for it
@@ -80,7 +80,7 @@ class Oracle:
     def receive(self, number: int, group: str) -> None:
         """Note that the broker has a row."""
         self.received[number] = self.received.get(number, 0) + 1
-        if self.received[number] == 1 and number not in self.staged:
+        if self.received[number] == 1 and number not in self.displaced:
             self.order.append((group, number))
         assert self.received[number] == 1 or number in self.doubtful, f"{number} came twice"
 
@@ -130,13 +130,14 @@ class Model:
         self.outbox = Outbox(
             last_topic="b/gateway/status",
             boot=f"run {self.lives}",
-            max_rows=self.trouble.max_rows,
+            memory=Bounds(self.trouble.max_rows, 16 * 2**20),
+            table=Bounds(self.trouble.most_rows, self.trouble.most_bytes),
         )
         self.backlog = self.outbox.backlog
         self.backlog.expect_table()
         self.is_unreadable = False
         self.backlog.is_table_away = lambda: self.is_unreadable
-        self.table = OutboxTable(most_rows=self.trouble.most_rows, most_bytes=self.trouble.most_bytes)
+        self.table = OutboxTable()
         self.is_recalled = self.is_connected = False
         self.wire: list[tuple[Outgoing, bool]] = []  # with whether the broker has it
         self.deletable: set[int] = set()  # acknowledged, and perhaps still in the table
@@ -173,11 +174,11 @@ class Model:
 
     def _stage(self) -> None:
         number = self._number("result")
-        self.oracle.staged.add(number)
+        self.oracle.displaced.add(number)
         message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
-        if self.is_disk_well and self.dice.random() < 0.8 and self.is_recalled:
+        if self.is_disk_well and self.dice.random() < 0.8:
             self._transact(lambda connection: self.table.insert(connection, [row]))
 
     def _put_value(self) -> None:
@@ -283,7 +284,7 @@ class Model:
                 lambda c: (self.table.totals(c), self.table.keys(c), self.table.losses(c)),
             )
             return
-        wanted = self.backlog.wanted() if self.is_connected else []
+        wanted = self.backlog.wanted(is_sending=self.is_connected)
         if wanted and self.dice.random() < 0.7:
             rank, after = self.dice.choice(wanted)
             self.doing = ("page", rank)
@@ -299,12 +300,11 @@ class Model:
             self.doing = ("batch", batch)
             self.ask = partial(self._transact, partial(self._write, batch))
 
-    def _write(self, batch: Batch, connection: sqlite3.Connection) -> Any:
+    def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
         self.table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
-        return self.table.trim(connection, batch.keep)
 
     def _do(self) -> None:
         assert self.ask is not None
@@ -330,17 +330,23 @@ class Model:
                 self.backlog.give_back_delivered(about)
         elif what == "recall":
             self.is_recalled = True
-            self.outbox.recall(*answer)
+            totals, _keys, losses = answer
+            self.backlog.recall(totals, losses)
         elif what == "page":
             self.backlog.page(about, answer)
         elif what == "batch":
-            self.backlog.written(about, answer)
+            self.backlog.written(about)
 
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""
         self._note_doubtful()
-        stored = {_number_of(payload) for (payload,) in self.disk.execute("SELECT payload FROM outbox")}
+        rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
+        stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
+        lost = self.backlog._lost.keys() | (self.doing[1].lost if self.doing[0] == "batch" else {}).keys()
+        base = self.table._earlier or 0
+        # Given up and not deleted: it comes after all, later than what came after it.
+        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
         oracle.doubtful |= self.deletable & stored
         for loss in self.table.losses(self.disk):
             oracle.again[KIND[loss.rank]] += loss.rows
@@ -363,7 +369,7 @@ class Model:
         """Let the disk do all that waits, as far as it can."""
         for _ in range(10_000):
             self.disk_step()
-            if self.ask is None and self.answer is None:
+            if self.ask is None and self.answer is None and self.is_recalled:
                 self.outbox.hold_slow(self.now_s)
                 batch = self.backlog.batch()
                 if batch is None:

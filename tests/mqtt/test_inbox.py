@@ -31,7 +31,7 @@ class Desk:
             now_s=self.loop.time,
         )
 
-    def _take(self, incoming: Incoming, received_s: float) -> None:
+    def _take(self, _: object, incoming: Incoming, received_s: float) -> None:
         self.taken.append((self.loop.time(), received_s, incoming.topic, incoming.payload))
         assert isinstance(self.loop, VirtualTimeLoop)
         if incoming.payload:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.contract import Quality, encoded, read_object, rfc3339
-from gateway.contract.strict_json import MAX_DEPTH
+from gateway.contract.json_text import MAX_DEPTH
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(st.characters()),
@@ -139,7 +139,10 @@ def test_objects_may_be_nested_to_the_limit() -> None:
         (b'{"a":%s}' % (b"9" * 20), "more than 19 digits"),
         (b'{"a":-%s}' % (b"9" * 4000), "more than 19 digits"),
         (b'{"a":%s' % (b"[" * 4000), "nested deeper than 8"),
+        (b'{"a":%s%s}' % (b"[" * 500, b"]" * 500), "nested deeper than 8"),
         (b'{"a":' * 9 + b"1" + b"}" * 9, "nested deeper than 8"),
+        (b'{"a":["\\ud800"]}', "a lone surrogate"),
+        (b'{"\\udfff":1}', "a lone surrogate"),
         (b'{"a":"\x01"}', "not JSON at character 7"),
     ],
 )

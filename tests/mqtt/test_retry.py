@@ -2,8 +2,13 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.connection.reconnect import Version, VersionChoice
+from gateway.mqtt.connection.reconnect import Attempts
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.system.rate_limits import Backoff
+
+
+def attempts_of(version: Version | None) -> Attempts:
+    return Attempts(BrokerSettings("broker.test", 1883, "g", version=version), seed=1)
 
 
 def test_the_pauses_double_to_their_ceiling() -> None:
@@ -26,55 +31,55 @@ def test_a_connection_that_held_makes_the_next_pause_short() -> None:
 
 
 def test_mqtt_5_is_tried_first_and_3_1_1_at_once_when_the_broker_refuses_it() -> None:
-    choice = VersionChoice()
-    first = choice.version
+    attempts = attempts_of(None)
+    first = attempts.version
 
-    assert choice.failed(0x84, is_closed=True)
-    assert (first, choice.version) == (Version.V5, Version.V311)
+    assert attempts.is_next_at_once(0x84, is_closed=True)
+    assert (first, attempts.version) == (Version.V5, Version.V311)
 
 
 def test_a_broker_that_closes_right_upon_mqtt_5_is_asked_once_more_before_3_1_1() -> None:
-    choice = VersionChoice()
+    attempts = attempts_of(None)
 
-    versions = [(choice.failed(None, is_closed=True), choice.version.value) for _ in range(3)]
+    versions = [(attempts.is_next_at_once(None, is_closed=True), attempts.version.value) for _ in range(3)]
 
     assert versions == [(True, "5"), (True, "3.1.1"), (False, "3.1.1")]
 
 
 def test_silence_is_never_a_refusal_however_often() -> None:
-    choice = VersionChoice()
+    attempts = attempts_of(None)
 
     for _ in range(20):
-        assert not choice.failed(None, is_closed=False)
-        choice.begin()
+        assert not attempts.is_next_at_once(None, is_closed=False)
+        attempts.pause_s()
 
-    assert choice.version is Version.V5
+    assert attempts.version is Version.V5
 
 
 def test_a_broker_that_closes_once_and_then_is_silent_has_refused_nothing() -> None:
-    choice = VersionChoice()
+    attempts = attempts_of(None)
 
-    assert choice.failed(None, is_closed=True)
-    assert not choice.failed(None, is_closed=False)
-    choice.begin()
-    assert choice.failed(None, is_closed=True)
-    assert choice.version is Version.V5
+    assert attempts.is_next_at_once(None, is_closed=True)
+    assert not attempts.is_next_at_once(None, is_closed=False)
+    attempts.pause_s()
+    assert attempts.is_next_at_once(None, is_closed=True)
+    assert attempts.version is Version.V5
 
 
 def test_mqtt_5_is_tried_anew_at_each_connect() -> None:
-    choice = VersionChoice()
-    choice.failed(0x84, is_closed=True)
+    attempts = attempts_of(None)
+    attempts.is_next_at_once(0x84, is_closed=True)
 
-    choice.begin()
+    attempts.pause_s()
 
-    assert choice.version is Version.V5
+    assert attempts.version is Version.V5
 
 
 @pytest.mark.parametrize("version", list(Version))
 def test_a_configured_version_is_never_left(version: Version) -> None:
-    choice = VersionChoice(version)
+    attempts = attempts_of(version)
 
-    assert not choice.failed(0x84, is_closed=True)
-    assert not choice.failed(None, is_closed=True)
-    choice.begin()
-    assert choice.version is version
+    assert not attempts.is_next_at_once(0x84, is_closed=True)
+    assert not attempts.is_next_at_once(None, is_closed=True)
+    attempts.pause_s()
+    assert attempts.version is version

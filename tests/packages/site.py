@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import sqlite3
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 from tests.packages.built import Packages
@@ -126,8 +128,11 @@ class InstalledSite:
 
     def version_that_started_last(self) -> str:
         """Return what the process itself has written into the audit."""
-        folder = self.system.root / "var/lib/starter-gateway/audit"
-        text = "".join(path.read_text("utf-8") for path in sorted(folder.iterdir()))
+        state_dir = self.system.root / "var/lib/starter-gateway"
+        text = "".join(path.read_text("utf-8") for path in sorted((state_dir / "audit").glob("*.jsonl")))
+        if (state_dir / "state.sqlite").exists():  # the audit of versions from 0.3.0 on
+            with closing(sqlite3.connect(state_dir / "state.sqlite")) as connection:
+                text += "".join(line for (line,) in connection.execute("SELECT line FROM audit"))
         return str(re.findall(r"gateway_started.*?version ([\d.]+)", text)[-1])
 
     def topic(self, topic: str) -> str:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
+from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core.core_schema import DataclassField, ModelField, TypedDictField
 
 from gateway.contract import (
     CONTRACT_VERSION,
@@ -30,7 +33,6 @@ from gateway.contract import (
     TripRecord,
     ValueRecord,
 )
-from gateway.contract.records import json_schema
 
 MADE = "Made by `make docs` from gateway/contract, which the tests compare with a run."
 HEAD = f"""\
@@ -263,8 +265,35 @@ def _without_null(schema: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**schema, "anyOf": [each for each in schema["anyOf"] if each != {"type": "null"}]}
 
 
+class _Schema(GenerateJsonSchema):
+    """Every field of a record is in its JSON, but one that is left out where it says nothing."""
+
+    def field_is_required(
+        self,
+        field: ModelField | DataclassField | TypedDictField,
+        total: bool,
+    ) -> bool:
+        if field["type"] == "typed-dict-field":
+            return field.get("required", total)
+        return field.get("serialization_exclude_if") is None
+
+
+def _schema_of(kind: type[Record]) -> dict[str, Any]:
+    """Return the JSON Schema of a record's payload, the items of `BESIDE` among its fields."""
+    schema = TypeAdapter(kind).json_schema(mode="serialization", schema_generator=_Schema)
+    if kind.BESIDE:
+        items = schema["properties"].pop(kind.BESIDE)
+        if "$ref" in items:
+            items = schema["$defs"][items["$ref"].rpartition("/")[2]]
+            schema["properties"] |= items["properties"]
+            schema["required"] = [*schema.get("required", ()), *items.get("required", ())]
+        else:
+            schema["additionalProperties"] = {"description": items["description"]}
+    return schema
+
+
 def _topic(name: str, kind: type[Record]) -> Topic:
-    found = json_schema(kind)
+    found = _schema_of(kind)
     address = "gateway/event" if name == "gatewayEvent" else kind.TOPIC
     schema = _flat(found, found.get("$defs", {}))
     schema.pop("description", None)

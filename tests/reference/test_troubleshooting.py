@@ -11,7 +11,7 @@ import pytest
 
 from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
-from gateway.contract.results import result_meanings, result_notes
+from gateway.contract.results import NOTES, RESULTS
 from tests.reference.contract_pages import TOPICS
 
 ROOT = Path(__file__).parents[2]
@@ -31,8 +31,8 @@ def texts() -> str:
     templates = [
         text for event in EVENTS.values() for text in (*event.texts.values(), *event.phrases.values())
     ]
-    templates += [*result_notes().values()]
-    templates += [text for means in result_meanings().values() for text in means.templates.values()]
+    templates += [*NOTES.values()]
+    templates += [text for means in RESULTS.values() for text in means.texts.values()]
     found = [re.sub(r"\{[^}]*\}", "…", template) for template in templates]
     for path in sorted((ROOT / "gateway").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
 from typing import Any
 
 from gateway.app.record_log import log_failure
 from gateway.contract import CommandRequest, Operator, RecordBus, RecordWriter
-from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
@@ -28,33 +26,6 @@ OPERATORS = (
     Operator("bob", ("start", "stop", "read"), ("pump-1", "pump-2")),
     Operator("victor", ("stop",), ("pump-1",)),
 )
-
-
-class FakeMemory:
-    """A memory in memory, which can be damaged, slow or away."""
-
-    def __init__(self, document: Mapping[str, Any] | None = None) -> None:
-        self.document = document
-        self.is_damaged = False
-        self.is_away = False
-        self.save_s = 0.0
-        self.set_asides = 0
-        self.saves = 0
-
-    def load(self) -> Mapping[str, Any] | None:
-        if self.is_damaged:
-            raise DamagedError("x.json is damaged")
-        return self.document
-
-    def set_aside(self) -> None:
-        self.set_asides += 1
-
-    async def save(self, document: Mapping[str, Any]) -> None:
-        await asyncio.sleep(self.save_s)
-        if self.is_away:
-            raise StoreError("no space left")
-        self.saves += 1
-        self.document = document
 
 
 class Machine:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.contract.bus import SequenceNumbers
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -47,9 +46,3 @@ def test_the_configuration_wins_but_of_the_slot() -> None:
     identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
 
     assert merged(configured, identity) == configured.model_copy(update={"slot": 1})
-
-
-def test_a_sequence_counts_up_from_one() -> None:
-    sequence = SequenceNumbers()
-
-    assert [sequence.take() for _ in range(3)] == [1, 2, 3]

@@ -6,16 +6,14 @@ import asyncio
 import json
 import random
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gateway.storage.journal import Remembered
-
 from gateway.app.record_log import log_failure
-from gateway.contract import Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
+from gateway.contract import CommandAddress, Operator, Record, RecordBus, RecordWriter, ResultRecord, Topics
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -39,13 +37,13 @@ from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.store import Documents, Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
-from tests.starters.plant import FakeMemory
 from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
@@ -71,6 +69,19 @@ class TimedSink:
         return [(at_s, record) for at_s, record in self.records if isinstance(record, kind)]
 
 
+class MemoryDocuments(Documents):
+    """Documents in a dictionary, which outlives the gateway."""
+
+    def __init__(self, bodies: dict[str, str]) -> None:
+        super().__init__(self)  # type: ignore[arg-type]
+        self._bodies = bodies
+
+    def submit(self, work: object, *, is_urgent: bool) -> Future[None]:
+        done = Future[None]()
+        done.set_result(None)
+        return done
+
+
 class MemoryJournal:
     """Keeps commands as the ledger does, in memory; it outlives the gateway."""
 
@@ -84,7 +95,7 @@ class MemoryJournal:
         if result.id:
             key = (result.client, result.id)
             earlier = self.stored.get(key, Remembered(result, may_be_written=False))
-            self.stored[key] = replace(earlier, result=result)
+            self.stored[key] = earlier._replace(result=result)
         if then is not None:
             then()
 
@@ -99,7 +110,7 @@ class MemoryJournal:
         assert result.id
         await asyncio.sleep(self.disk_s)
         key = (result.client, result.id)
-        self.stored[key] = replace(self.stored[key], may_be_written=True)
+        self.stored[key] = self.stored[key]._replace(may_be_written=True)
 
 
 class LostReplies:
@@ -139,7 +150,7 @@ class GatewayWorld:
         self.bus = SimulatedLine(TIMING, units)
         self.units = dict(zip(NAMES, units, strict=True))
         self.clock = VirtualClock(asyncio.get_running_loop())
-        self.sink, self.memory, self.journal = TimedSink(), FakeMemory(), MemoryJournal()
+        self.sink, self.bodies, self.journal = TimedSink(), dict[str, str](), MemoryJournal()
         self._asked = {name: _note_requests(unit, self.clock) for name, unit in self.units.items()}
         self._folder = TemporaryDirectory(prefix="model-")
         self.is_plugged = True
@@ -168,7 +179,7 @@ class GatewayWorld:
             NAMES,
             rights=rights,
             records=records,
-            memory=self.memory,
+            documents=MemoryDocuments(self.bodies),
         )
         bus.connect(self.policy, self.sink)
         profile = load_profile("ssw07")
@@ -208,7 +219,6 @@ class GatewayWorld:
             publish_event=lambda *event, **fields: None,
         )
         self.reception = IncomingCommands(
-            Topics("t"),
             self._commands,
             dispatcher=self.dispatcher,
             clock=self.clock,
@@ -285,8 +295,9 @@ class GatewayWorld:
         self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any
     ) -> None:
         """Let a message arrive from the broker."""
-        topic = f"t/command/{starter}/{client}/{verb}"
-        self.reception.take(Incoming(topic, json.dumps(body).encode(), is_retained))
+        address = CommandAddress(starter, client, verb)
+        incoming = Incoming(Topics("t").command(*address), json.dumps(body).encode(), is_retained)
+        self.reception.take(address, incoming, self.clock.now_s())
 
     async def stand_still(self, seconds: float) -> None:
         """Let what takes commands stand still for so long; what comes next has waited in the socket."""

@@ -19,10 +19,6 @@ def _create(connection: Connection) -> None:
     connection.execute("CREATE TABLE thing (number INTEGER PRIMARY KEY, text TEXT NOT NULL)")
 
 
-def _make_room(connection: Connection) -> None:
-    connection.execute("DELETE FROM thing WHERE number IN (SELECT number FROM thing LIMIT 20)")
-
-
 THINGS = Schema("things", 0x7E57, (_create,))  # a table of texts
 
 
@@ -43,7 +39,7 @@ class Keeping:
     def __init__(self, path: Path | None, *, max_bytes: int = 2**20) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, make_room=_make_room, max_bytes=max_bytes, retry_s=0.02)
+        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

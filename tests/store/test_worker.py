@@ -80,18 +80,6 @@ def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: 
     held.result(PATIENCE_S)
 
 
-def test_a_file_that_has_reached_its_bound_loses_its_oldest_rows_first(keeping: Make) -> None:
-    one = keeping(max_bytes=40 * 4096)
-    for number in range(500):
-        one.do(insert(f"{number} {'x' * 900}"))
-
-    stored = [int(text.split()[0]) for text in one.do(texts)]
-    assert stored[-1] == 499
-    assert 50 < len(stored) < 200
-    assert stored == list(range(stored[0], 500))
-    assert one.kinds() == [News.OPEN]
-
-
 def test_what_can_never_fit_is_refused_and_the_rest_goes_on(keeping: Make) -> None:
     one = keeping(max_bytes=40 * 4096)
 

@@ -177,12 +177,12 @@ class PageRig:
         self.streams.note_change()
 
     def value(self, starter: str, point: str, value: float, quality: Quality = Quality.GOOD) -> None:
-        seq = self.gateway.records.sequence.take()
+        seq = next(self.gateway.records.sequence)
         named = {"starter": starter, "point": point, "unit": "A"}
         self.publish(ValueRecord(**named, value=value, quality=quality, time_s=1.0, seq=seq))
 
     def state(self, starter: str, state: str) -> None:
-        seq = self.gateway.records.sequence.take()
+        seq = next(self.gateway.records.sequence)
         self.publish(StateRecord(starter=starter, state=state, quality=Quality.GOOD, time_s=1.0, seq=seq))
 
     async def get(self, path: str, **headers: str) -> Answer:

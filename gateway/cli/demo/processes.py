@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import BrokerError, PortError
-from gateway.mqtt import BrokerSettings, Incoming, Message, Version, connected
+from gateway.mqtt import FIRST_FAILURE, BrokerSettings, Incoming, Message, Version, connected
 
 PORT = 1883
 ACKNOWLEDGED_WITHIN_S = 5.0
-REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 _START_TIMEOUT_S = 20.0
 
 
@@ -163,7 +162,7 @@ async def publish(port: int, topic: str, payload: str) -> None:
         raise BrokerError(f"the broker on port {port} has not taken the message") from None
     finally:
         await session.disconnect()
-    if code >= REFUSED:
+    if code >= FIRST_FAILURE:
         raise BrokerError(f"the broker on port {port} does not let {topic} be written")
 
 

@@ -27,7 +27,7 @@ from gateway.config.schema import Config, LineTable, SimulatedMotorTable, Starte
 from gateway.config.values import is_loopback, split_url
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
-from gateway.mqtt import BrokerConnection, BrokerSettings, Incoming, Message, Outbox
+from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Incoming, Message, Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS, set_knob
@@ -187,7 +187,7 @@ async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSet
         raise UsageError(
             f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
-    answers = Outbox(last_topic="", max_rows=MOST_WAITING)
+    answers = Outbox(last_topic="", memory=Bounds(MOST_WAITING, 2**20))
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)

@@ -15,8 +15,7 @@ from gateway.families import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
-from gateway.storage.upkeep.state_copy import own_files
-from gateway.store import INTEND_WITHIN_S, STATE_FILE, read_document
+from gateway.store import INTEND_WITHIN_S, STATE_FILE, own_files, read_document
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
 

@@ -36,8 +36,7 @@ from gateway.starters.policy.preconditions import refusal
 from gateway.starters.policy.write_budget import WRITES
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownWatchdogs
-from gateway.storage.formats import keep_private
-from gateway.store import STATE_FILE, Documents, read_document, write_document
+from gateway.store import STATE_FILE, Documents, keep_private, read_document, write_document
 from gateway.system.clock import read_clocks
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import fcntl
+import glob
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 from gateway import __version__
 from gateway.cli.command import flag
@@ -18,9 +18,9 @@ from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
 from gateway.contract import rfc3339
-from gateway.errors import StoreError, UsageError
-from gateway.storage.upkeep.archive import Member, write_archive
-from gateway.storage.upkeep.state_copy import copy_state
+from gateway.errors import StartError, StoreError, UsageError
+from gateway.store import Manifest, Member, copy_state, is_import_due, write_archive
+from gateway.system.instance_lock import is_locked
 
 CONFIG, OUTSIDE, STATE = "config", "outside", "state"  # folders in a backup
 GZIP = b"\x1f\x8b"  # what a backup begins with [RFC 1952]
@@ -42,32 +42,57 @@ def run(args: argparse.Namespace) -> int:
     """Write the backup, say what is in it, and return 0."""
     path, file = Path(args.config), Path(args.file)
     config = load(path)
+    state_dir = path.parent / config.gateway.state_dir
+    if is_import_due(state_dir) and is_locked(state_dir):
+        raise StartError(f"a gateway of 0.2.0 runs with state_dir {state_dir}", "stop it for the backup")
     try:
-        octets = back_up(path, config, _checked_target(file), with_secrets=args.secrets)
+        facts = back_up(path, config, _checked_target(file), with_secrets=args.secrets)
+        octets = file.stat().st_size
     except OSError as error:
         raise StoreError(f"{error.filename or file}: {error.strerror or error}") from error
+    configured = sum(not each.startswith(f"{STATE}/") for each in facts.files) - 1
+    print(f"configuration {path} and {configured} files that it refers to")
+    print(f"state of {state_dir}: {', '.join(facts.state) or 'nothing yet'}")
+    if facts.has_secrets:
+        print(f"warning: {file} holds passwords and keys: store it as safely as those (its mode is 0600)")
+    elif left_out := missing_in(facts):
+        print(f"left out (--secrets takes them): {', '.join(left_out)}")
     print(f"{file}: {octets} octets")
     return 0
 
 
-def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> int:
-    """Write a backup, print what is in it, and return its size; StoreError, OSError."""
-    members, facts = _configured(path, config, with_secrets=with_secrets)
-    configured, state_dir = len(members) - 1, path.parent / config.gateway.state_dir
+def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> Manifest:
+    """Write a backup, and return what it says of itself; StoreError, OSError."""
+    state_dir = path.parent / config.gateway.state_dir
     with _copies_beside(file) as copies:
-        versions = copy_state(state_dir, copies) if state_dir.is_dir() else {}
-        names = sorted(str(each.relative_to(copies)) for each in copies.rglob("*") if each.is_file())
-        members += [Member(f"{STATE}/{name}", copies / name, state_dir) for name in names]
-        facts |= {"state": versions, "state_dir": str(config.gateway.state_dir)}
-        write_archive(file, facts, members)
-    print(f"configuration {path} and {configured} files that it refers to")
-    print(f"state of {state_dir}: {', '.join(versions) or 'nothing yet'}")
-    if with_secrets:
-        print(f"warning: {file} holds passwords and keys: store it as safely as those (its mode is 0600)")
-    elif facts["left_out"] or facts["logins"]:
-        left_out = [*facts["left_out"], *(f"the password of login {name}" for name in facts["logins"])]
-        print(f"left out (--secrets takes them): {', '.join(left_out)}")
-    return file.stat().st_size
+        (copies / STATE).mkdir()
+        versions = copy_state(state_dir, copies / STATE) if state_dir.is_dir() else {}
+        state = [Member(f"{STATE}/{name}", copies / STATE / name, state_dir) for name in versions]
+        text, logins = path.read_text("utf-8"), list[str]()
+        if not with_secrets:
+            text, logins = without_logins(text, config)
+        (copies / CONFIG).write_text(text, "utf-8")
+        own = Member(f"{CONFIG}/{path.name}", copies / CONFIG, path)
+        configured, left_out = _configured(folder_of(path), files_of(config), with_secrets=with_secrets)
+        facts = Manifest(
+            version=__version__,
+            made=rfc3339(time.time()) or "",
+            gateway=config.gateway.name,
+            config=path.name,
+            folder=str(folder_of(path)),
+            state_dir=str(config.gateway.state_dir),
+            has_secrets=with_secrets,
+            left_out=left_out,
+            logins=logins,
+            state=versions,
+        )
+        write_archive(file, facts, [own, *configured, *state])
+        return facts
+
+
+def missing_in(facts: Manifest) -> list[str]:
+    """Return what was left out of a backup."""
+    return [*facts.left_out, *(f"the password of login {each}" for each in facts.logins)]
 
 
 def folder_of(path: Path) -> Path:
@@ -102,53 +127,24 @@ def _checked_target(file: Path) -> Path:
 
 @contextmanager
 def _copies_beside(file: Path) -> Iterator[Path]:
-    """Give an empty folder for copies; what a killed process has left in it is deleted."""
-    folder = file.with_name(f".{file.name}.copies")
-    folder.mkdir(mode=0o700, exist_ok=True)
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        status = os.fstat(descriptor)
-        if status.st_uid != os.geteuid() or status.st_mode & 0o077:
-            raise StoreError(f"{folder} is another user's (name another file)")
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise StoreError(f"another process is writing a backup to {file}") from error
-        try:
-            for each in folder.iterdir():
-                shutil.rmtree(each) if each.is_dir() else each.unlink()
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-    finally:
-        os.close(descriptor)
+    """Give an empty folder for copies; what a killed process has left beside the same file is deleted."""
+    begin, end = f".{file.name}.", ".copies"
+    for left in file.parent.glob(f"{glob.escape(begin)}*{end}"):
+        shutil.rmtree(left)
+    with TemporaryDirectory(end, begin, file.parent) as folder:
+        yield Path(folder)
 
 
-def _configured(path: Path, config: Config, *, with_secrets: bool) -> tuple[list[Member], dict[str, Any]]:
-    """Return the configuration and its files as members, and the facts of the manifest."""
-    folder, text, logins = folder_of(path), path.read_text("utf-8"), list[str]()
-    if not with_secrets:
-        text, logins = without_logins(text, config)
-    own = f"{CONFIG}/{path.name}"
-    members, left_out, files = {own: Member(own, text.encode(), path)}, [], files_of(config)
-    secrets = {(folder / path).resolve() for path, is_secret in files.items() if is_secret}
+def _configured(
+    folder: Path, files: Mapping[Path, bool], *, with_secrets: bool
+) -> tuple[list[Member], list[str]]:
+    """Return the files that a configuration refers to as members, and those that are left out."""
+    members, left_out = dict[str, Member](), list[str]()
+    secrets = {(folder / each).resolve() for each, is_secret in files.items() if is_secret}
     for each in files:
         where, name = folder / each, name_in_backup(folder, each)
-        is_hidden = not with_secrets and where.resolve() in secrets
-        content = b"" if is_hidden else where.read_bytes()
-        if is_hidden or (not with_secrets and PRIVATE in content):
+        if not with_secrets and (where.resolve() in secrets or PRIVATE in where.read_bytes()):
             left_out.append(str(each))
         else:
-            members[name] = Member(name, content, where)  # one that two keys name is there once
-    facts = {
-        "product": "starter-gateway",
-        "version": __version__,
-        "made": rfc3339(time.time()),
-        "gateway": config.gateway.name,
-        "config": path.name,
-        "folder": str(folder),
-        "has_secrets": with_secrets,
-        "left_out": left_out,
-        "logins": logins,
-    }
-    return list(members.values()), facts
+            members[name] = Member(name, where, where)  # one that two keys name is there once
+    return list(members.values()), left_out

@@ -12,20 +12,16 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from gateway.cli.command import flag
-from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, name_in_backup
+from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
 from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
-from gateway.cli.restore.switch import RESTORED, Switch
+from gateway.cli.restore.switch import RESTORED, Switch, replaced_in
 from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
-from gateway.errors import ConfigError, DamagedError, NewerError, StartError, StoreError
-from gateway.storage.formats import STATE_FILES, newer_text
-from gateway.storage.upkeep.archive import Archive, open_archive
-from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.errors import ConfigError, DamagedError, StartError, StoreError
+from gateway.store import Archive, Manifest, is_state_name, open_archive, refuse_newer, upgrade
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
@@ -107,9 +103,7 @@ class _Place:
 
 
 def _place(archive: Archive, to: Path | None) -> _Place:
-    facts = archive.manifest
-    _refuse_newer(facts)
-    name, before = facts["config"], Path(facts["folder"])
+    name, before = archive.manifest.config, Path(archive.manifest.folder)
     folder = before if to is None else to.absolute()
     configured, state = _places(archive)
     if "/" in name or name not in configured or not before.is_absolute():
@@ -117,6 +111,7 @@ def _place(archive: Archive, to: Path | None) -> _Place:
     config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
     _refuse_foreign(config, before, archive, name)
     state_dir = _state_dir(config, folder, is_elsewhere=to is not None)
+    refuse_newer(state_dir, archive.manifest.state)
     return _Place(config, folder / name, folder, state_dir, configured, state)
 
 
@@ -130,10 +125,11 @@ def _give_state_dir(archive: Archive, place: _Place, *, is_new: bool) -> None:
 
 def _write_state(archive: Archive, place: _Place, stage: Path) -> list[str]:
     """Write the state as it is to be; return the starters that are locked in it."""
-    what, reading = f"restored from a backup of {archive.manifest['made']}", read_clocks()
+    what, reading = f"restored from a backup of {archive.manifest.made}", read_clocks()
     for name, stored in sorted(place.state.items()):
         archive.extract(stored, stage / name)
     refuse_newer(stage)
+    upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
     give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
@@ -154,39 +150,27 @@ def _write_configured(archive: Archive, place: _Place) -> None:
 def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
     """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
     known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
-    for entry in archive.entries:
-        if not entry.name.startswith(f"{STATE}/") and entry.name not in known:
-            raise DamagedError(f"the backup holds {entry.name}, which its configuration does not name")
-
-
-def _refuse_newer(facts: Mapping[str, Any]) -> None:
-    """Raise NewerError when this program could not read what would be restored."""
-    versions = facts.get("state")
-    texts = [
-        newer_text(Path(name), version)
-        for name, version in (versions.items() if isinstance(versions, dict) else ())
-        if name in STATE_FILES and isinstance(version, int)
-    ]
-    if any(texts):
-        raise NewerError("\n".join(text for text in texts if text))
+    for stored in archive.manifest.files:
+        if not stored.startswith(f"{STATE}/") and stored not in known:
+            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
 
 
 def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:
     """Return the files of the configuration's folder and of the state, each with its name in the backup."""
     configured: dict[str, str] = {}
     state: dict[str, str] = {}
-    for entry in archive.entries:
-        first, _, rest = entry.name.partition("/")
+    for stored in archive.manifest.files:
+        first, _, rest = stored.partition("/")
         path = PurePosixPath(rest)
         is_inside = rest and not path.is_absolute() and ".." not in path.parts and str(path) == rest
         if first == CONFIG and is_inside:
-            configured[rest] = entry.name
+            configured[rest] = stored
         elif first == OUTSIDE and is_inside:
-            configured[f"{OUTSIDE}/{rest}"] = entry.name
+            configured[f"{OUTSIDE}/{rest}"] = stored
         elif first == STATE and is_state_name(rest):
-            state[rest] = entry.name
+            state[rest] = stored
         else:
-            raise DamagedError(f"the backup holds {entry.name}, which no gateway has")
+            raise DamagedError(f"the backup holds {stored}, which no gateway has")
     return configured, state
 
 
@@ -199,16 +183,16 @@ def _state_dir(config: Config, folder: Path, *, is_elsewhere: bool) -> Path:
     return whole if whole.is_relative_to(folder) else folder / STATE
 
 
-def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
+def _report(facts: Manifest, place: _Place, locked: list[str]) -> None:
     config, folder = place.config, place.folder
-    print(f"gateway {config.gateway.name}, backup of {facts.get('made')} by version {facts.get('version')}")
+    print(f"gateway {config.gateway.name}, backup of {facts.made} by version {facts.version}")
     print(f"configuration: {len(place.configured)} files in {folder}")
     print(f"state: {len(place.state)} files in {place.state_dir}")
     if folder / config.gateway.state_dir != place.state_dir:
         print(
             f"the configuration names another state_dir, {config.gateway.state_dir}: change it, or move them"
         )
-    before = Path(facts["folder"])
+    before = Path(facts.folder)
     for each in files_of(config) if before != folder else ():
         name = name_in_backup(before, each)
         if each.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
@@ -216,8 +200,7 @@ def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
             print(f"the configuration names {each}, which is {now} now: change it")
     if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
-    missing = [*facts["left_out"], *(f"the password of login {each}" for each in facts["logins"])]
-    if missing:
+    if missing := missing_in(facts):
         print(f"not in the backup, to be given anew: {', '.join(missing)}")
     if locked:
         print(f"locked until an operator unlocks them: {', '.join(locked)}")

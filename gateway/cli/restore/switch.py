@@ -14,10 +14,11 @@ from pathlib import Path
 
 from gateway.cli.restore.caution import give_to_owner_of
 from gateway.errors import StoreError
-from gateway.storage.upkeep.state_copy import replaced_in, set_aside
+from gateway.store import LOCK_FILE, own_files
 from gateway.system.whole_files import sync_folder
 
 BEFORE = ".before-restore"  # ends the name of a configuration's file that was replaced
+ASIDE = "before-restore"  # folder in the state directory with the files that were replaced there
 RESTORED = ".restored"  # ends the name of one that is to be in place soon
 _STAGE, _WHOLE = "restoring.new", "restoring"  # folders in the state directory: being written, and complete
 
@@ -68,7 +69,7 @@ class Switch:
             if os.path.lexists(path) and not (self.is_going_on and os.path.lexists(_named(path, BEFORE))):
                 path.replace(_named(path, BEFORE))
         own = replaced_in(self._state_dir)
-        aside = set_aside(self._state_dir, own, is_going_on=self.is_going_on) if own else None
+        aside = self._set_aside(own) if own else None
         if aside is not None:
             give_to_owner_of(self._state_dir, [aside, *aside.rglob("*")])
         for path in sorted(self._whole.rglob("*")):  # folders come before what is in them
@@ -84,6 +85,33 @@ class Switch:
         sync_folder(self._config.parent)
         shutil.rmtree(self._whole, ignore_errors=True)
         return aside
+
+    def _set_aside(self, paths: list[Path]) -> Path:
+        """Move files into a folder of their own, in place of what an earlier restore put there.
+
+        Where it goes on with a restore that was cut short, what that one put there stays, and files that it
+        has put in their place are deleted.
+        """
+        aside = self._state_dir / ASIDE
+        if aside.exists() and not self.is_going_on:
+            shutil.rmtree(aside)
+        aside.mkdir(mode=0o700, exist_ok=True)
+        for path in paths:
+            to = aside / path.relative_to(self._state_dir)
+            to.parent.mkdir(mode=0o700, exist_ok=True)
+            if not os.path.lexists(to):
+                path.rename(to)
+            elif path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+        return aside
+
+
+def replaced_in(state_dir: Path) -> list[Path]:
+    """Return what a restore replaces: a gateway's own files, with SQLite's beside them."""
+    paths = own_files(state_dir) if state_dir.is_dir() else ()
+    return sorted(path for path in paths if not path.name.startswith(LOCK_FILE))
 
 
 def _named(path: Path, ending: str) -> Path:

@@ -10,10 +10,9 @@ from dataclasses import replace
 from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.attempts import Attempts
-from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.reconnect import Attempts
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import EVERY_S
@@ -155,11 +154,11 @@ class BrokerConnection:
             self._on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
 
     def _subscribe(self, session: Session, topic: str) -> None:
-        error = BrokerError(
-            f"broker {self._settings.address} refuses a subscription to {topic}",
-            "let this user read it, in the broker's access list",
-        )
-        session.listen(topic, on_refused=lambda: log.warning("%s", error))
+        def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
+            if not is_permitted:
+                log.warning("%s", self._refusal(f"a subscription to {topic}"))
+
+        session.listen(topic, note)
 
     async def _serve_once(self) -> bool:
         """Connect and serve until the loss; return whether to connect again at once."""
@@ -173,7 +172,7 @@ class BrokerConnection:
             is_subscribed = await session.subscribe(self._command_filter)
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._attempts.is_next_at_once(session):
+            if self._attempts.is_next_at_once(session.connack_code, is_closed=session.is_closed_unanswered):
                 log.debug(
                     "broker=%s %s; next: MQTT %s", self._settings.address, error, self._attempts.version
                 )
@@ -191,7 +190,8 @@ class BrokerConnection:
             self._on_version(self._attempts.version)
             for topic in self._listeners:
                 self._subscribe(session, topic)
-            self._report_link(self._deaf() if is_deaf else "", is_connected=True)
+            deaf = self._refusal(f"commands: no subscription to {self._command_filter}")
+            self._report_link(deaf if is_deaf else "", is_connected=True)
             self._beat(session)
             self.wake()
             reason = await session.lost
@@ -277,12 +277,9 @@ class BrokerConnection:
         connected = f"broker={self._settings.address} connected, MQTT {self._attempts.version}"
         log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)
 
-    def _deaf(self) -> str:
-        error = BrokerError(
-            f"broker {self._settings.address} refuses commands: no subscription to {self._command_filter}",
-            "let this user read it, in the broker's access list",
-        )
-        return str(error)
+    def _refusal(self, what: str) -> str:
+        hint = "let this user read it, in the broker's access list"
+        return str(BrokerError(f"broker {self._settings.address} refuses {what}", hint))
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""

@@ -22,15 +22,14 @@ from gateway.contract import (
 )
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.reconnect import Version, VersionChoice
+from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
 TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
-_REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 
 R = TypeVar("R", bound=Record)
 
@@ -122,7 +121,7 @@ class CommandClient:
     async def _gateway_status(self, session: Session, within_s: float) -> StatusRecord:
         status = await self._retained(session, within_s, StatusRecord)
         if status is None:
-            where = self._topics.gateway_status
+            where = self._topics.of(StatusRecord)
             raise BrokerError(f"no gateway has published its state in {where}", "is it running?")
         if status.state == "offline":
             raise BrokerError(f"the gateway is offline: {status.reason or 'no reason given'}", "start it")
@@ -132,7 +131,7 @@ class CommandClient:
         """Return the present token; taken last, so that it is as young as can be."""
         fresh = await self._retained(session, STATUS_WITHIN_S, FreshRecord)
         if fresh is None:
-            where = self._topics.gateway_fresh
+            where = self._topics.of(FreshRecord)
             raise BrokerError(f"no gateway publishes its token in {where}", "is it of this version?")
         return fresh.token
 
@@ -165,7 +164,7 @@ class CommandClient:
         match news:
             case None:
                 raise self._lost(order)
-            case int() if news >= _REFUSED and order is not None:
+            case int() if news >= FIRST_FAILURE and order is not None:
                 raise self._forbidden(
                     f"write {self._topics.command(order.starter, order.client, order.verb)}"
                 )
@@ -221,15 +220,15 @@ async def connected(
 
     BrokerError when it takes none, or cannot be had.
     """
-    choice = VersionChoice(settings.version)
+    attempts = Attempts(settings, seed=settings.seed)
     while True:
-        session = Session(settings, choice.version, SessionParts(None, on_incoming, on_ack))
+        session = Session(settings, attempts.version, SessionParts(None, on_incoming, on_ack))
         try:
             await session.connect()
         except BrokerError:
             is_closed = session.is_closed_unanswered
             session.abort()
-            if not choice.failed(session.connack_code, is_closed=is_closed):
+            if not attempts.is_next_at_once(session.connack_code, is_closed=is_closed):
                 raise
         else:
-            return session, choice.version
+            return session, attempts.version

@@ -3,7 +3,7 @@
 1. The topic alone says what a message is for: a stop is taken at once, before everything that waits.
 2. The others are parsed in the order of their arrival, in at most half of the time.
 3. Beyond `MOST` that wait, or `MOST_OF_CLIENT` of one client, a message is refused unparsed; those on
-   topics that name no client count as one client's, and are dropped.
+   topics that name no client count as one client's, and are dropped. What is no command is dropped at once.
 4. Of more stops than `PARSED_STOPS` only the topic is read: they are carried out, but their id is not known.
 
 So a flood delays a stop by what is being read of the socket at most, not by what came before it.
@@ -17,7 +17,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.contract import STOP, CommandAddress, Malformed, Topics
+from gateway.contract import STOP, CommandAddress, Malformed, Topics, shortened
 from gateway.mqtt.commands import Incoming
 from gateway.system.rate_limits import Bucket, Rate
 
@@ -27,20 +27,21 @@ MOST, MOST_OF_CLIENT = 300, 100  # messages that wait; not less than `RateLimits
 PARSED_STOPS = Rate(50.0, 50)  # a second, at once
 SHARE = 0.5  # of the time, for parsing
 AHEAD_S = 0.01  # so long before its share is due, it may be used
+_Address = CommandAddress | Malformed
 
 
 class Inbox:
     """Of one gateway; everything belongs to the loop that reads the broker.
 
-    `take` is given each message with its time of arrival on the steady clock, `refuse` the starter, client
-    and verb of what is too much.
+    `take` is given what the topic of each message says, the message and its time of arrival on the steady
+    clock, `refuse` the starter, client and verb of what is too much.
     """
 
     def __init__(
         self,
         topics: Topics,
         *,
-        take: Callable[[Incoming, float], None],
+        take: Callable[[_Address, Incoming, float], None],
         refuse: Callable[[str, str, str], None],
         now_s: Callable[[], float],
     ) -> None:
@@ -48,7 +49,7 @@ class Inbox:
         self._take = take
         self._refuse = refuse
         self._now_s = now_s
-        self._waiting: deque[tuple[str, Incoming, float]] = deque()
+        self._waiting: deque[tuple[_Address, Incoming, float]] = deque()
         self._of_client: Counter[str] = Counter()
         self._parsed_stops = Bucket(PARSED_STOPS)
         self._paid_s = 0.0  # when the parsing done so far is within its share
@@ -58,23 +59,22 @@ class Inbox:
         """Take in a message as it arrives."""
         now_s = self._now_s()
         address = self._topics.parse_command(incoming.topic)
-        if address is None or (isinstance(address, Malformed) and not address.client):
-            if self._has_room(""):
-                self._wait("", incoming, now_s)  # there is no client to answer
+        if address is None:
+            logger.debug("topic=%s is no command", shortened(incoming.topic))
         elif isinstance(address, CommandAddress) and address.verb == STOP:
             is_parsed = self._parsed_stops.take(now_s)
-            self._take(incoming if is_parsed else replace(incoming, payload=b""), now_s)
-        elif not self._has_room(address.client):
+            self._take(address, incoming if is_parsed else replace(incoming, payload=b""), now_s)
+        elif self._has_room(address.client):
+            self._wait(address, incoming, now_s)
+        elif address.client:  # there is somebody to answer
             self._refuse(address.starter, address.client, address.verb)
-        else:
-            self._wait(address.client, incoming, now_s)
 
     def _has_room(self, client: str) -> bool:
         return len(self._waiting) < MOST and self._of_client[client] < MOST_OF_CLIENT
 
-    def _wait(self, client: str, incoming: Incoming, now_s: float) -> None:
-        self._waiting.append((client, incoming, now_s))
-        self._of_client[client] += 1
+    def _wait(self, address: _Address, incoming: Incoming, now_s: float) -> None:
+        self._waiting.append((address, incoming, now_s))
+        self._of_client[address.client] += 1
         if self._work is None:
             self._parse()
 
@@ -87,12 +87,12 @@ class Inbox:
             if self._paid_s - began_s > AHEAD_S:
                 self._work = loop.call_at(self._paid_s - AHEAD_S / 2, self._parse)
                 return
-            client, incoming, received_s = self._waiting.popleft()
-            self._of_client[client] -= 1
-            if not self._of_client[client]:
-                del self._of_client[client]
+            address, incoming, received_s = self._waiting.popleft()
+            self._of_client[address.client] -= 1
+            if not self._of_client[address.client]:
+                del self._of_client[address.client]
             try:
-                self._take(incoming, received_s)
+                self._take(address, incoming, received_s)
             except Exception:  # one message's guard: the next one is to be read all the same
                 logger.exception("topic=%s not taken because of a bug", incoming.topic[:200])
             self._paid_s = max(self._paid_s, began_s) + (loop.time() - began_s) / SHARE

@@ -32,13 +32,13 @@ from gateway.mqtt.connection.packet_limit import (
     too_large,
 )
 from gateway.mqtt.connection.reconnect import (
+    FIRST_FAILURE,
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
-    Version,
     refused,
     unreachable,
 )
-from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 
 CONNECTION_LOST = "connection lost"
@@ -72,7 +72,7 @@ class Session:
         self._version = version
         self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
-        self._subacks: dict[int, asyncio.Future[int]] = {}  # by packet id
+        self._subacks: dict[int, asyncio.Future[bool]] = {}  # by packet id: whether the broker lets us
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
         self._readable = select.poll()
@@ -105,28 +105,16 @@ class Session:
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
         suback = self._subscribe(topic_filter, _options(handling=0 if with_retained else 2))
-        return bool(await self._answer(suback, "SUBACK") < 0x80)
+        return bool(await self._answer(suback, "SUBACK"))
 
-    def listen(self, topic: str, on_refused: Callable[[], None]) -> None:
+    def listen(self, topic: str, on_answer: Callable[[bool], None]) -> None:
         """Subscribe to one more topic without waiting for the answer; a refusal changes nothing else."""
-
-        def note(suback: asyncio.Future[int]) -> None:
-            if not suback.cancelled() and suback.result() >= 0x80:
-                on_refused()
-
-        if not self.lost.done():
-            self._subscribe(topic, _options(handling=2)).add_done_callback(note)
+        self._ask(topic, _options(handling=2), on_answer)
 
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
         """Subscribe with QoS 0, which no queue of the broker limits; only what is stored is then retained."""
-
-        def note(suback: asyncio.Future[int]) -> None:
-            if not suback.cancelled():
-                on_answer(suback.result() < 0x80)
-
-        if not self.lost.done():
-            options = SubscribeOptions(qos=0, retainAsPublished=False, retainHandling=0)
-            self._subscribe(topic_filter, options).add_done_callback(note)
+        options = SubscribeOptions(qos=0, retainAsPublished=False, retainHandling=0)
+        self._ask(topic_filter, options, on_answer)
 
     def unlisten(self, topic: str) -> None:
         """Take no more messages of a topic of `listen`."""
@@ -233,16 +221,26 @@ class Session:
         if (sock := self._client.socket()) is not None:
             sock.close()
 
-    def _subscribe(self, topic_filter: str, options: SubscribeOptions) -> asyncio.Future[int]:
+    def _subscribe(self, topic_filter: str, options: SubscribeOptions) -> asyncio.Future[bool]:
         """Send SUBSCRIBE and return its answer; MQTT 3.1.1 knows the quality of service alone."""
         if self._version is Version.V5:
             _, packet_id = self._client.subscribe(topic_filter, options=options)
         else:
             _, packet_id = self._client.subscribe(topic_filter, qos=options.QoS)
-        suback: asyncio.Future[int] = self._loop.create_future()
+        suback: asyncio.Future[bool] = self._loop.create_future()
         if packet_id is not None:  # None: the connection is lost
             self._subacks[packet_id] = suback
         return suback
+
+    def _ask(self, topic_filter: str, options: SubscribeOptions, on_answer: Callable[[bool], None]) -> None:
+        """Subscribe; `on_answer` is called with whether the broker lets us, unless the connection is lost."""
+
+        def note(suback: asyncio.Future[bool]) -> None:
+            if not suback.cancelled():
+                on_answer(suback.result())
+
+        if not self.lost.done():
+            self._subscribe(topic_filter, options).add_done_callback(note)
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
         await asyncio.wait(
@@ -351,7 +349,7 @@ class Session:
     def _on_subscribe(self, _client: Any, _userdata: Any, mid: int, codes: Any, _properties: Any) -> None:
         suback = self._subacks.pop(mid, None)
         if suback is not None and not suback.done():
-            suback.set_result(max((code.value for code in codes), default=0))
+            suback.set_result(all(code.value < FIRST_FAILURE for code in codes))
 
     def _on_skip(self, size: int) -> None:
         if self._parts.on_skip is not None:
@@ -372,7 +370,6 @@ class Session:
             payload=bytes(message.payload),
             is_retained=bool(message.retain),
             expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
-            response_topic=getattr(message.properties, "ResponseTopic", None),
             correlation=getattr(message.properties, "CorrelationData", None),
         )
         # Not from within paho: an error in a command must not damage its parser.

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import enum
 import ssl
 from dataclasses import dataclass, field
 
 from gateway.errors import BrokerError
-from gateway.mqtt.connection.reconnect import Version
 from gateway.system.key_pair import load_key_pair
+
+
+class Version(enum.StrEnum):
+    """A version of MQTT that the gateway supports."""
+
+    V5 = "5"
+    V311 = "3.1.1"
 
 
 class _TlsSocket(ssl.SSLSocket):

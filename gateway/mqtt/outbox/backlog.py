@@ -1,4 +1,4 @@
-"""The rows that wait for the broker: which of them are in memory, and what the table must be told.
+"""The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
@@ -15,13 +15,21 @@ from typing import NamedTuple
 
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.queue import HIGHEST, RankQueue
-from gateway.store import DAMAGED, DISK_FULL, Deleted, Loss, OutboxRow, Page, Rank, Total, losses_of
+from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 
-MEMORY_FULL, STORE_LOST = "memory_full", "store_lost"  # why something was lost
+# Why something was lost:
+MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_VALUES = 500  # in one transaction
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
+
+
+class Bounds(NamedTuple):
+    """How much there may be."""
+
+    rows: int
+    bytes: int
 
 
 class Batch(NamedTuple):
@@ -30,7 +38,6 @@ class Batch(NamedTuple):
     rows: Sequence[OutboxRow]
     lost: Mapping[int, Rank]  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None  # None: the table has them
-    keep: frozenset[int]  # what may not be deleted for room
 
     @property
     def is_flushed(self) -> bool:
@@ -45,13 +52,14 @@ class Backlog:
     memory does not wait for what is only in the table.
     """
 
-    def __init__(self, *, max_rows: int, max_bytes: int, utc_of: Callable[[float], float]) -> None:
-        self._max_rows, self._max_bytes = max_rows, max_bytes
+    def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
+        self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
         self._utc_of = utc_of
-        self._queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
+        self.queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
         self._memory: dict[int, OutboxRow] = {}
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
+        self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
@@ -65,17 +73,17 @@ class Backlog:
     @property
     def is_empty(self) -> bool:
         """Return whether nothing waits, here or in the table."""
-        return not self._flying and not any(queue.rows for queue in self._queues.values())
+        return not self._flying and not any(queue.rows for queue in self.queues.values())
 
     @property
     def has_history(self) -> bool:
         """Return whether values wait to be published late."""
-        return self._queues[Rank.VALUE].rows > 0
+        return self.queues[Rank.VALUE].rows > 0
 
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (in flight and in the table too), how many bytes, and since when."""
         flying = [self._memory[id_] for id_ in self._flying]
-        queues = [queue for queue in self._queues.values() if queue.rows]
+        queues = [queue for queue in self.queues.values() if queue.rows]
         since_s = [row.time_s for row in flying]
         since_s += [self._memory[queue.ids[0]].time_s for queue in queues if queue.ids]
         since_s += [queue.first_s for queue in queues if queue.beyond]
@@ -86,16 +94,29 @@ class Backlog:
     # Rows come, wait for their word, go out, and are gone.
 
     def put(self, row: OutboxRow) -> None:
-        """Take a row; when memory is full the oldest values go first, results last."""
-        self._memory[row.id] = row
-        self._enqueue(row, is_new=True)
+        """Take a row, or release the one that was staged; what is too much goes, the oldest values first."""
+        staged = self._staged.pop((row.key, row.payload), None)
+        if staged is not None:
+            self.release(staged)
+        else:
+            self._memory[row.id] = row
+            self._enqueue(row, is_new=True)
 
-    def hold(self, row: OutboxRow, *, is_staged: bool = False) -> None:
-        """Have a row stored that waits to be released; one that is staged somebody else stores."""
+    def hold(self, row: OutboxRow) -> None:
+        """Have a row stored that waits to be released."""
         self._memory[row.id] = row
         self._held.add(row.id)
-        if not is_staged:
-            self._unwritten[row.id] = None
+        self._unwritten[row.id] = None
+
+    def stage(self, row: OutboxRow) -> None:
+        """Hold a row that somebody else stores, until the same is put."""
+        self._memory[row.id] = row
+        self._held.add(row.id)
+        self._staged[row.key, row.payload] = row.id
+
+    def is_staged(self, row: OutboxRow) -> bool:
+        """Return whether a row is staged and not put yet; from any thread."""
+        return (row.key, row.payload) in self._staged
 
     def holds(self, id_: int) -> bool:
         """Return whether a row is held."""
@@ -116,7 +137,7 @@ class Backlog:
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if not queue.rows:
             return None
         if not queue.is_next_here:
@@ -127,7 +148,7 @@ class Backlog:
 
     def take(self, row: OutboxRow) -> None:
         """Remove what `first` returned, until it is done or given back."""
-        self._queues[row.rank].remove(row)
+        self.queues[row.rank].remove(row)
         self._flying.add(row.id)
 
     def take_history(self, most: int) -> list[OutboxRow]:
@@ -135,7 +156,7 @@ class Backlog:
         first = self.first(Rank.VALUE)
         if first is None:
             return []
-        queue = self._queues[Rank.VALUE]
+        queue = self.queues[Rank.VALUE]
         upto = queue.upto if queue.is_next_here else HIGHEST
         near = (self._memory[id_] for id_ in queue.ids[:LOOKAHEAD] if id_ <= upto)
         batch = [row for row in near if (row.topic, row.boot) == (first.topic, first.boot)][:most]
@@ -164,10 +185,10 @@ class Backlog:
         flown = [self._memory[id_] for id_ in sorted(self._flying)]
         self._flying.clear()
         for row in flown:
-            self._queues[row.rank].add(row)
+            self.queues[row.rank].add(row)
             self._leave_to_table(row)
 
-    # What the table must be told.
+    # What is to be written.
 
     def take_delivered(self) -> dict[int, Rank]:
         """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
@@ -198,15 +219,14 @@ class Backlog:
         self._writing = frozenset(ids)
         lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, lost, losses, keep=frozenset(self._held | self._flying))
+        return Batch(rows, lost, losses)
 
-    def written(self, batch: Batch, deleted: Sequence[Deleted]) -> None:
-        """Note that a batch is in the table, and what was deleted for it."""
+    def written(self, batch: Batch) -> None:
+        """Note that a batch is in the table."""
         self._writing = frozenset()
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])
-        self._note_deleted(DISK_FULL, deleted)
 
     def unwritten(self, batch: Batch) -> None:
         """Note that a batch could not be written."""
@@ -225,42 +245,47 @@ class Backlog:
 
     def expect_table(self) -> None:
         """Take it that there is a table, whose rows of earlier runs come first."""
-        for queue in self._queues.values():
+        for queue in self.queues.values():
             queue.expect_table()
 
     def recall(self, totals: Mapping[Rank, Total], losses: Iterable[Loss]) -> None:
         """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
         self.losses.recall(losses)
-        for rank, queue in self._queues.items():
+        for rank, queue in self.queues.items():
             if rank in totals:
                 queue.recall(totals[rank])
             else:
                 self._bring_strays(rank)
                 queue.read(HIGHEST, 0.0)
 
-    def wanted(self) -> list[tuple[Rank, int]]:
-        """Return what is to be read: the ranks, and after which row."""
-        return [(rank, queue.upto) for rank, queue in self._queues.items() if queue.wants_page]
+    def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
+        """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
+        wanting = [(rank, queue.upto) for rank, queue in self.queues.items() if queue.wants_page]
+        return wanting if is_sending or self._excess() else []
 
-    def page(self, rank: Rank, page: Page) -> None:
+    def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
         queue.bring(row.id for row in rows)
-        self._note_deleted(DAMAGED, page.damaged)
+        for row in page.damaged:
+            queue.lose_beyond(1, row.size)
+            self._lost[row.id] = rank
+            self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
         self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
         if page.is_last:
             self._lose_beyond(rank)
         queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
+        self._make_room()
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
         self._delivered.clear()
         self._lost.clear()
-        for rank, queue in self._queues.items():
+        for rank, queue in self.queues.items():
             self._bring_strays(rank)
             self._lose_beyond(rank)
             queue.read(HIGHEST, 0.0)
@@ -274,23 +299,35 @@ class Backlog:
         if is_new:
             self._unwritten[row.id] = None
         self._bytes += row.size
-        self._queues[row.rank].add(row)
+        self.queues[row.rank].add(row)
         self._leave_to_table(row)
-        while self._is_full and (victim := self._oldest()) is not None:
-            self._queues[victim.rank].remove(victim)
-            self._forget(victim, self._lost)
-            time_s = self._utc_of(victim.time_s)
-            self.losses.add([Loss(MEMORY_FULL, victim.rank, 1, time_s, time_s)], is_saved=False)
+        self._make_room()
         if row.rank is not Rank.VALUE:
             self.on_work()
 
-    @property
-    def _is_full(self) -> bool:
-        return self._bytes > self._max_bytes or len(self._memory) - len(self._held) > self._max_rows
+    def _make_room(self) -> None:
+        """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
+        while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
+            self.queues[victim.rank].remove(victim)
+            self._forget(victim, self._lost)
+            self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
-    def _oldest(self) -> OutboxRow | None:
-        """Return the oldest row of the lowest rank that is in memory and waits."""
-        for rank, queue in self._queues.items():
+    def _excess(self) -> str:
+        """Return of what there is too much: of rows in memory, or of all that wait."""
+        here = Bounds(len(self._memory) - len(self._held), self._bytes)
+        queues = self.queues.values()
+        all_ = Bounds(sum(queue.rows for queue in queues), sum(queue.bytes for queue in queues))
+        for reason, there_is in ((MEMORY_FULL, here), (DISK_FULL, all_)):
+            bound = self._bounds[reason]
+            if there_is.rows > bound.rows or there_is.bytes > bound.bytes:
+                return reason
+        return ""
+
+    def _victim(self, reason: str) -> OutboxRow | None:
+        """Return the oldest row of the lowest rank that has any; None while that is being read."""
+        for rank, queue in self.queues.items():
+            if reason == DISK_FULL and queue.rows:
+                return self.first(rank)
             if not queue.ids:
                 self._bring_strays(rank)
             if queue.ids:
@@ -300,7 +337,7 @@ class Backlog:
     def _leave_to_table(self, row: OutboxRow) -> None:
         """Forget a row that the table has, unless it is held, in flight or within the window."""
         is_written = row.id not in self._unwritten and row.id not in self._writing
-        is_here = row.id in self._held or row.id in self._flying or row.id in self._queues[row.rank]
+        is_here = row.id in self._held or row.id in self._flying or row.id in self.queues[row.rank]
         if is_written and not is_here:
             del self._memory[row.id]
             self._bytes -= row.size
@@ -321,35 +358,20 @@ class Backlog:
     def _is_gone(self, id_: int) -> bool:
         return id_ in self._delivered or id_ in self._lost
 
-    def _note_deleted(self, reason: str, deleted: Sequence[Deleted]) -> None:
-        """Let go of rows that the table has given up; what was taken meanwhile is not lost."""
-        lost = []
-        for each in deleted:
-            row = self._memory.get(each.id)
-            if each.id in self._flying:
-                self._unwritten[each.id] = None
-            elif not self._is_gone(each.id):
-                lost.append(each)
-                if row is None:
-                    self._queues[each.rank].lose_beyond(1, each.size)
-                else:
-                    self._queues[each.rank].remove(row)
-                    del self._memory[each.id]
-                    self._bytes -= each.size
-        self.losses.add(losses_of(reason, lost), is_saved=len(lost) == len(deleted))
+    def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
+        self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
 
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not; everything in memory is within the queue."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
-            first_s, last_s = self._utc_of(queue.first_s), self._utc_of(queue.last_s)
-            self.losses.add([Loss(STORE_LOST, rank, queue.beyond, first_s, last_s)], is_saved=False)
+            self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
             queue.lose_beyond(queue.beyond, size)
 
     def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:
         """Have rows of beyond that are still in memory within the queue."""
-        queue = self._queues[rank]
+        queue = self.queues[rank]
         if queue.beyond:
             places = self._held | self._flying | set(queue.ids)
             rows = (row for row in self._memory.values() if row.rank is rank and row.id <= upto)

@@ -23,7 +23,7 @@ from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import Connection, Deleted, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
 from gateway.system.supervised import is_set_within
 
@@ -32,6 +32,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 LOOK_S = 0.5  # what need not be written at once waits for so long
+FLUSH_S = 5.0  # values may be in the kernel's hands for so long
 RETRY_S = 1.0
 HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
@@ -65,6 +66,7 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
+        self._flushed_s = float("-inf")
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
@@ -84,7 +86,7 @@ class DiskSync:
         row = self._outbox.stage(message, self._clock.now_s())
 
         def store(connection: Connection) -> None:
-            if self._outbox.is_staged(message):
+            if self._backlog.is_staged(row):
                 self._table.insert(connection, [row])
 
         return store
@@ -169,7 +171,7 @@ class DiskSync:
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
-        self._outbox.recall(totals, keys, losses)
+        self._backlog.recall(totals, losses)
         self._wait_no_longer(keys)
         self._wake()
 
@@ -187,23 +189,25 @@ class DiskSync:
                 self._backlog.give_back_delivered(delivered)
                 raise
         while (batch := self._backlog.batch()) is not None:
+            is_due = self._clock.now_s() - self._flushed_s > FLUSH_S
             try:
-                deleted = await self._do(partial(self._written, batch), is_flushed=batch.is_flushed)
+                await self._do(partial(self._written, batch), is_flushed=is_due or batch.is_flushed)
             except BaseException:
                 self._backlog.unwritten(batch)
                 raise
-            self._backlog.written(batch, deleted)
+            self._backlog.written(batch)
+            if is_due or batch.is_flushed:
+                self._flushed_s = self._clock.now_s()
 
-    def _written(self, batch: Batch, connection: Connection) -> list[Deleted]:
+    def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
-        return self._table.trim(connection, batch.keep)
 
     async def _read(self) -> None:
-        """Read rows back into memory while they are being sent."""
-        for rank, after in self._backlog.wanted() if self._outbox.is_connected else ():
+        """Read rows back into memory, to be sent or given up."""
+        for rank, after in self._backlog.wanted(is_sending=self._outbox.is_connected):
             work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
             page = await self._do(work, is_freeing=True)
             rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]

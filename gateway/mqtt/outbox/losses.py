@@ -1,6 +1,6 @@
 """What no subscriber will ever see: lost before the broker had it, or refused by the broker.
 
-Losses are summed up, stored in the table, and declared once; refusals are counted, and told once an hour.
+Losses are summed up, stored in the table, and declared once; refusals are counted, and published hourly.
 """
 
 from __future__ import annotations
@@ -31,26 +31,25 @@ class Losses:
         """Return the losses that are not declared yet."""
         return self._sums
 
-    def add(self, losses: Iterable[Loss], *, is_saved: bool) -> None:
-        """Note losses of this run; those that are saved the table has noted by itself."""
-        losses = tuple(losses)
-        if losses and not self.dropped:
-            log.warning("outbox: messages are lost before the broker has them: %s", losses[0].reason)
-        self.dropped += sum(loss.rows for loss in losses)
-        self.recall(losses)
-        self._is_saved = self._is_saved and (is_saved or not losses)
+    def add(self, loss: Loss) -> None:
+        """Note a loss of this run."""
+        if not self.dropped:
+            log.warning("outbox: messages are lost before the broker has them: %s", loss.reason)
+        self.dropped += loss.rows
+        self._is_saved = False
+        self.recall([loss])
 
     def recall(self, losses: Iterable[Loss]) -> None:
         """Begin with what earlier runs have not declared."""
         self._sums = merged((*self._sums, *losses))
 
     def unsaved(self) -> Sequence[Loss] | None:
-        """Return all of them when the table has others, else None; `save_again` when it cannot be told."""
+        """Return all of them when the table has others, else None; `save_again` when writing failed."""
         is_saved, self._is_saved = self._is_saved, True
         return None if is_saved else self._sums
 
     def save_again(self) -> None:
-        """Have the table told once more."""
+        """Have all of them written once more."""
         self._is_saved = False
 
     def declare(self, now_s: float) -> Event | None:
@@ -67,13 +66,13 @@ class Losses:
         return event
 
 
-class Refusals:
+class RefusedMessages:
     """Publications that the broker would not take; they are not sent again."""
 
     def __init__(self) -> None:
         self.count = 0
-        self._told = 0
-        self._told_s = float("-inf")
+        self._published = 0
+        self._published_s = float("-inf")
         self._last = ("", 0)
 
     def add(self, topic: str, reason_code: int) -> None:
@@ -82,11 +81,11 @@ class Refusals:
         self._last = (topic, reason_code)
 
     def declare(self, now_s: float) -> Event | None:
-        """Return the event that tells of them; None when there is no new one, or when it is too soon."""
-        count = self.count - self._told
-        if not count or now_s < self._told_s + REFUSED_EVERY_S:
+        """Return the event that counts them; None when there is no new one, or when it is too soon."""
+        count = self.count - self._published
+        if not count or now_s < self._published_s + REFUSED_EVERY_S:
             return None
-        self._told, self._told_s = self.count, now_s
+        self._published, self._published_s = self.count, now_s
         topic, code = self._last
         return event_of(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)
 

@@ -22,20 +22,22 @@ from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
-from gateway.mqtt.outbox.backlog import Backlog
-from gateway.mqtt.outbox.losses import Refusals
-from gateway.store import Loss, OutboxRow, Rank, Total
+from gateway.mqtt.outbox.backlog import Backlog, Bounds
+from gateway.mqtt.outbox.losses import RefusedMessages
+from gateway.store import OutboxRow, Rank
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
+IN_MEMORY = Bounds(20_000, 16 * 2**20)
+IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
-class News(NamedTuple):
-    """A retained message that the broker has not acknowledged; a value has the id that its row would have."""
+class LiveMessage(NamedTuple):
+    """A retained message that the broker has not acknowledged; a value's late row would have its id."""
 
     message: Message
     since_s: float
-    id: int = 0
+    id: int
 
 
 class Outgoing(NamedTuple):
@@ -43,7 +45,7 @@ class Outgoing(NamedTuple):
 
     ticket: int
     message: Message
-    news: News | None = None  # None: rows, or a repetition for a new connection
+    news: LiveMessage | None = None  # None: rows, or a repetition for a new connection
     rows: Sequence[OutboxRow] = ()
 
 
@@ -59,25 +61,23 @@ class Outbox:
         *,
         last_topic: str,
         boot: str = "",
-        max_rows: int = 20_000,
-        max_bytes: int = 16 * 2**20,
+        memory: Bounds = IN_MEMORY,
+        table: Bounds = IN_TABLE,
         utc_of: Callable[[float], float] = float,
     ) -> None:
         self._last_topic = last_topic
         self._boot = boot
-        self.backlog = Backlog(max_rows=max_rows, max_bytes=max_bytes, utc_of=utc_of)
+        self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
         self._latest: dict[str, Message] = {}
-        self._news: dict[str, News] = {}  # by topic; not sent yet
-        self._staged: dict[tuple[str, bytes], int] = {}  # rows that somebody else stores: key, payload
-        self._left: frozenset[str] = frozenset()  # keys of what earlier runs have left behind
+        self._news: dict[str, LiveMessage] = {}  # by topic; not sent yet
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
         self._in_flight: dict[int, Outgoing] = {}
         self._window = 0  # 0: not connected
-        self._numbers = self._tickets = self._connections = 0
+        self._numbers = self._connections = 0  # the former names rows and what is in flight
         self._late_upto = 0  # the id of the last row from before this connection
         self._was_late = False
         self._history_credit = 0
-        self.refusals = Refusals()
+        self.refusals = RefusedMessages()
 
     @property
     def latest(self) -> Mapping[str, Message]:
@@ -95,27 +95,15 @@ class Outbox:
         A row that the caller could not store is stored after its `put`, like any other.
         """
         row = self._row(message, now_s)
-        self.backlog.hold(row, is_staged=True)
-        self._staged[message.key, message.payload] = row.id
+        self.backlog.stage(row)
         return self.backlog.in_utc(row)
-
-    def is_staged(self, message: Message) -> bool:
-        """Return whether a message has been staged and not put; from any thread."""
-        return (message.key, message.payload) in self._staged
 
     def put(self, message: Message, now_s: float) -> None:
         """Take a message; a full outbox drops history first, then events and audit, then results."""
-        if not message.is_queued:
-            self._put_retained(message, now_s)
-        elif self.is_staged(message):
-            self.backlog.release(self._staged.pop((message.key, message.payload)))
-        elif message.key not in self._left:
+        if message.is_queued:
             self.backlog.put(self._row(message, now_s))
-
-    def recall(self, totals: Mapping[Rank, Total], keys: Iterable[str], losses: Iterable[Loss]) -> None:
-        """Begin with what earlier runs have left behind, which is sent word for word, and not put again."""
-        self._left = frozenset(keys)
-        self.backlog.recall(totals, losses)
+        else:
+            self._put_retained(message, now_s)
 
     def forget(self, branches: Iterable[str], now_s: float) -> None:
         """Make the broker forget every retained topic below these."""
@@ -162,7 +150,9 @@ class Outbox:
         if self._opening:
             taken: Outgoing | None = self._take_latest(self._opening.popleft())
         else:
-            taken = self._take_row()
+            queues = self.backlog.queues  # looked at here for speed: there is seldom anything in these two
+            is_waiting = queues[Rank.RESULT].rows or queues[Rank.EVENT].rows
+            taken = self._take_row() if is_waiting else None
         if taken is None:
             taken = self._take_latest(next(iter(self._news))) if self._news else self._take_history()
         if taken is not None and taken.message.qos:
@@ -211,10 +201,8 @@ class Outbox:
 
     def _put_retained(self, message: Message, now_s: float) -> None:
         """Replace the newest message of a topic; a value that is replaced unsent is left to the history."""
-        news = News(message, now_s)
-        if message.value is not None:
-            self._numbers += 1
-            news = News(message, now_s, self._numbers)
+        self._numbers += 1
+        news = LiveMessage(message, now_s, self._numbers)
         before = self._news.get(message.topic)
         self._latest[message.topic] = message
         if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
@@ -237,19 +225,19 @@ class Outbox:
             message.correlation,
         )
 
-    def _hold(self, news: News) -> None:
+    def _hold(self, news: LiveMessage) -> None:
         """Have a value stored that is still to be published live, so that a crash does not lose it."""
         if news.message.value is not None and not self.backlog.holds(news.id):
             self.backlog.hold(self._late(news))
 
-    def _leave_to_history(self, news: News) -> None:
+    def _leave_to_history(self, news: LiveMessage) -> None:
         """Let a value that was replaced be published late."""
         if self.backlog.holds(news.id):
             self.backlog.release(news.id)
         elif news.message.value is not None:
             self.backlog.put(self._late(news))
 
-    def _late(self, news: News) -> OutboxRow:
+    def _late(self, news: LiveMessage) -> OutboxRow:
         """Return a value as an item for its starter's history topic."""
         record = news.message.value
         assert record is not None
@@ -295,7 +283,7 @@ class Outbox:
         return self._outgoing(Message(rows[0].topic, batch.payload(), qos=1, retain=False), rows=rows)
 
     def _outgoing(
-        self, message: Message, *, news: News | None = None, rows: Sequence[OutboxRow] = ()
+        self, message: Message, *, news: LiveMessage | None = None, rows: Sequence[OutboxRow] = ()
     ) -> Outgoing:
-        self._tickets += 1
-        return Outgoing(self._tickets, message, news, rows)
+        self._numbers += 1
+        return Outgoing(self._numbers, message, news, rows)

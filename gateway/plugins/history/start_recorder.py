@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
@@ -96,11 +96,11 @@ class _Start:
 class StartRecorder:
     """The starts of one motor, from its readings; gives each record when it is over."""
 
-    def __init__(self, starter: str, points: StartPoints, *, boot: str, take_seq: Callable[[], int]) -> None:
+    def __init__(self, starter: str, points: StartPoints, *, boot: str, sequence: Iterator[int]) -> None:
         self._starter = starter
         self._points = points
         self._boot = boot
-        self._take_seq = take_seq
+        self._sequence = sequence
         self._phase = _Phase.UNSEEN
         self._motion_s: float | None = None  # the latest reply that showed whether it moves
         self._rest_since_s: float | None = None
@@ -280,7 +280,7 @@ class StartRecorder:
             lower_s = earliest_s if command is None else max(earliest_s, min(command.at_s, start.seen_s))
             zero_s = (lower_s + start.seen_s) / 2 if start.began is None else start.seen_s
             resolution_s = math.nan
-        seq = self._take_seq()
+        seq = next(self._sequence)
         curve.cut_before(zero_s - BEFORE_S)
         largest_a = LARGEST * self.rated_a if self.rated_a else math.inf
         outliers = curve.drop_outliers(zero_s, largest_a=largest_a)

@@ -130,8 +130,8 @@ class MotorStarts(Part):
         raise CommandError(ResultCode.NO_START, "last" if id_ is None else "chosen")
 
     def _recorder_of(self, setup: StarterSetup) -> StartRecorder:
-        points, take_seq = StartPoints.of(setup.profile), self._records.sequence.take
-        recorder = StartRecorder(setup.name, points, boot=self._records.boot, take_seq=take_seq)
+        points, records = StartPoints.of(setup.profile), self._records
+        recorder = StartRecorder(setup.name, points, boot=records.boot, sequence=records.sequence)
         recorder.rated_a = setup.variant.rated_current_a
         return recorder
 
@@ -200,7 +200,7 @@ class MotorStarts(Part):
                 time_s=now_s if baseline.raised_s is None else baseline.raised_s,
                 cleared_s=None if baseline.is_raised else now_s,
                 count=baseline.alarm_count,
-                seq=self._records.sequence.take(),
+                seq=next(self._records.sequence),
                 boot=self._records.boot,
             )
         )

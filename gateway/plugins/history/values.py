@@ -160,7 +160,7 @@ class MotorValues(Part):
         good_utc_s, good = self._good
         for point in self._pace.take_due(good, is_good=is_good, now_s=now_s):
             value = good.get(point.name)
-            seq = self._delivery.records.sequence.take()
+            seq = next(self._delivery.records.sequence)
             self._delivery.records.put(
                 ValueRecord(
                     starter=self._setup.name,

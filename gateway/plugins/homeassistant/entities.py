@@ -20,6 +20,7 @@ from gateway.contract import (
     ResultRecord,
     StarterState,
     StateRecord,
+    StatusRecord,
     ValueRecord,
     to_level,
 )
@@ -150,7 +151,7 @@ def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]
 
 def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
     """Return the gateway's own components by key."""
-    status = facts.topics.gateway_status
+    status = facts.topics.of(StatusRecord)
     found = {"status": _entity(status, STATUS), "boot": _entity(status, BOOT)}
     for line in facts.config.lines:
         row = {**UTILISATION, "name": f"Line {line.name}", **available(facts)}
@@ -160,7 +161,7 @@ def gateway_entities(facts: SiteFacts) -> dict[str, Component]:
 
 def available(facts: SiteFacts, starter: str = "") -> Component:
     """Return when entities are available: the gateway is connected, and so is a starter that is named."""
-    rules = [{"topic": facts.topics.gateway_status, "value_template": GATEWAY_IS_ON}]
+    rules = [{"topic": facts.topics.of(StatusRecord), "value_template": GATEWAY_IS_ON}]
     if starter:
         rules.append(
             {"topic": facts.topics.of(AvailabilityRecord, starter=starter), "value_template": STARTER_IS_ON}

@@ -15,7 +15,6 @@ from collections.abc import Callable, Collection
 from gateway.contract import (
     MAX_PAYLOAD_BYTES,
     CommandError,
-    CommandRequest,
     EventCode,
     ResultCode,
     shortened,
@@ -74,19 +73,13 @@ class HostCommands:
         now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
         asked = DeviceCommand(starter, command, incoming.is_retained, now_s, utc_s, born_utc_s)
         for each in self._mapper.judge(asked):
-            self._pass_on(*each)
+            self._commands.submit(*each)
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
     def refuse_unknown(self, device: str) -> None:
         """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
         error = CommandError(ResultCode.UNKNOWN_STARTER)
         self._unread.put(error.code, (shortened(device), error))
-
-    def _pass_on(self, request: CommandRequest, refusal: CommandError | None) -> None:
-        if refusal is None:
-            self._commands.submit(request)
-        else:
-            self._commands.reject(request, refusal)
 
     def _put(self, starter: str, error: CommandError) -> None:
         self._unread.put((starter, error.code), (starter, error))
@@ -104,5 +97,5 @@ class HostCommands:
         if error.code == ResultCode.UNKNOWN_STARTER:
             return  # no metric and no topic of such a starter could show a result
         id_ = f"{ID_PREFIX}{round(self._clock.utc_s() * 1000)}-{error.code}"
-        self._pass_on(*self._mapper.unread(starter, id_, error))
+        self._commands.submit(*self._mapper.unread(starter, id_, error))
         self._show_done(starter, COMMANDS)

@@ -122,7 +122,7 @@ class SparkplugService:
             reason = self._leaving or link.lost.result()
             self._report(f"broker {server.address}: {reason}")
         except BrokerError as error:
-            if self._attempts.is_next_at_once(link):
+            if self._attempts.is_next_at_once(link.connack_code, is_closed=link.is_closed_unanswered):
                 return True
             self._report(str(error))
         finally:

@@ -264,7 +264,7 @@ class Accounts:
                 decision="confirmed" if code == "ok" else "rejected",
                 code=code,
                 time_s=self._clock.utc_s(),
-                seq=self._records.sequence.take(),
+                seq=next(self._records.sequence),
                 boot=self._records.boot,
                 source=WEB,
             )

@@ -16,7 +16,6 @@ from gateway.contract import (
     CommandError,
     CommandRequest,
     read_body,
-    read_leniently,
 )
 from gateway.families import OFF, Access, Parameter, Profile, Variant, command, load_profile, parameters
 from gateway.plugins.interface import Gateway
@@ -86,21 +85,21 @@ class Control:
     def submit(self, starter: str, verb: str, payload: bytes, session: WebSession) -> Results:
         """Have a command of a logged-in user judged and carried out; its proof is a token of the page."""
         user, received_s = session.user, self._gateway.clock.now_s()
+        body, mistake = read_body(payload)
         request = CommandRequest(
-            starter, user.client, verb, operator=user.name, received_s=received_s, source=WEB
+            starter,
+            user.client,
+            verb,
+            id=body.id,
+            operator=user.name,
+            reason=body.reason,
+            received_s=received_s,
+            source=WEB,
         )
-        try:
-            body = read_leniently(payload) if verb == STOP else read_body(payload)
-        except CommandError as error:
-            legible = read_leniently(payload)
-            request = replace(request, id=legible.id, reason=legible.reason, args=legible.args)
-            return self._gateway.commands.reject(request, error)
-        request = replace(request, id=body.id, reason=body.reason)
-        if verb != STOP:  # nothing in a payload may hold a stop up
-            request = replace(
-                request, args=body.args, expect=body.expect, select=body.select, proof=body.proof
-            )
-        return self._gateway.commands.submit(request)
+        if verb == STOP:  # nothing else in a payload may hold a stop up
+            return self._gateway.commands.submit(request)
+        request = replace(request, args=body.args, expect=body.expect, select=body.select, proof=body.proof)
+        return self._gateway.commands.submit(request, mistake)
 
     def parameters(self, starter: str) -> list[dict[str, Any]]:
         """Return the rows of a starter's family by the manual's code; takes long."""

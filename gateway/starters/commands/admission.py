@@ -227,7 +227,7 @@ class OverloadRefusals:
     def _refuse(self, request: CommandRequest, count: int) -> None:
         reason = Reason(ResultCode.TOO_MANY, "client")
         if count:
-            request = replace(request, id=None, correlation=None, response_topic=None)
+            request = replace(request, id=None, correlation=None)
             reason = Reason(ResultCode.TOO_MANY, "client_more", count=count)
         end = Final(Phase.REJECTED, reason, values={"count": count} if count else {})
         CommandReport(request, self._reporting).refuse(end)
@@ -236,7 +236,7 @@ class OverloadRefusals:
         """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
         reason = Reason(ResultCode.TOO_MANY, "stop")
         if count:
-            request = replace(request, id=None, correlation=None, response_topic=None)
+            request = replace(request, id=None, correlation=None)
             reason = Reason(ResultCode.TOO_MANY, "stop_more", count=count)
         report = CommandReport(request, self._reporting, is_stored=False)
         report.accept()

@@ -20,7 +20,7 @@ class GroupStop:
 
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
-        request = replace(self._report.request, starter=name, correlation=None, response_topic=None, ticket=0)
+        request = replace(self._report.request, starter=name, correlation=None, ticket=0)
         return _MemberReport(request, self._reporting, whole=self)
 
     def note_written(self) -> None:

@@ -132,6 +132,5 @@ def as_repetition(earlier: ResultRecord, request: CommandRequest) -> ResultRecor
         text=joined(earlier.text, STAYS_REFUSED.text) if is_refused else earlier.text,
         is_duplicate=True,
         correlation=request.correlation,
-        response_topic=request.response_topic,
         ticket=request.ticket,
     )

@@ -158,9 +158,7 @@ class CommandReport:
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command changed for that client; a result without an id."""
         result = self.result(end)
-        self._reporting.records.put(
-            replace(result, client=client, id=None, correlation=None, response_topic=None, ticket=0)
-        )
+        self._reporting.records.put(replace(result, client=client, id=None, correlation=None, ticket=0))
 
     def result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
@@ -177,7 +175,6 @@ class CommandReport:
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
-            response_topic=request.response_topic,
             ticket=request.ticket,
         )
 
@@ -200,10 +197,10 @@ class CommandReport:
         if self._latest is None:  # a copy of the command must be known for one from now on
             ledger.store(result, now_s=now_s)
         self._latest = result
-        reporting.journal.note(result, then=partial(self._tell, result))
+        reporting.journal.note(result, then=partial(self._publish_end, result))
 
-    def _tell(self, result: ResultRecord) -> None:
-        """Publish what is on the disk now, for repetitions too: no crash changes what was told of an end."""
+    def _publish_end(self, result: ResultRecord) -> None:
+        """Publish what is on the disk now, for repetitions too: no crash changes an end that is known."""
         self._reporting.ledger.store(result, now_s=self.now_s())
         self._reporting.records.put(result)
 
@@ -232,7 +229,7 @@ def audit(
             decision=decision,
             code=code,
             time_s=records.clock.utc_s(),
-            seq=records.sequence.take(),
+            seq=next(records.sequence),
             boot=records.boot,
             before=before or {},
             after=after or {},

@@ -75,22 +75,22 @@ class Commands:
         """Watch for suspensions of the process and for steps of the clock."""
         await self._suspend_watch.run(also=self._clock_watch.look)
 
-    def submit(self, request: CommandRequest) -> Results:
-        """Judge a command at once and have it carried out; what has no proof of freshness is rejected."""
-        unknown = self._dispatcher.verb_error(request.starter, request.verb)
-        if unknown is not None:
-            return self.reject(request, unknown)
-        request, results = self._followed_up(request)
-        try:
-            self._dispatcher.submit(request if request.verb == STOP else self._decided(request))
-        except CommandError as error:
-            self._dispatcher.reject(request, error)
-        return results
+    def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> Results:
+        """Judge a command at once and have it carried out; what has no proof of freshness is rejected.
 
-    def reject(self, request: CommandRequest, error: CommandError) -> Results:
-        """Reject a command that is not fit to be judged; a repetition gets the first one's result."""
-        request, results = self._followed_up(request)
-        self._dispatcher.reject(request, error)
+        One that comes with a refusal is not fit to be judged; a repetition gets the first one's result.
+        """
+        results = Results()
+        request = replace(request, ticket=next(self._tickets))
+        self._followed[request.ticket] = results
+        error = refusal or self._dispatcher.verb_error(request.starter, request.verb)
+        if error is None:
+            try:
+                self._dispatcher.submit(request if request.verb == STOP else self._decided(request))
+            except CommandError as unproven:
+                error = unproven
+        if error is not None:
+            self._dispatcher.reject(request, error)
         return results
 
     def put(self, record: Record) -> None:
@@ -102,12 +102,6 @@ class Commands:
         """Notice a standstill or a step of the clock before anything that has waited meanwhile is judged."""
         self._suspend_watch.look()
         self._clock_watch.look()
-
-    def _followed_up(self, request: CommandRequest) -> tuple[CommandRequest, Results]:
-        results = Results()
-        ticket = next(self._tickets)
-        self._followed[ticket] = results
-        return replace(request, ticket=ticket), results
 
     def _decided(self, request: CommandRequest) -> CommandRequest:
         """Return a fresh command with the time at which it was decided upon; CommandError for others."""

@@ -200,7 +200,7 @@ class Emitter:
                     unit=reading.unit,
                     quality=reading.quality,
                     time_s=reading.time_s,
-                    seq=self._sequence.take(),
+                    seq=next(self._sequence),
                     boot=self._boot,
                     label=reading.label,
                     reason=reading.reason,
@@ -221,7 +221,7 @@ class Emitter:
     ) -> StateRecord:
         """Return the state with its boolean points, and the starter's lock."""
         known = {name: value if isinstance(value, bool) else None for name, value in flags.items()}
-        seq, lock = self._sequence.take(), self._lock_of(self.starter)
+        seq, lock = next(self._sequence), self._lock_of(self.starter)
         number = fault_code if isinstance(fault_code, int) else None
         return StateRecord(
             starter=self.starter,
@@ -247,7 +247,7 @@ class Emitter:
             time_s=standing.raised_s,
             cleared_s=standing.cleared_s,
             count=standing.count,
-            seq=self._sequence.take(),
+            seq=next(self._sequence),
             boot=self._boot,
         )
 

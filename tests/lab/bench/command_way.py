@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 
-from gateway.contract import CommandRequest, Record, Topics
+from gateway.contract import Record, StatusRecord, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -28,7 +28,7 @@ class PublishingRig(CommandRig):
         super().__init__()
         topics, self.boot = Topics("b"), RunToken("run")
         self.tokens = Tokens(self.boot)
-        outbox = Outbox(last_topic=topics.gateway_status, boot=self.boot.run)
+        outbox = Outbox(last_topic=topics.of(StatusRecord), boot=self.boot.run)
         publisher = Publisher(topics, self.boot, outbox, sink=self.sink, clock=self.clock)
         self.topics = topics
         self.commands = Commands(
@@ -57,9 +57,10 @@ async def start_command() -> Counts:
     payload = json.dumps({"id": "1", "token": token}).encode()
     with counted() as way:
         incoming = Incoming("b/command/pump-1/alice/start", payload)
-        request = command_in(rig.topics, incoming, rig.clock.now_s())
-        assert isinstance(request, CommandRequest), request
-        rig.commands.submit(request)
+        address = rig.topics.parse_command(incoming.topic)
+        assert address is not None
+        received = command_in(address, incoming, rig.clock.now_s(), verb_error=rig.dispatcher.verb_error)
+        rig.commands.submit(received.request, received.refusal)
         await asyncio.sleep(5.0)
     assert rig.sink.final("1").code == "ok"
     return way

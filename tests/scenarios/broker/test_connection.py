@@ -95,10 +95,18 @@ VERSIONS = [
         then={10.0: [event("mqtt_5"), retained("gateway/info", mqtt_version="5")]},
     ),
     row(
-        "MQTT 5 gives a result the correlation data of its command",
+        "MQTT 5 gives a result the correlation data of its command, on its own topic whatever was asked for",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={4.0: publish("command/pump/alice/stop", {"id": "x"}, client="alice", correlation=b"7")},
+        at={
+            4.0: publish(
+                "command/pump/alice/stop",
+                {"id": "x"},
+                client="alice",
+                response_topic="starters/g/result/pump/bob",
+                correlation=b"7",
+            )
+        },
         then={
             7.0: lambda plant: (
                 ""

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from gateway.mqtt.outbox.backlog import Bounds
+from gateway.mqtt.outbox.outbox import IN_TABLE, Outbox
 from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.lab.torture.of_disk import damage
 from tests.rig import (
@@ -202,26 +204,6 @@ def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pyte
         assert plant.results()[-1] == "start unconfirmed crashed"
 
 
-def test_a_ledger_that_is_full_gives_up_what_may_be_repeated_not_what_was_acted_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=32 * 4096))
-    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start", id="acted on")
-        for number in range(200):
-            plant.run(until=6.0 + number / 5)
-            plant.command("pump/alice/read", id=f"{number}", args={"parameter": "P003"})
-        plant.restart()
-        plant.run(until=60.0)
-        plant.command("pump/alice/start", id="acted on")
-        plant.run(until=63.0)
-
-        assert plant.last("result/pump/alice")["duplicate"] is True
-        assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
-        assert "store_lost" not in plant.events()
-
-
 AMPS = 5  # more than a deadband
 
 
@@ -347,9 +329,9 @@ def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_proce
         assert lives.lost() == Counter()
 
 
-def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter[str], set[int], int]:
+def long_outage(monkeypatch: pytest.MonkeyPatch, table: Bounds) -> tuple[Counter[str], set[int], int]:
     """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.OutboxTable", partial(OutboxTable, **bounds))
+    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, table=table))
     with RigPlant(SSW07) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -365,18 +347,16 @@ def long_outage(monkeypatch: pytest.MonkeyPatch, **bounds: Any) -> tuple[Counter
 def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    nothing, none, all_events = long_outage(monkeypatch)
+    nothing, none, all_events = long_outage(monkeypatch, IN_TABLE)
     assert (nothing, none) == (Counter(), set())
 
-    for bounds in ({"most_rows": 60}, {"most_rows": 150}, {"most_bytes": 32_000}):
-        lost, missing, events = long_outage(monkeypatch, **bounds)
+    for table in (Bounds(60, 10**6), Bounds(150, 10**6), Bounds(10**6, 140_000)):
+        lost, missing, events = long_outage(monkeypatch, table)
 
-        assert events + lost["event"] >= all_events, "what is lost is declared"
+        assert events + lost["event"] == all_events, "what is lost is declared, and no more"
         assert lost["value"] > len(missing) > 0
         assert missing == set(range(min(missing), max(missing) + 1)), "the oldest go"
-        if "most_rows" in bounds:
-            assert events + lost["event"] == all_events
-            assert lost["result"] == 0
+        assert lost["result"] == 0
 
 
 @pytest.mark.usefixtures("small_windows")

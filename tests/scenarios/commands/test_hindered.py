@@ -461,7 +461,7 @@ DISK = [
         at={10.0: ["end", with_document("fingerprints", '{"pump": 7}'), "start"]},
         then={
             20.0: [
-                event("memory_damaged", text=re.compile("every starter counts as new")),
+                event("memory_damaged", text=re.compile("of the fingerprints is damaged")),
                 never("starter/pump/event", code="identity_changed"),
             ]
         },

@@ -6,12 +6,10 @@ from gateway.families.devices.device import Identity
 from gateway.starters.identity.registry import (
     FIELDS,
     Fingerprint,
-    Known,
     completed,
     contradicts,
     differences,
     fingerprint_of,
-    known_from,
 )
 
 PUMP = Fingerprint(None, "1.60", "ssw07", "SSW-07 85.0A", "85 A")
@@ -71,17 +69,6 @@ def test_what_is_not_said_now_is_taken_from_before() -> None:
     seen = Fingerprint("4711", family="ssw07", model="SSW-07 85.0A")
 
     assert completed(seen, PUMP) == Fingerprint("4711", "1.60", "ssw07", "SSW-07 85.0A", "85 A")
-
-
-def test_what_is_stored_comes_back_as_it_was() -> None:
-    known = Known(PUMP, "SSW-07 130A")
-
-    assert known_from(known.as_data()) == known
-
-
-@pytest.mark.parametrize("stored", [None, 7, ["ssw07"], {"model": 7}, {"despite_model": {}}])
-def test_what_is_no_fingerprint_is_not_taken_for_one(stored: object) -> None:
-    assert known_from(stored) is None
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ import json
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from gateway.contract import LockRecord
-from gateway.errors import DamagedError
-from gateway.starters.policy.motor_history import MOST_STARTS, MotorHistory
+from gateway.starters.policy.motor_history import MOST_STARTS, MOTORS, MotorHistory
 from gateway.system.clock_steps import ClockReading
 
 UTC_S = 1_760_000_000.0
@@ -28,9 +28,9 @@ def restored(
     motor_history: MotorHistory, *, saved_s: float, now_s: float, reading: ClockReading
 ) -> MotorHistory:
     """Return the motor history of the next run, whose steady clock shows `now_s` at that reading."""
-    document = json.loads(json.dumps(motor_history.to_document(now_s=saved_s, reading=SAVED)))
+    body = MOTORS.dump_json(motor_history.stored(now_s=saved_s, reading=SAVED))
     new = MotorHistory(["a"])
-    new.restore(document, now_s=now_s, reading=reading)
+    new.restore(MOTORS.validate_json(body), now_s=now_s, reading=reading)
     return new
 
 
@@ -144,40 +144,31 @@ def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainl
     assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 90.0)]
 
 
-def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
-    page = {"starts": [UTC_S - 50.0], "moving": False, "standing_since": UTC_S + 5.0, "lock": None}
-    new = MotorHistory(["a"])
-
-    new.restore({"version": 1, "starters": {"a": page}}, now_s=7.0, reading=SAVED)
-
-    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 50.0)]
-    assert new.standing_since("a") == 7.0
-
-
 def test_what_was_stored_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
     new = MotorHistory(["b"])
 
-    new.restore(seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
+    new.restore(seen((1.0, "ready")).stored(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
 
     assert new.standing_since("b") is None
 
 
 PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "lock": None}
+AT = {"up_s": 1.0, "utc_s": 2.0, "boot_id": "b"}
 
 
 @pytest.mark.parametrize(
     "document",
     [
         {},
-        {"version": 2, "starters": {}},
-        {"version": 1, "starters": []},
-        {"version": 1, "starters": {"a": {}}},
-        {"version": 1, "starters": {"a": {**PAGE, "starts": ["x"]}}},
-        {"version": 1, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
-        {"version": 1, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
-        {"version": 1, "starters": {"a": {**PAGE, "more": 1}}},
+        {"starters": {}},
+        {"at": AT, "starters": []},
+        {"at": AT, "starters": {"a": {}}},
+        {"at": AT, "starters": {"a": {**PAGE, "starts": ["x"]}}},
+        {"at": AT, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
+        {"at": AT, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
+        {"at": AT, "starters": {"a": {**PAGE, "more": 1}}},
     ],
 )
 def test_what_is_not_what_was_stored_is_damaged(document: dict[str, Any]) -> None:
-    with pytest.raises(DamagedError):
-        MotorHistory(["a"]).restore(document, now_s=0.0, reading=SAVED)
+    with pytest.raises(ValidationError):
+        MOTORS.validate_json(json.dumps(document))

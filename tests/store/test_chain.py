@@ -1,3 +1,5 @@
+"""The audit's hash chain: what is whole, and what shows that it is not."""
+
 from __future__ import annotations
 
 import enum
@@ -5,9 +7,10 @@ import json
 from typing import Any
 
 import pytest
-from gateway.storage.audit.chain import Head, canonical, link, read_line, verify
 from hypothesis import given
 from hypothesis import strategies as st
+
+from gateway.store.chain import Head, canonical, link, read_line, verify
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),

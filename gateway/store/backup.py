@@ -1,0 +1,253 @@
+"""A backup: a tar, compressed, that begins with a manifest of everything in it; and the upgrade of the files.
+
+Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files
+whose names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar
+gives it: the caller says where each goes. What does not fit to its SHA-256 is refused, and so is what is
+larger than any gateway's state, before it is read.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import shutil
+import stat
+import tarfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Annotated, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+from pydantic.functional_validators import AfterValidator
+
+from gateway.errors import DamagedError, NewerError, StoreError
+from gateway.store.database import snapshot, write_file
+from gateway.store.files import found_versions
+from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
+from gateway.store.schema import SCHEMAS
+from gateway.system.whole_files import NEW, private, put_in_place, sync_file
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
+MOST_BYTES = 2**30  # of all files together; both databases are a quarter of that at most
+MOST_MANIFEST_BYTES = 4 * 2**20
+MOST_FILES = 1000
+MOST_HEADER_BYTES = 16 * 2**20  # of all files' headers together
+MOST_READ = 4  # times each file may be read, with something to spare
+CHUNK_BYTES = 2**20
+
+_TOO_MUCH = "it holds what no backup of a gateway does"
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("it could not be printed as it is")
+    return text
+
+
+Text = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_printable)]
+
+
+class Origin(BaseModel):
+    """What every version can read in a manifest."""
+
+    model_config = ConfigDict(strict=True)
+
+    format: int = FORMAT
+    version: Text  # of the gateway that made it
+
+
+class Manifest(Origin):
+    """What a backup says of itself."""
+
+    made: Text
+    gateway: Text
+    config: Text  # the configuration's name
+    folder: Text  # where that was
+    state_dir: Text
+    has_secrets: bool
+    left_out: list[Text]  # files
+    logins: list[Text]  # whose passwords were left out
+    state: dict[Text, int]  # the version of each file of the state
+    files: dict[Text, Text] = {}  # SHA-256 by name, in the order of the tar
+
+
+class Member(NamedTuple):
+    """A file to go into a backup: its name there, its content, and whose owner and mode are remembered."""
+
+    name: str
+    content: Path
+    like: Path
+
+
+class Archive(NamedTuple):
+    """A backup that was verified, open; see `open_archive`."""
+
+    manifest: Manifest
+    tar: tarfile.TarFile
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file."""
+        return _opened(self.tar, self.tar.getmember(name)).read()
+
+    def extract(self, name: str, path: Path) -> None:
+        """Write the content of a file to a new one, for its owner alone; it is on the disk then. OSError."""
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with open(path, "wb", opener=_fresh) as file:
+            shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file, CHUNK_BYTES)
+            file.flush()
+            os.fsync(file.fileno())
+
+    def rights(self, name: str) -> tuple[int, str, str]:
+        """Return the mode, the user and the group that a file had."""
+        info = self.tar.getmember(name)
+        return info.mode & 0o644, info.uname, info.gname
+
+
+def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
+    """Copy the state's files into a folder, and those of 0.2.0 if no later version has run; return versions.
+
+    0.2.0 itself must not run meanwhile. DamagedError, NewerError, StoreError, OSError.
+    """
+    os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
+    versions: dict[str, int] = {}
+    for name, schema in SCHEMAS.items():
+        if os.path.lexists(state_dir / name):
+            try:
+                versions[name] = snapshot(state_dir / name, to / name, schema)
+            except DamagedError as error:
+                hint = "start the gateway once, which sets it aside, or move it away"
+                raise DamagedError(f"{error} ({hint})") from error
+    old = files_of_0_2(state_dir) if is_import_due(state_dir) else ()
+    for name in old:  # as they are, with what may be damaged in them
+        (to / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(state_dir / name, to / name)
+    return {**versions, **dict.fromkeys(old, 1)}
+
+
+def is_state_name(name: str) -> bool:
+    """Return whether a backup may hold a file of this name, relative to the state directory."""
+    return name in SCHEMAS or is_file_of_0_2(name)
+
+
+def upgrade(state_dir: Path) -> list[str]:
+    """Take all files to the present version; return what was left out because it is damaged. StoreError."""
+    problems = import_files(state_dir)
+    for name in found_versions(state_dir):
+        write_file(state_dir / name, SCHEMAS[name], lambda _: None)
+    return problems
+
+
+def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> None:
+    """Write a backup, for its owner alone; it appears whole, and after it was verified, or not at all.
+
+    `facts` get what is in it. OSError, StoreError.
+    """
+    for member in members:
+        with member.content.open("rb") as content:
+            facts.files[member.name] = _digest(content)
+    manifest, new = path.with_name(f"{path.name}.{MANIFEST}"), path.with_name(path.name + NEW)
+    try:
+        with open(manifest, "wb", opener=_fresh) as file:
+            file.write(facts.model_dump_json(indent=1).encode())
+        with (
+            open(new, "wb", opener=_fresh) as file,
+            gzip.GzipFile(filename="", mode="wb", fileobj=file, compresslevel=PACKING) as packed,
+            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT, dereference=True) as tar,
+        ):
+            for member in (Member(MANIFEST, manifest, manifest), *members):
+                _add(tar, member)
+        sync_file(new)
+        with open_archive(new):
+            put_in_place(new, path)
+    finally:
+        for each in (manifest, new):
+            each.unlink(missing_ok=True)
+
+
+class _Bounded(gzip.GzipFile):
+    """The unpacked stream, of which no more can be read than `left`: a tar's headers may be of any length."""
+
+    left = MOST_HEADER_BYTES
+
+    def read(self, size: int | None = -1) -> bytes:
+        if size is None or not 0 <= size <= self.left:
+            raise tarfile.TarError(_TOO_MUCH)
+        self.left -= size
+        return super().read(size)
+
+
+@contextmanager
+def open_archive(path: Path) -> Iterator[Archive]:
+    """Open a backup and verify all of it; DamagedError, NewerError, StoreError when it cannot be read."""
+    try:
+        with _Bounded(path) as stream, tarfile.open(fileobj=stream, mode="r:") as tar:
+            infos = list(_infos(tar))
+            stream.left = MOST_READ * MOST_BYTES
+            yield Archive(_verified(tar, infos, path), tar)
+    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
+    except OSError as error:
+        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+
+
+def _infos(tar: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
+    """Yield each file's header, as long as all are no more than a backup can have; TarError."""
+    octets = 0
+    for number, info in enumerate(tar, 1):
+        octets += info.size
+        is_plain = info.type in (tarfile.REGTYPE, tarfile.AREGTYPE) and not info.issparse()
+        if not is_plain or info.size < 0 or octets > MOST_BYTES or number > MOST_FILES:
+            raise tarfile.TarError(_TOO_MUCH)
+        yield info
+
+
+def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path) -> Manifest:
+    if not infos or infos[0].name != MANIFEST or infos[0].size > MOST_MANIFEST_BYTES:
+        raise DamagedError(f"{path} is no backup of a gateway: it does not begin with {MANIFEST}")
+    text = _opened(tar, infos[0]).read()
+    try:
+        origin = Origin.model_validate_json(text)
+        if origin.format > FORMAT:
+            raise NewerError(f"{path} was made by a later version, {origin.version} (use that one)")
+        manifest = Manifest.model_validate_json(text)
+    except ValidationError as error:
+        raise DamagedError(f"{path}: its {MANIFEST} is damaged") from error
+    if list(manifest.files) != [info.name for info in infos[1:]]:
+        raise DamagedError(f"{path}: its files are not those of its manifest")
+    for info in infos[1:]:
+        if _digest(_opened(tar, info)) != manifest.files[info.name]:
+            raise DamagedError(f"{path}: {info.name} is not what was stored")
+    return manifest
+
+
+def _opened(tar: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
+    source = tar.extractfile(info)
+    if source is None:
+        raise DamagedError(f"{info.name} is no file")
+    return source
+
+
+def _digest(source: IO[bytes]) -> str:
+    digest = hashlib.sha256()
+    while chunk := source.read(CHUNK_BYTES):
+        digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _add(tar: tarfile.TarFile, member: Member) -> None:
+    info = tar.gettarinfo(member.like, arcname=member.name)
+    info.type = tarfile.REGTYPE  # also where it is like a folder
+    info.mode = stat.S_IMODE(member.like.stat().st_mode)
+    with member.content.open("rb") as file:
+        info.size = os.fstat(file.fileno()).st_size
+        tar.addfile(info, file)
+
+
+def _fresh(path: str, flags: int) -> int:
+    Path(path).unlink(missing_ok=True)  # one with other rights, or a link
+    return private(path, flags | os.O_EXCL)

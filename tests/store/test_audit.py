@@ -1,0 +1,75 @@
+"""The audit's table: bounded, and one chain over everything that is given up or lost."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from gateway.store import STATE, Connection, verify
+from gateway.store.audit import Audit, _anchor, append
+
+
+def entries(count: int) -> list[dict[str, Any]]:
+    return [{"kind": "note", "text": f"{number} {'x' * 80}"} for number in range(count)]
+
+
+def lines(connection: Connection) -> list[tuple[str, str]]:
+    return [
+        (str(n), line) for n, line in connection.execute("SELECT number, line FROM audit ORDER BY number")
+    ]
+
+
+def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.audit.MOST_BYTES", 20_000)
+    with closing(sqlite3.connect(":memory:")) as connection:
+        STATE.steps[0](connection)
+        for _ in range(50):
+            append(connection, entries=entries(7))
+            anchor, left = _anchor(connection), lines(connection)
+
+            assert verify(left, after=anchor.head).problems == ()
+            assert anchor.octets == sum(len(line) for _, line in left) <= 20_000
+
+        assert anchor.head is not None
+        assert anchor.head.number + len(left) == 350
+
+        connection.execute("DELETE FROM audit WHERE number = (SELECT min(number) FROM audit)")
+        assert verify(lines(connection), after=anchor.head).problems != ()
+
+
+class SlowStore:
+    """A store whose disk takes work when the test lets it."""
+
+    def __init__(self) -> None:
+        self.trouble = ""
+        self.works: list[tuple[Callable[[Connection], None], Future[None]]] = []
+
+    def submit(self, work: Callable[[Connection], None]) -> Future[None]:
+        self.works.append((work, Future()))
+        return self.works[-1][1]
+
+
+async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.audit.MOST_WAITING", 3)
+    store = SlowStore()
+    audit = Audit(store, boot="b")  # type: ignore[arg-type]
+    for number in range(7):  # one is being written, three wait
+        audit.note("x", f"{number}")
+
+    with closing(sqlite3.connect(":memory:")) as connection:
+        STATE.steps[0](connection)
+        while store.works:
+            work, done = store.works.pop(0)
+            work(connection)
+            done.set_result(None)
+            await asyncio.sleep(0)
+        found = [line for _, line in lines(connection)]
+
+    assert [text in line for text, line in zip("0123", found, strict=False)] == [True] * 4
+    assert "3 entries could not be stored" in found[4]
