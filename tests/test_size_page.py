@@ -15,7 +15,7 @@ LARGEST = {  # code lines of a room that is still above its budget: lower them w
     "app": 1423,
     "system": 730,
     "store": 1627,
-    "plugins": 4902,
+    "plugins": 4894,
     "cli": 5284,
     "sim": 2836,
 }

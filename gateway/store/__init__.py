@@ -6,12 +6,17 @@ imported from here.
 
 from gateway.store.audit import Anchor, append_note, read_audit
 from gateway.store.backup import (
+    LOCK_FILE,
     Archive,
     Manifest,
     Member,
     copy_state,
     is_state_name,
+    is_upgrade_due,
+    keep_private,
     open_archive,
+    own_files,
+    refuse_newer,
     upgrade,
     write_archive,
 )
@@ -27,7 +32,6 @@ from gateway.store.database import (
     write_file,
 )
 from gateway.store.documents import Document, Documents, read_document, write_document
-from gateway.store.files import LOCK_FILE, is_upgrade_due, keep_private, own_files, refuse_newer
 from gateway.store.history import HistoryRow, HistoryStore, read_history
 from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (

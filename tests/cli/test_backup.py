@@ -20,7 +20,7 @@ from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
 from gateway.store import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE, News, Store, read_document
-from gateway.store.files import found_versions
+from gateway.store.backup import found_versions
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in

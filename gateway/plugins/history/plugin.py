@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gateway.contract import (
-    AvailabilityRecord,
     CommandError,
     EventCode,
     EventRecord,
@@ -62,7 +61,7 @@ class MotorParts(NamedTuple):
 class History:
     """A plugin that is always there; all calls on the app's loop."""
 
-    takes = (StateRecord, AvailabilityRecord, InfoRecord, EventRecord, ResultRecord)
+    takes = (StateRecord, InfoRecord, EventRecord, ResultRecord)
 
     def __init__(
         self,
