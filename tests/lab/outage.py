@@ -3,8 +3,8 @@
 python -m tests.lab.outage [--units 247] [--away 600] [--connected 150] [--stops 30] [--standing]
 
 The whole gateway polls simulated SSW-07s without a pause. Of each span: requests a second, processor time of
-a request, memory, and what the process had written to its disk (/proc/PID/io; the file system's own journal is
-not in it). A subscriber whose session outlives the broker's restart looks at the order of the history.
+a request, memory, and what the process had written to its disk (/proc/PID/io; the file system's own journal
+is not in it). A subscriber whose session outlives the broker's restart looks at the order of the history.
 """
 
 from __future__ import annotations
@@ -48,10 +48,12 @@ class Phase:
         seconds = self.to_s - self.from_s
         requests = sum(self.from_s <= each.start_s < self.to_s for each in seen)
         ms = self.cpu_s * 1e3 / max(requests, 1)
-        memory = f"{self.rss_kib[0] / 1024:.1f} {max(self.rss_kib) / 1024:.1f} {self.rss_kib[-1] / 1024:.1f}"
+        first, most, last = self.rss_kib[0] / 1024, max(self.rss_kib) / 1024, self.rss_kib[-1] / 1024
+        kb_an_hour = self.written / seconds * 3.6
         return (
             f"{self.name:10} {seconds:6.0f} s  {requests / seconds:6.2f} requests/s  {ms:5.2f} ms"
-            f"  MiB first, most, last {memory}  {self.written} bytes, {self.written / seconds * 3.6e-3:.0f} kB/h"
+            f"  MiB first, most, last {first:.1f} {most:.1f} {last:.1f}"
+            f"  {self.written} bytes, {kb_an_hour:.0f} kB an hour"
         )
 
 
