@@ -33,7 +33,7 @@ IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
 
 
 class LiveMessage(NamedTuple):
-    """A retained message that the broker has not acknowledged; a value's row in the history would have its id."""
+    """A retained message that the broker has not acknowledged; a value's row would have its id."""
 
     message: Message
     since_s: float
