@@ -137,7 +137,12 @@ class Outbox:
             self._hold(news)
 
     def hold_slow(self, now_s: float) -> None:
-        """Have values written that the broker has not acknowledged for too long."""
+        """Have values written that the broker has not acknowledged for too long.
+
+        While it is away every value was held when it was put: there is nothing to look for.
+        """
+        if not self.is_connected:
+            return
         flying = [sent.news for sent in self._in_flight.values() if sent.news is not None]
         for news in (*flying, *self._news.values()):
             if now_s - news.since_s >= HELD_AFTER_S:

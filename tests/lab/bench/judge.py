@@ -51,6 +51,7 @@ class Spec:
     dead: tuple[int, ...] = ()
     family: str = ""  # simulated starters of this family; "": ten registers or what else is asked for
     is_bytewise: bool = False
+    is_standing: bool = False  # no motor runs: nothing ever changes
     is_calm: bool = False  # sleeps instead of waiting in a busy loop, which slows down what shares its core
     delay_s: float = 0.005
 
@@ -116,7 +117,7 @@ class Judge:
         units: dict[int, SimulatedUnit] = {}
         if spec.family:
             units = {n: make_unit(spec.family, n, seed=n) for n in range(1, spec.units + 1)}
-            for unit in units.values():
+            for unit in () if spec.is_standing else units.values():
                 unit.motor.start()  # a running motor's current is never the same twice
         return _Tap(number, ours, theirs, units)
 

@@ -32,8 +32,14 @@ class BenchSite:
 
     process: Process
     judge: Watched
-    broker_port: int
+    broker: MosquittoBroker
     page_port: int
+    folder: Path
+
+    @property
+    def broker_port(self) -> int:
+        """Return where the broker listens."""
+        return self.broker.port
 
     def measured(self, spec: Spec, *, warm_s: float, seconds: float, stops: int) -> Span:
         """Return what it cost while that time passed, with stops over MQTT."""
@@ -46,12 +52,17 @@ class BenchSite:
 
 @contextmanager
 def bench_site(
-    spec: Spec, *, has_page: bool = False, starting: AbstractContextManager[object] | None = None
+    spec: Spec,
+    *,
+    has_page: bool = False,
+    starting: AbstractContextManager[object] | None = None,
+    is_persistent: bool = False,
 ) -> Iterator[BenchSite]:
-    """Run it; `starting` is around its start alone."""
+    """Run it; `starting` is around its start alone, sessions outlive a restart of a persistent broker."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        broker = MosquittoBroker(folder / "mosquitto", options=["log_type none"])
+        options = ["log_type none", "max_queued_messages 0"] if is_persistent else ["log_type none"]
+        broker = MosquittoBroker(folder / "mosquitto", is_persistent=is_persistent, options=options)
         broker.start()
         stack.callback(broker.stop)
         judge = stack.enter_context(Watched(spec))
@@ -62,7 +73,7 @@ def bench_site(
         (folder / "site.toml").write_text(text, "utf-8")
         with starting or nullcontext():
             process = stack.enter_context(gateway(folder / "site.toml"))
-        yield BenchSite(process, judge, broker.port, port)
+        yield BenchSite(process, judge, broker, port, folder)
 
 
 def run_gateway(spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops: int = 0) -> Run:

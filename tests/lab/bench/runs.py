@@ -61,10 +61,14 @@ class Watched:
             self._process.kill()
             self._process.communicate()
 
+    def seen(self) -> list[SeenRequest]:
+        """End the judge and return all requests that it saw."""
+        output, _ = self._process.communicate(timeout=END_S)
+        return [SeenRequest(*each) for each in json.loads(output)]
+
     def run(self, span: Span) -> Run:
         """End the judge and return what it saw in the master's measured time."""
-        output, _ = self._process.communicate(timeout=END_S)
-        seen = [SeenRequest(*each) for each in json.loads(output)]
+        seen = self.seen()
         first_s = min((each.start_s for each in seen), default=float("nan"))
         seen.sort(key=lambda each: each.start_s)
         law = Law(self.spec.timing, self.spec.delay_s)

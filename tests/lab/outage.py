@@ -1,0 +1,189 @@
+"""What an outage of the broker costs, and how much is written to the disk before, during and after it.
+
+python -m tests.lab.outage [--units 247] [--away 600] [--connected 150] [--stops 30] [--standing]
+
+The whole gateway polls simulated SSW-07s without a pause. Of each span: requests a second, processor time of
+a request, memory, and what the process had written to its disk (/proc/PID/io; the file system's own journal
+is not in it). A subscriber whose session outlives the broker's restart looks at the order of the history.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import queue
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from tests.lab.bench.account import SeenRequest
+from tests.lab.bench.judge import Spec
+from tests.lab.bench.plant import BASE, BenchSite, bench_site, operate
+from tests.lab.usage import usage
+
+QUIET_S = 10.0  # without a message of the history, the outage is drained
+DRAIN_WITHIN_S = 400.0
+LOOK_EVERY_S = 1.0
+STOP_EVERY_S = 3.0
+
+
+@dataclass
+class Phase:
+    """What happened in a span of time."""
+
+    name: str
+    from_s: float
+    to_s: float = 0.0
+    cpu_s: float = 0.0
+    written: int = 0  # bytes
+    rss_kib: list[int] = field(default_factory=list)  # every second
+
+    def cells(self, seen: list[SeenRequest]) -> str:
+        """Return a line of the table; `seen` are the requests of the whole run."""
+        seconds = self.to_s - self.from_s
+        requests = sum(self.from_s <= each.start_s < self.to_s for each in seen)
+        ms = self.cpu_s * 1e3 / max(requests, 1)
+        first, most, last = self.rss_kib[0] / 1024, max(self.rss_kib) / 1024, self.rss_kib[-1] / 1024
+        kb_an_hour = self.written / seconds * 3.6
+        return (
+            f"{self.name:10} {seconds:6.0f} s  {requests / seconds:6.2f} requests/s  {ms:5.2f} ms"
+            f"  MiB first, most, last {first:.1f} {most:.1f} {last:.1f}"
+            f"  {self.written} bytes, {kb_an_hour:.0f} kB an hour"
+        )
+
+
+class Listener:
+    """Takes everything of the gateway; its session outlives the broker's restart."""
+
+    def __init__(self, port: int) -> None:
+        self.kinds: Counter[str] = Counter()
+        self.gaps: list[str] = []
+        self.items = self.disorder = 0
+        self.history_s = self.first_s = 0.0  # when the last and the first of it came
+        self._latest: dict[tuple[str, str], int] = {}  # seq by topic and point
+        self._ready: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._client = paho.Client(
+            CallbackAPIVersion.VERSION2, "outage", clean_session=False, protocol=paho.MQTTv311
+        )
+        self._client.on_message = self._take
+        self._client.on_subscribe = lambda *_: self._ready.put(None)
+        self._client.reconnect_delay_set(1, 1)
+        self._client.connect("127.0.0.1", port)
+        self._client.loop_start()
+        self._client.subscribe(f"{BASE}/#", qos=1)
+        self._ready.get(timeout=10.0)
+
+    def close(self) -> None:
+        """End the session."""
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _take(self, _client: paho.Client, _data: object, message: paho.MQTTMessage) -> None:
+        kind = "/".join(message.topic.removeprefix(f"{BASE}/").split("/")[:3:2])
+        self.kinds[kind] += 1
+        if message.topic.endswith("/history"):
+            now_s = time.monotonic()
+            self.first_s, self.history_s = self.first_s or now_s, now_s
+            for item in json.loads(message.payload)["items"]:
+                place = (message.topic, item["point"])
+                self.items += 1
+                self.disorder += item["seq"] <= self._latest.get(place, -1)
+                self._latest[place] = item["seq"]
+        elif b'"gap"' in message.payload:
+            self.gaps.append(message.payload.decode())
+
+
+def main() -> None:
+    """Run it and print what was found."""
+    parser = argparse.ArgumentParser(prog="python -m tests.lab.outage", description=__doc__)
+    parser.add_argument("--units", type=int, default=247)
+    parser.add_argument("--away", type=float, default=600.0, help="s; 0: no outage")
+    parser.add_argument("--connected", type=float, default=150.0, help="s")
+    parser.add_argument("--stops", type=int, default=30)
+    parser.add_argument("--standing", action="store_true", help="motors at a standstill: nothing changes")
+    args = parser.parse_args()
+    spec = Spec(units=args.units, family="ssw07", is_calm=True, is_standing=args.standing)
+    print(f"load before: {os.getloadavg()[0]:.2f}", flush=True)
+    with bench_site(spec, is_persistent=True) as site:
+        listener = Listener(site.broker_port)
+        phases = [_phase(site, "start", 10.0 + 0.35 * args.units)]
+        phases.append(_phase(site, "connected", args.connected))
+        if args.stops:
+            phases.append(_phase(site, "stops", args.stops * STOP_EVERY_S, spec=spec, stops=args.stops))
+        if args.away:
+            phases += _outage(site, listener, args.away)
+        phases.append(_phase(site, "after", min(args.connected, 30.0)))
+        listener.close()
+        folder = sorted((path.name, path.stat().st_size) for path in _files(site.folder / "state"))
+        seen = site.judge.seen()
+    print(f"load after: {os.getloadavg()[0]:.2f}")
+    for phase in phases:
+        print(phase.cells(seen))
+    print(
+        f"history: {listener.items} values, {listener.disorder} out of order; gaps: {listener.gaps or 'none'}"
+    )
+    print(f"messages: {dict(listener.kinds.most_common(14))}")
+    print(f"state_dir at the end: {folder}")
+
+
+def _outage(site: BenchSite, listener: Listener, away_s: float) -> list[Phase]:
+    site.broker.stop()
+    away = _phase(site, "away", away_s)
+    site.broker.start()
+    drain = _begin(site, "drain")
+    begun_s = time.monotonic()
+    while time.monotonic() < begun_s + DRAIN_WITHIN_S:
+        _look(site, drain)
+        if time.monotonic() > max(listener.history_s, begun_s + 20.0) + QUIET_S:
+            break
+    drained_s = listener.history_s - listener.first_s
+    print(f"history came for {drained_s:.0f} s, from {listener.first_s - begun_s:.1f} s after the return on")
+    return [away, _end(site, drain)]
+
+
+def _phase(site: BenchSite, name: str, seconds: float, *, spec: Spec | None = None, stops: int = 0) -> Phase:
+    phase = _begin(site, name)
+    if spec is not None:
+        operate(site.broker_port, spec, seconds=seconds, stops=stops)
+    while time.monotonic() < phase.from_s + seconds:
+        _look(site, phase)
+    return _end(site, phase)
+
+
+def _begin(site: BenchSite, name: str) -> Phase:
+    used = usage(site.process.pid)
+    written = _written(site.process.pid)
+    return Phase(name, time.monotonic(), cpu_s=used.cpu_s, written=written, rss_kib=[used.rss_kib])
+
+
+def _look(site: BenchSite, phase: Phase) -> None:
+    time.sleep(LOOK_EVERY_S)
+    phase.rss_kib.append(site.process.used().rss_kib)
+
+
+def _end(site: BenchSite, phase: Phase) -> Phase:
+    used = usage(site.process.pid)
+    phase.to_s = time.monotonic()
+    phase.cpu_s = used.cpu_s - phase.cpu_s
+    phase.written = _written(site.process.pid) - phase.written
+    phase.rss_kib.append(used.rss_kib)
+    print(f"{phase.name} is over", flush=True)
+    return phase
+
+
+def _written(pid: int) -> int:
+    lines = Path(f"/proc/{pid}/io").read_text("ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("write_bytes"))
+
+
+def _files(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file()]
+
+
+if __name__ == "__main__":
+    main()
