@@ -95,7 +95,7 @@ def _content(path: Path) -> bytes:
 
 
 def _torn(flushed: bytes, written: bytes, share: float, dice: random.Random) -> bytes:
-    """Return what may be there of a file: each sector that was written since the flush, or what was before."""
+    """Return what may be there of a file: each sector as it was written since the flush, or as before."""
     size = max(len(flushed), len(written))
     before, after = flushed.ljust(size, b"\0"), written.ljust(size, b"\0")
     sectors = bytearray()
@@ -142,7 +142,7 @@ class Story:
         return [pdu for _, pdu in self.plant.starter("pump").writes].count(START)
 
     def cut(self) -> None:
-        """Cut the power soon: at some time, or when something was just written or told, and a moment later."""
+        """Cut the power at some time, or a moment after something was written or told."""
         match self.dice.choice(("time", "written", "told", "told")):
             case "written":
                 self._until(self.asked, lambda each: each[1][0] == WRITE_COIL)
