@@ -91,10 +91,13 @@ class Recorder:
         return finals()[0]
 
     def finals_of_ids(self) -> Counter[str]:
-        """Return how many final results each id has had, duplicates that say so left out."""
-        return Counter(
-            each["id"] for each in self.results if each["id"] and is_final(each) and not each["duplicate"]
-        )
+        """Return how many final results each id has had, duplicates that say so left out.
+
+        What comes again as it was counts once: its acknowledgement was not on the disk at a kill.
+        """
+        finals = [each for each in self.results[:] if each["id"] and is_final(each) and not each["duplicate"]]
+        told = {json.dumps(each, sort_keys=True): each["id"] for each in finals}
+        return Counter(told.values())
 
     def _connected(self, client: paho.Client, *_: Any) -> None:
         client.subscribe(f"{BASE}/#", qos=1)
