@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -207,7 +208,10 @@ STEPS = [
         },
         then={
             5.5: [result("start rejected not_selected"), frames("pump")],
-            7.0: result("select rejected selected_by_other"),
+            7.0: [
+                result("select rejected selected_by_other"),
+                msg("result/pump/bob", text=re.compile("wait 7 s")),
+            ],
         },
     ),
     row(
