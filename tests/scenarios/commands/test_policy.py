@@ -457,21 +457,6 @@ LOCKS = [
 ]
 
 
-@pytest.mark.parametrize("row", RIGHTS)
-def test_rights(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", RULES)
-def test_start_rules(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", STEPS + CANNOT_SELECT)
-def test_two_steps_and_expectations(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", LOCKS)
-def test_locks_and_groups(row: ScenarioRow) -> None:
+@pytest.mark.parametrize("row", RIGHTS + RULES + STEPS + CANNOT_SELECT + LOCKS)
+def test_what_a_site_demands(row: ScenarioRow) -> None:
     play(row)

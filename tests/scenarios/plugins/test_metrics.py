@@ -83,6 +83,7 @@ SERIES = [
                     for phase in ("accepted", "written", "confirmed")
                 ),
                 sample("command_seconds_count", 1.0, verb="start"),
+                sample("command_seconds_sum", pytest.approx(0.5, abs=0.5), verb="start"),
             ],
         },
     ),
