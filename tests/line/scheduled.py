@@ -22,10 +22,6 @@ def job(lane: Priority = Priority.COMMAND, unit: int = 1, request: Request = WRI
     return Job(unit, request, 0.01, lane, lambda outcome: None)
 
 
-def key_of(slot: Slot | None) -> str | None:
-    return None if slot is None or slot.poll is None else slot.poll.key
-
-
 def take(scheduler: Scheduler, now_s: float, outcome: Outcome = ANSWERED) -> Slot | None:
     slot = scheduler.pick(now_s)
     if slot is not None:

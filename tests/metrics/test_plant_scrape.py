@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
 import pytest
@@ -44,6 +45,37 @@ def test_every_metric_of_the_alerts_and_the_dashboard_is_in_a_scrape(whole: str)
 
 def test_promtool_finds_nothing_in_it(whole: str) -> None:
     assert promtool("check", "metrics", standard_input=whole.encode()) == ""
+
+
+def test_no_series_stands_twice_in_a_scrape(whole: str) -> None:
+    lines = [line.rpartition(" ")[0] for line in whole.splitlines() if not line.startswith("#")]
+
+    assert len(lines) == len(set(lines))
+
+
+def test_a_histogram_sums_up_its_buckets_and_ends_with_infinity(whole: str) -> None:
+    found = samples(whole)
+    buckets: dict[tuple[str, frozenset[tuple[str, str]]], list[tuple[float, float]]] = {}
+    for (name, labels), value in found.items():
+        if name.endswith("_bucket"):
+            of = name.removesuffix("_bucket"), frozenset(each for each in labels if each[0] != "le")
+            buckets.setdefault(of, []).append((float(dict(labels)["le"]), value))
+
+    assert {name for name, _ in buckets} == {"loop_lag_seconds", "stop_latency_seconds", "command_seconds"}
+    for (name, labels), counts in buckets.items():
+        assert sorted(counts, key=lambda each: each[1]) == sorted(counts)
+        assert max(counts) == (math.inf, found[f"{name}_count", labels])
+        assert found[f"{name}_sum", labels] <= found[f"{name}_count", labels] * 30.0
+
+
+def test_of_the_states_of_a_starter_one_is_1(whole: str) -> None:
+    of_pump = [
+        value
+        for (name, labels), value in samples(whole).items()
+        if name == "starter_state" and ("starter", "pump") in labels
+    ]
+
+    assert sorted(of_pump) == [0.0] * 6 + [1.0]
 
 
 @pytest.mark.parametrize("place", BROKEN)

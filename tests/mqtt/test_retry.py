@@ -30,49 +30,35 @@ def test_a_connection_that_held_makes_the_next_pause_short() -> None:
     assert backoff.next_s() == 0.5
 
 
-def test_mqtt_5_is_tried_first_and_3_1_1_at_once_when_the_broker_refuses_it() -> None:
+REFUSED, CLOSED, SILENT = (0x84, True), (None, True), (None, False)
+PAUSE = None
+
+
+@pytest.mark.parametrize(
+    ("ends", "at_once", "version"),
+    [
+        ([REFUSED], [True], Version.V311),
+        ([CLOSED, CLOSED, CLOSED], [True, True, False], Version.V311),  # asked once more in MQTT 5
+        ([CLOSED], [True], Version.V5),
+        ([SILENT, PAUSE] * 20, [False] * 20, Version.V5),  # silence is never a refusal
+        ([CLOSED, SILENT, PAUSE, CLOSED], [True, False, True], Version.V5),
+        ([REFUSED, PAUSE], [True], Version.V5),  # tried again at each connect
+    ],
+)
+def test_which_version_is_tried_next_and_whether_at_once(
+    ends: list[tuple[int | None, bool] | None], at_once: list[bool], version: Version
+) -> None:
     attempts = attempts_of(None)
-    first = attempts.version
-
-    assert attempts.is_next_at_once(0x84, is_closed=True)
-    assert (first, attempts.version) == (Version.V5, Version.V311)
-
-
-def test_a_broker_that_closes_right_upon_mqtt_5_is_asked_once_more_before_3_1_1() -> None:
-    attempts = attempts_of(None)
-
-    versions = [(attempts.is_next_at_once(None, is_closed=True), attempts.version.value) for _ in range(3)]
-
-    assert versions == [(True, "5"), (True, "3.1.1"), (False, "3.1.1")]
-
-
-def test_silence_is_never_a_refusal_however_often() -> None:
-    attempts = attempts_of(None)
-
-    for _ in range(20):
-        assert not attempts.is_next_at_once(None, is_closed=False)
-        attempts.pause_s()
-
     assert attempts.version is Version.V5
+    found = []
+    for end in ends:
+        if end is PAUSE:
+            attempts.pause_s()
+        else:
+            found.append(attempts.is_next_at_once(end[0], is_closed=end[1]))
 
-
-def test_a_broker_that_closes_once_and_then_is_silent_has_refused_nothing() -> None:
-    attempts = attempts_of(None)
-
-    assert attempts.is_next_at_once(None, is_closed=True)
-    assert not attempts.is_next_at_once(None, is_closed=False)
-    attempts.pause_s()
-    assert attempts.is_next_at_once(None, is_closed=True)
-    assert attempts.version is Version.V5
-
-
-def test_mqtt_5_is_tried_anew_at_each_connect() -> None:
-    attempts = attempts_of(None)
-    attempts.is_next_at_once(0x84, is_closed=True)
-
-    attempts.pause_s()
-
-    assert attempts.version is Version.V5
+    assert found == at_once
+    assert attempts.version is version
 
 
 @pytest.mark.parametrize("version", list(Version))

@@ -29,7 +29,6 @@ from paho.mqtt.reasoncodes import ReasonCode
 from tests.rig import sparkplug
 
 NOT_AUTHORIZED, TAKEN_OVER, WITH_WILL, LOST, KEEP_ALIVE = 0x87, 0x8E, 0x04, 0x80, 0x8D
-SHUTTING_DOWN = 0x8B
 
 
 @dataclass(frozen=True)

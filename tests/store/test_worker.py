@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -41,18 +42,24 @@ def test_a_bug_in_one_piece_of_work_corrupts_no_other(
     assert len(caplog.records) == 2
 
 
-def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.worker.MOST_WAITING", 2)
-    one = keeping()
-    one.until(News.OPEN)
+def held_up(one: Keeping) -> tuple[threading.Event, Future[None]]:
+    """Let its thread be busy until the event is set; return that and the work."""
     gate, busy = threading.Event(), threading.Event()
 
     def hold(connection: Connection) -> None:
         busy.set()
         gate.wait(PATIENCE_S)
 
-    one.store.submit(hold)
+    held = one.store.submit(hold)
     assert busy.wait(PATIENCE_S)
+    return gate, held
+
+
+def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.worker.MOST_WAITING", 2)
+    one = keeping()
+    one.until(News.OPEN)
+    gate, _ = held_up(one)
     pieces = [one.store.submit(insert(str(number))) for number in range(3)]
     gate.set()
 
@@ -65,14 +72,7 @@ def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: 
     monkeypatch.setattr("gateway.store.worker.HANG_S", 0.0)
     one = keeping()
     one.until(News.OPEN)
-    gate, busy = threading.Event(), threading.Event()
-
-    def hold(connection: Connection) -> None:
-        busy.set()
-        gate.wait(PATIENCE_S)
-
-    held = one.store.submit(hold)
-    assert busy.wait(PATIENCE_S)
+    gate, held = held_up(one)
 
     assert "has not answered" in one.store.trouble
 

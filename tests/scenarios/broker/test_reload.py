@@ -27,6 +27,10 @@ from tests.rig.sites import ALICE, QUICK, SSW07, line, operator, starter, table
 
 START = "05 00 64 ff 00"
 FAN = starter("fan", 2, "ssw06")
+HALL = SSW07 + FAN
+YARD = line("yard") + starter("mill", 3, "ssw900")
+BELT = starter("belt", 4, "sst")
+SHARED_S = 0.02  # what lines share is when their events are handed over, after which a period may change
 RULE = table("[rules]", starters=["*"], starts_per_hour=1)
 
 
@@ -55,6 +59,29 @@ CHANGES = [
                 retained("gateway/info", starters=["pump", "fan"]),
                 untouched,
             ]
+        },
+    ),
+    row(
+        "a starter that comes to an over-full line is known within 5 s, and stays known",
+        given=HALL,
+        at={
+            30.0: reload(
+                line()
+                + starter("pump", 1, "ssw07", every_s=0.002)
+                + starter("blower", 5, "ssw06", every_s=2.0)
+            ),
+            60.0: "blower control local",
+            61.0: "blower keypad start",
+        },
+        then={
+            35.0: retained("starter/blower/state", state="ready"),
+            90.0: lambda plant: (
+                "" if plant.last("gateway/line/pumps")["stretch"] > 5.0 else "the line is not over-full"
+            ),
+            100.0: [
+                never("starter/blower/state", since=35.0, state="unknown"),
+                seen("starter/blower/state", since=61.0, state="running"),
+            ],
         },
     ),
     row(
@@ -284,6 +311,36 @@ REFUSALS = [
 @pytest.mark.parametrize("row", CHANGES + LINES + REFUSALS)
 def test_a_reload(row: ScenarioRow) -> None:
     play(row)
+
+
+def asked_s(*reloads: str) -> dict[str, list[float]]:
+    """Return when each starter of two lines was asked, with these reloads from second 30 on."""
+    with RigPlant(HALL + YARD + BELT) as plant:
+        plant.run(until=30.0)
+        for number, toml in enumerate(reloads, 1):
+            plant.reload(toml)
+            plant.run(until=30.0 + 3.0 * number)
+        plant.run(until=60.0)
+        starters = {name: plant.starter(name) for name in ("pump", "fan", "belt")}
+        return {name: [at_s for at_s, _ in each.asked] for name, each in starters.items()}
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        HALL + YARD,
+        HALL + YARD.replace("baud = 19200", "baud = 19200\nadapter_allowance_s = 0.05") + BELT,
+        HALL,
+    ],
+    ids=["starter gone", "line reopened", "line gone"],
+)
+def test_a_line_that_stays_is_polled_at_the_same_instants_as_without_a_reload(other: str) -> None:
+    undisturbed = asked_s()
+    reloaded = asked_s(*3 * (other, HALL + YARD + BELT))
+
+    for name in ("pump", "fan"):
+        assert reloaded[name] == pytest.approx(undisturbed[name], abs=SHARED_S)
+    assert reloaded["belt"] != undisturbed["belt"]
 
 
 def test_another_broker_gets_everything_and_the_former_one_the_end() -> None:

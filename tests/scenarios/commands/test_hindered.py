@@ -529,36 +529,6 @@ LIMITS = [
 ]
 
 
-@pytest.mark.parametrize("row", LIMITS)
-def test_what_a_line_takes(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", CLEARED)
-def test_nothing_follows_a_run_0_that_was_not_taken(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", TAKEN_BACK)
-def test_a_start_that_does_not_act_is_taken_back(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", DECIDED)
-def test_a_command_is_decided_on_what_is_so_now(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", STOPS)
-def test_a_stop_has_one_end(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", DISK)
-def test_what_must_be_stored_and_cannot_be(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", KILLED)
-def test_a_start_and_a_kill(row: ScenarioRow) -> None:
+@pytest.mark.parametrize("row", LIMITS + CLEARED + TAKEN_BACK + DECIDED + STOPS + DISK + KILLED)
+def test_a_command_that_is_hindered(row: ScenarioRow) -> None:
     play(row)

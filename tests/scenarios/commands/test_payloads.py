@@ -167,21 +167,6 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("row", PAYLOADS + ARGUMENTS)
-def test_a_wrong_payload_is_refused_with_a_reason_and_noted(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", TOPICS)
-def test_a_mistyped_topic_is_answered_and_does_nothing(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", STOPS + OTHERS)
-def test_a_stop_needs_nothing_but_the_topic(row: ScenarioRow) -> None:
-    play(row)
-
-
 AUDIT = [
     row(
         "the audit has each decision, with who claims to have decided, and what was read before and after",
@@ -226,8 +211,8 @@ AUDIT = [
 ]
 
 
-@pytest.mark.parametrize("row", AUDIT)
-def test_the_audit(row: ScenarioRow) -> None:
+@pytest.mark.parametrize("row", PAYLOADS + ARGUMENTS + TOPICS + STOPS + OTHERS + AUDIT)
+def test_what_comes_of_a_payload_and_its_topic(row: ScenarioRow) -> None:
     play(row)
 
 

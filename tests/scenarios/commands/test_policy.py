@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -207,7 +208,10 @@ STEPS = [
         },
         then={
             5.5: [result("start rejected not_selected"), frames("pump")],
-            7.0: result("select rejected selected_by_other"),
+            7.0: [
+                result("select rejected selected_by_other"),
+                msg("result/pump/bob", text=re.compile("wait 7 s")),
+            ],
         },
     ),
     row(
@@ -453,21 +457,6 @@ LOCKS = [
 ]
 
 
-@pytest.mark.parametrize("row", RIGHTS)
-def test_rights(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", RULES)
-def test_start_rules(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", STEPS + CANNOT_SELECT)
-def test_two_steps_and_expectations(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", LOCKS)
-def test_locks_and_groups(row: ScenarioRow) -> None:
+@pytest.mark.parametrize("row", RIGHTS + RULES + STEPS + CANNOT_SELECT + LOCKS)
+def test_what_a_site_demands(row: ScenarioRow) -> None:
     play(row)

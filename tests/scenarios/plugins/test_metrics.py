@@ -70,6 +70,8 @@ SERIES = [
                 sample("starter_state", 1.0, **PUMP, state="running"),
                 sample("starter_state", 0.0, **PUMP, state="ready"),
                 sample("motor_current_amperes", pytest.approx(62, abs=2), **PUMP),
+                sample("starter_fault_active", 0.0, **PUMP),
+                sample("starter_fault_code", None, **PUMP),
             ],
             40.0: [
                 sample("starts_total", 1.0, **PUMP),
@@ -81,6 +83,47 @@ SERIES = [
                     for phase in ("accepted", "written", "confirmed")
                 ),
                 sample("command_seconds_count", 1.0, verb="start"),
+                sample("command_seconds_sum", pytest.approx(0.5, abs=0.5), verb="start"),
+            ],
+        },
+    ),
+    row(
+        "the number of a fault that is over is not that of a fault",
+        given=SCRAPED,
+        at={5.0: "pump P014 = 5"},
+        then={
+            40.0: [
+                sample("starter_fault_active", 0.0, **PUMP),
+                sample("starter_fault_code", None, **PUMP),
+            ]
+        },
+    ),
+    row(
+        "verbs that clients invent make one series",
+        given=SCRAPED,
+        at={3.0: [command(f"pump/alice/verb-{number}") for number in range(9)]},
+        then={5.0: sample("commands_total", 9.0, verb="other", phase="rejected", code="unknown_verb")},
+    ),
+    row(
+        "a trip whose number the manual does not name is counted from its first on",
+        given=SCRAPED,
+        at={5.0: ["pump VB01 = 0x8000", "pump P014 = 99"]},
+        then={
+            4.0: sample("trips_total", None, **PUMP, code="e99"),
+            40.0: sample("trips_total", 1.0, **PUMP, code="e99"),
+        },
+    ),
+    row(
+        "the requests to a starter and the times of its replies are its own",
+        given=SCRAPED,
+        then={
+            60.0: [
+                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
+                lambda plant: (
+                    ""
+                    if "# TYPE starter_gateway_starter_response_seconds summary" in plant.get("/metrics").text
+                    else "no summary"
+                ),
             ],
         },
     ),
@@ -126,6 +169,7 @@ SERIES = [
                     pytest.approx(OPEN_S + 9.5, abs=1.0),
                     **PUMP,
                 ),
+                sample("starter_last_reply_timestamp_seconds", pytest.approx(OPEN_S + 9.5, abs=1.0), **PUMP),
                 sample("starts_total", 0.0, **PUMP),
                 sample("starter_state", 1.0, **PUMP, state="unknown"),
                 sample("starter_fault_active", None, **PUMP),
@@ -286,6 +330,7 @@ def test_the_text_file_is_replaced_as_a_whole_and_removed_at_an_orderly_end() ->
 
         assert early != late
         assert sample_of(late, "starter_online") == [1.0]
+        assert sample_of(late, "web_streams") == []  # there is no page
         assert others == ["starter.prom"]
         assert not file.exists()
 

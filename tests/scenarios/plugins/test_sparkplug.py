@@ -596,10 +596,21 @@ WRITES = [
     row(
         "a stop needs neither time nor order and wins over a start beside it",
         given=COMMANDED,
-        at={5.0: write(STOP, age_s=3600.0), 8.0: write({**START, **STOP})},
+        at={
+            5.0: write(STOP, age_s=3600.0),
+            8.0: write({**START, **STOP}),
+            14.0: write({**STOP, **START}),
+        },
         then={
             7.0: [results("stop accepted ok", "stop written ok", "stop confirmed ok"), frames("pump", OFF)],
-            12.0: [frames("pump", OFF, OFF), seen("result/pump/alice", verb="start", phase="rejected")],
+            12.0: [
+                frames("pump", OFF, OFF),
+                seen("result/pump/alice", times=1, verb="start", phase="rejected", code="bad_payload"),
+            ],
+            18.0: [
+                frames("pump", OFF, OFF, OFF),
+                seen("result/pump/alice", times=2, verb="start", phase="rejected", code="bad_payload"),
+            ],
         },
     ),
     row(

@@ -26,144 +26,127 @@ def bad(topic: str) -> Expectation:
     return msg(f"starter/{starter}/value/{point}", retain=True, **BAD)
 
 
+def read(name: str, given: str, words: str, at_s: float, *then: Expectation, **sim: Any) -> ScenarioRow:
+    """A starter that holds these words from its beginning on (`pump: P002 = 500, P003 = 400`) is read so."""
+    starter, _, held = words.partition(": ")
+    return row(
+        name,
+        given=given,
+        sim={starter: sim},
+        at={0: [f"{starter} {word}" for word in held.split(", ")]},
+        then={at_s: list(then)},
+    )
+
+
 ROWS = [
-    row(
-        "an SSW-07's example of the manual: 500 and 400 are 50.0 % and 40.0 A",  # 5.4.2
-        given=SSW07,
-        at={0: ["pump P002 = 500", "pump P003 = 400"]},
-        then={3: [value("pump/current_pct", 50.0, "%"), value("pump/current", 40.0, "A")]},
-    ),
-    row(
+    read(
+        "an SSW-07's example of the manual: 500 and 400 are 50.0 % and 40.0 A",
+        SSW07,
+        "pump: P002 = 500, P003 = 400",
+        3,
+        value("pump/current_pct", 50.0, "%"),
+        value("pump/current", 40.0, "A"),
+    ),  # 5.4.2
+    read(
         "an SSW-07's slow values have the scales of its parameters",
-        given=SSW07,
-        at={0: [f"pump {word}" for word in ("P005 = 599", "P007 = 87", "P011 = 1234", "P030 = 405")]},
-        then={
-            15: [
-                value("pump/line_frequency", 59.9, "Hz"),
-                value("pump/p007", 87, "%"),
-                value("pump/apparent_power", 123.4, "kVA"),
-                value("pump/p030", 40.5, "A"),
-            ]
-        },
+        SSW07,
+        "pump: P005 = 599, P007 = 87, P011 = 1234, P030 = 405",
+        15,
+        value("pump/line_frequency", 59.9, "Hz"),
+        value("pump/p007", 87, "%"),
+        value("pump/apparent_power", 123.4, "kVA"),
+        value("pump/p030", 40.5, "A"),
     ),
-    row(
+    read(
         "an SSW-07's temperature, thermal level and the number of its last fault",
-        given=SSW07,
-        at={0: ["pump P081 = 415", "pump P050 = 63", "pump P014 = 66"]},
-        then={
-            15: [
-                value("pump/heatsink_temperature", 41.5, "°C"),
-                value("pump/p050", 63, "%"),
-                value("pump/fault_code", 66),
-                msg("starter/pump/state", fault=False),
-            ]
-        },
+        SSW07,
+        "pump: P081 = 415, P050 = 63, P014 = 66",
+        15,
+        value("pump/heatsink_temperature", 41.5, "°C"),
+        value("pump/p050", 63, "%"),
+        value("pump/fault_code", 66),
+        msg("starter/pump/state", fault=False),
     ),
-    row(
+    read(
         "the number of an enumeration has its name beside it",
-        given=SSW07,
-        at={0: "pump P006 = 5"},
-        then={15: value("pump/p006", 5, label="PASS (bypass)")},
+        SSW07,
+        "pump: P006 = 5",
+        15,
+        value("pump/p006", 5, label="PASS (bypass)"),
     ),
-    row(
-        "an SSW-06's currents below 820 A have one decimal",  # 4.4
-        given=SSW06,
-        at={0: ["fan P002 = 1005", "fan P003 = 1234", "fan P010 = 456", "fan P030 = 1230"]},
-        then={
-            15: [
-                value("fan/current_pct", 100.5, "%"),
-                value("fan/current", 123.4, "A"),
-                value("fan/active_power", 45.6, "kW"),
-                value("fan/p030", 123.0, "A"),
-            ]
-        },
-    ),
-    row(
-        "an SSW-06's currents from 820 A up are whole amperes",  # 4.4
-        given=SSW06_820A,
-        sim={"fan": {"model": "SSW-06 820A"}},
-        at={0: ["fan P002 = 1005", "fan P003 = 1234", "fan P010 = 456"]},
-        then={
-            15: [
-                value("fan/current_pct", 100.5, "%"),
-                value("fan/current", 1234.0, "A"),
-                value("fan/active_power", 456.0, "kW"),
-            ]
-        },
-    ),
-    row(
+    read(
+        "an SSW-06's currents below 820 A have one decimal",
+        SSW06,
+        "fan: P002 = 1005, P003 = 1234, P010 = 456, P030 = 1230",
+        15,
+        value("fan/current_pct", 100.5, "%"),
+        value("fan/current", 123.4, "A"),
+        value("fan/active_power", 45.6, "kW"),
+        value("fan/p030", 123.0, "A"),
+    ),  # 4.4
+    read(
+        "an SSW-06's currents from 820 A up are whole amperes",
+        SSW06_820A,
+        "fan: P002 = 1005, P003 = 1234, P010 = 456",
+        15,
+        value("fan/current_pct", 100.5, "%"),
+        value("fan/current", 1234.0, "A"),
+        value("fan/active_power", 456.0, "kW"),
+        model="SSW-06 820A",
+    ),  # 4.4
+    read(
         "what FC43 says of an SSW-06's size counts without a configured model",
-        given=SSW06,
-        sim={"fan": {"model": "SSW-06 1000A"}},
-        at={0: "fan P003 = 950"},
-        then={5: value("fan/current", 950.0, "A")},
+        SSW06,
+        "fan: P003 = 950",
+        5,
+        value("fan/current", 950.0, "A"),
+        model="SSW-06 1000A",
     ),
-    row(
-        "an SSW900's 32-bit current has its low word first",  # 7.2.4
-        given=SSW900,
-        at={0: ["mill holding 24 = 0x86A0", "mill holding 25 = 1"]},
-        then={3: value("mill/current", 10000.0, "A")},
-    ),
-    row(
+    read(
+        "an SSW900's 32-bit current has its low word first",
+        SSW900,
+        "mill: holding 24 = 0x86A0, holding 25 = 1",
+        3,
+        value("mill/current", 10000.0, "A"),
+    ),  # 7.2.4
+    read(
         "an SSW900's voltages, frequency, torque and power factor",
-        given=SSW900,
-        at={
-            0: [
-                "mill S1.2.4 = 3997",
-                "mill S1.3.1 = 2301",
-                "mill S1.6.2 = 501",
-                "mill S1.7.1 = 985",
-                "mill S1.5.4 = 87",
-            ]
-        },
-        then={
-            3: [
-                value("mill/line_voltage", 399.7, "V"),
-                value("mill/output_voltage", 230.1, "V"),
-                value("mill/line_frequency", 50.1, "Hz"),
-                value("mill/torque_pct", 98.5, "%"),
-                value("mill/power_factor", 0.87),
-            ]
-        },
+        SSW900,
+        "mill: S1.2.4 = 3997, S1.3.1 = 2301, S1.6.2 = 501, S1.7.1 = 985, S1.5.4 = 87",
+        3,
+        value("mill/line_voltage", 399.7, "V"),
+        value("mill/output_voltage", 230.1, "V"),
+        value("mill/line_frequency", 50.1, "Hz"),
+        value("mill/torque_pct", 98.5, "%"),
+        value("mill/power_factor", 0.87),
     ),
-    row(
+    read(
         "an SSW900's three powers are 32-bit values with one decimal",
-        given=SSW900,
-        at={
-            0: ["mill holding 10 = 1000", "mill holding 12 = 0", "mill holding 13 = 1", "mill holding 14 = 7"]
-        },
-        then={
-            3: [
-                value("mill/active_power", 100.0, "kW"),
-                value("mill/apparent_power", 6553.6, "kVA"),
-                value("mill/reactive_power", 0.7, "kVAr"),
-            ]
-        },
+        SSW900,
+        "mill: holding 10 = 1000, holding 12 = 0, holding 13 = 1, holding 14 = 7",
+        3,
+        value("mill/active_power", 100.0, "kW"),
+        value("mill/apparent_power", 6553.6, "kVA"),
+        value("mill/reactive_power", 0.7, "kVAr"),
     ),
-    row(
+    read(
         "an SSW900's temperature may be below zero",
-        given=SSW900,
-        at={0: ["mill S4.1.1 = 0xFFEC", "mill D4.7.1 = 65535", "mill S3.1.2 = 9"]},
-        then={
-            15: [
-                value("mill/heatsink_temperature", -20, "°C"),
-                value("mill/starts_total", 65535),
-                value("mill/s3_1_2", 9, label="Slot 1 REM"),
-            ]
-        },
+        SSW900,
+        "mill: S4.1.1 = 0xFFEC, D4.7.1 = 65535, S3.1.2 = 9",
+        15,
+        value("mill/heatsink_temperature", -20, "°C"),
+        value("mill/starts_total", 65535),
+        value("mill/s3_1_2", 9, label="Slot 1 REM"),
     ),
-    row(
+    read(
         "an SST's registers count by their low byte alone, its temperature with a sign",
-        given=SST,
-        at={0: ["belt R12 = 0x550C", "belt R13 = 0x00F6", "belt R17 = 24", "belt R14 = 100"]},
-        then={
-            3: [
-                value("belt/current", 12.0, "A"),
-                value("belt/heatsink_temperature", -10, "°C"),
-                value("belt/r17", 24, "V"),
-                value("belt/r14", 100, "%"),
-            ]
-        },
+        SST,
+        "belt: R12 = 0x550C, R13 = 0x00F6, R17 = 24, R14 = 100",
+        3,
+        value("belt/current", 12.0, "A"),
+        value("belt/heatsink_temperature", -10, "°C"),
+        value("belt/r17", 24, "V"),
+        value("belt/r14", 100, "%"),
     ),
     row(
         "an SST's voltages are whole words; 0 V of the mains means that it is not measured",
@@ -174,11 +157,13 @@ ROWS = [
             6: bad("belt/line_voltage"),
         },
     ),
-    row(
+    read(
         "an SST's watchdogs are values",
-        given=SST,
-        at={0: ["belt R41 = 30", "belt R42 = 60"]},
-        then={15: [value("belt/r41", 30, "s"), value("belt/r42", 60, "s")]},
+        SST,
+        "belt: R41 = 30, R42 = 60",
+        15,
+        value("belt/r41", 30, "s"),
+        value("belt/r42", 60, "s"),
     ),
     row(
         "a word that its type cannot hold is bad, the others of the block good; and good again with the next",
@@ -189,24 +174,22 @@ ROWS = [
             7: value("mill/power_factor", 1.0),
         },
     ),
-    row(
+    read(
         "a number that the manual's list does not have is a value without a name",
-        given=SSW900,
-        at={0: "mill S3.1.2 = 12"},
-        then={
-            15: [
-                value("mill/s3_1_2", 12),
-                lambda plant: plant.last("starter/mill/value/s3_1_2").get("label", ""),
-            ]
-        },
+        SSW900,
+        "mill: S3.1.2 = 12",
+        15,
+        value("mill/s3_1_2", 12),
+        lambda plant: plant.last("starter/mill/value/s3_1_2").get("label", ""),
     ),
-    row(
-        "a firmware that does not know jog and direction yet has them neither true nor false",  # 4.2.1
-        given=SSW07,
-        sim={"pump": {"firmware": "1.30"}},
-        at={0: "pump VB01 = 0x5F27"},
-        then={3: msg("starter/pump/state", state="running", jog=None, reverse=None, braking=None)},
-    ),
+    read(
+        "a firmware that does not know jog and direction yet has them neither true nor false",
+        SSW07,
+        "pump: VB01 = 0x5F27",
+        3,
+        msg("starter/pump/state", state="running", jog=None, reverse=None, braking=None),
+        firmware="1.30",
+    ),  # 4.2.1
 ]
 
 

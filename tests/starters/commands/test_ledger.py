@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from gateway.contract import Phase, ResultRecord
@@ -12,25 +14,19 @@ START, READ, STOP = "start confirmed", "read confirmed", "stop confirmed"
 REFUSED, BEGUN = "start rejected", "start accepted"
 
 
+def result(id_: str | None, what: str) -> ResultRecord:
+    """Return a result of Alice's at the pump; `what` is its verb and phase."""
+    verb, phase = what.split()
+    named: Any = {"starter": "pump", "client": "alice", "id": id_, "verb": verb}
+    return ResultRecord(**named, phase=Phase(phase), code="ok", text="", time_s=0.0)
+
+
 def known_of(*stored: tuple[str, str, float], room: int = 2) -> str:
     """Store results (id, verb and phase, when) in a ledger of two; return the ids that it knows then."""
     gone: list[Key] = []
     ledger = Ledger(most_entries=room, on_forgotten=gone.extend)
     for id_, what, now_s in stored:
-        verb, phase = what.split()
-        ledger.store(
-            ResultRecord(
-                starter="pump",
-                client="alice",
-                id=id_,
-                verb=verb,
-                phase=Phase(phase),
-                code="ok",
-                text="",
-                time_s=0.0,
-            ),
-            now_s=now_s,
-        )
+        ledger.store(result(id_, what), now_s=now_s)
     known = [id_ for id_ in dict.fromkeys(each for each, _, _ in stored) if ledger.find("alice", id_)]
     assert len(ledger) == len(known)
     assert {id_ for _, id_ in gone}.isdisjoint(known)
@@ -64,36 +60,12 @@ def test_what_a_copy_could_repeat_is_remembered_and_the_oldest_of_the_rest_is_fo
 def test_a_ledger_full_of_what_was_acted_on_has_no_room_until_the_first_proof_is_over() -> None:
     ledger = Ledger(most_entries=2)
     for id_, now_s in (("1", 0.0), ("2", 10.0)):
-        ledger.store(
-            ResultRecord(
-                starter="pump",
-                client="alice",
-                id=id_,
-                verb="start",
-                phase=Phase.CONFIRMED,
-                code="ok",
-                text="",
-                time_s=0.0,
-            ),
-            now_s=now_s,
-        )
+        ledger.store(result(id_, START), now_s=now_s)
 
     assert not ledger.has_room(PROOF_S)
     assert ledger.has_room(PROOF_S + 0.1)
     assert ledger.find("bob", "1") is None
-    assert not ledger.store(
-        ResultRecord(
-            starter="pump",
-            client="alice",
-            id=None,
-            verb="stop",
-            phase=Phase.CONFIRMED,
-            code="ok",
-            text="",
-            time_s=0.0,
-        ),
-        now_s=11.0,
-    )
+    assert not ledger.store(result(None, STOP), now_s=11.0)
 
 
 def test_ten_thousand_commands_are_remembered() -> None:

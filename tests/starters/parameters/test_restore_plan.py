@@ -40,10 +40,24 @@ def test_only_what_differs_is_written() -> None:
     assert found.left == {}
 
 
-def test_readings_commands_and_unknown_codes_are_passed_over() -> None:
+@pytest.mark.parametrize(
+    ("family", "code", "entry", "row"),
+    [
+        ("ssw07", "P003", ParameterEntry(raw=(9,)), 1),  # a reading
+        ("ssw07", "VB03", ParameterEntry(raw=(9,)), 1),  # a command
+        ("ssw07", "X1", ParameterEntry(raw=(9,)), 1),  # no manual names it
+        ("ssw07", "P277", ParameterEntry(value=9, raw=(9,)), 9),  # never to be set, but equal
+        ("ssw900", "C8.2.5.1", ParameterEntry(value="Inactive"), 0),
+        ("sst", "R41", ParameterEntry(raw=(0x0105,)), 5),  # only the low byte counts
+    ],
+)
+def test_what_needs_no_change_is_passed_over(family: str, code: str, entry: ParameterEntry, row: int) -> None:
+    assert plan(family, {code: entry}, {code: (row,)}) == RestorePlan((), {})
+
+
+def test_readings_commands_and_unknown_codes_are_not_even_read() -> None:
     wanted = {code: ParameterEntry(raw=(9,)) for code in ("P003", "VB03", "VB08", "X1")}
 
-    assert plan("ssw07", wanted, dict.fromkeys(wanted, (1,))) == RestorePlan((), {})
     assert restore_codes(load_profile("ssw07"), ParameterSet("p", "ssw07", parameters=wanted)) == ()
 
 
@@ -74,21 +88,10 @@ def test_what_the_starter_does_not_give_is_left() -> None:
     }
 
 
-def test_a_row_that_can_never_be_set_is_no_matter_while_it_is_equal() -> None:
-    assert plan("ssw07", {"P277": ParameterEntry(value=9, raw=(9,))}, {"P277": (9,)}) == RestorePlan((), {})
-
-
 def test_a_value_without_a_raw_number_counts_too() -> None:
     found = plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Alarm A128")}, {"C8.2.5.1": (0,)})
 
     assert found.changes[0].after.raw == (2,)
-    assert plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Inactive")}, {"C8.2.5.1": (0,)}) == RestorePlan(
-        (), {}
-    )
-
-
-def test_only_the_low_byte_of_an_sst_register_counts() -> None:
-    assert plan("sst", {"R41": ParameterEntry(raw=(0x0105,))}, {"R41": (0x0005,)}) == RestorePlan((), {})
 
 
 def test_who_commands_the_motor_is_changed_last_and_only_when_asked() -> None:

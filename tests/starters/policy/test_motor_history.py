@@ -39,50 +39,36 @@ def later(seconds: float, *, step_s: float = 0.0) -> ClockReading:
     return ClockReading(SAVED.up_s + seconds, SAVED.utc_s + seconds + step_s, SAVED.boot_id)
 
 
-def test_a_standstill_counts_from_when_it_was_first_seen() -> None:
-    motor_history = seen((5.0, "ready"), (9.0, "not_ready"), (10.0, "fault"))
+@pytest.mark.parametrize(
+    ("states", "starts", "standing_since"),
+    [
+        ("5 ready, 9 not_ready, 10 fault", [], 5.0),
+        ("5 ready, 9 starting, 10 running, 11 stopping", [9.0], None),  # a start at the keypad counts
+        ("5 running", [], None),  # it was not started then
+        ("5 ready, 9 -, 9.5 starting", [9.0], None),  # our own start counts once
+        ("5 ready, 9 -, 60 starting", [9.0, 60.0], None),  # somebody else's, so long after ours
+        ("5 ready, 7 unknown, 8 ready", [], 5.0),
+    ],
+)
+def test_what_is_seen_of_a_motor_and_our_own_starts_are_its_history(
+    states: str, starts: list[float], standing_since: float | None
+) -> None:
+    motor_history = MotorHistory(["a"])
+    for at_s, state in map(str.split, states.split(",")):
+        if state == "-":
+            motor_history.note_start("a", now_s=float(at_s))
+        else:
+            motor_history.note_state("a", state, now_s=float(at_s))
 
-    assert motor_history.standing_since("a") == 5.0
-
-
-def test_a_moving_motor_does_not_stand() -> None:
-    motor_history = seen((5.0, "ready"), (9.0, "starting"), (10.0, "running"), (11.0, "stopping"))
-
-    assert motor_history.standing_since("a") is None
-
-
-def test_a_local_start_counts_as_a_start() -> None:
-    motor_history = seen((5.0, "ready"), (9.0, "starting"), (10.0, "running"))
-
-    assert motor_history.starts_since("a", 0.0) == [9.0]
-
-
-def test_a_motor_that_runs_when_it_is_first_seen_was_not_started_then() -> None:
-    assert seen((5.0, "running")).starts_since("a", 0.0) == []
-
-
-def test_our_own_start_counts_once() -> None:
-    motor_history = seen((5.0, "ready"))
-    motor_history.note_start("a", now_s=9.0)
-    motor_history.note_state("a", "starting", now_s=9.5)
-
-    assert motor_history.starts_since("a", 0.0) == [9.0]
+    assert motor_history.starts_since("a", 0.0) == starts
+    assert motor_history.standing_since("a") == standing_since
 
 
-def test_a_motor_that_moves_long_after_our_start_was_started_by_another() -> None:
-    motor_history = seen((5.0, "ready"))
-    motor_history.note_start("a", now_s=9.0)
-    motor_history.note_state("a", "starting", now_s=60.0)
-
-    assert motor_history.starts_since("a", 0.0) == [9.0, 60.0]
-
-
-def test_a_state_that_is_not_known_changes_nothing() -> None:
+def test_a_state_that_is_not_known_is_no_change() -> None:
     motor_history = seen((5.0, "ready"))
 
     assert not motor_history.note_state("a", "unknown", now_s=7.0)
     assert not motor_history.note_state("a", "ready", now_s=8.0)
-    assert motor_history.standing_since("a") == 5.0
 
 
 def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_stored() -> None:

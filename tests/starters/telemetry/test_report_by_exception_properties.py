@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pytest
@@ -11,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.contract import Quality
-from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, TICK_S, TickTimer, is_news
+from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, TICK_S, Report, TickTimer, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
-from tests.starters.telemetry.support import OfferedReport
 from tests.virtual_time import VirtualClock, run_virtually
 
 DEADBAND = 1.0
@@ -43,6 +43,19 @@ steps = st.lists(
 class Sent:
     at_s: float
     reading: Reading
+
+
+class OfferedReport(Report):
+    """As telemetry has it: the readings are stored first, then it is noted which have changed."""
+
+    def __init__(self, deadbands: Mapping[str, float]) -> None:
+        self._offered: dict[str, Reading] = {}
+        super().__init__(self._offered, deadbands)
+
+    def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
+        """Store readings that say something else than before."""
+        self._offered.update(readings)
+        self.note_changed(readings, now_s=now_s)
 
 
 def play(story: list[Step]) -> tuple[list[Sent], list[tuple[float, Reading]]]:
