@@ -57,7 +57,7 @@ class Phase:
         )
 
 
-class Listener:
+class OutageListener:
     """Takes everything of the gateway; its session outlives the broker's restart."""
 
     def __init__(self, port: int) -> None:
@@ -110,7 +110,7 @@ def main() -> None:
     spec = Spec(units=args.units, family="ssw07", is_calm=True, is_standing=args.standing)
     print(f"load before: {os.getloadavg()[0]:.2f}", flush=True)
     with bench_site(spec, is_persistent=True) as site:
-        listener = Listener(site.broker_port)
+        listener = OutageListener(site.broker_port)
         phases = [_phase(site, "start", 10.0 + 0.35 * args.units)]
         phases.append(_phase(site, "connected", args.connected))
         if args.stops:
@@ -131,7 +131,7 @@ def main() -> None:
     print(f"state_dir at the end: {folder}")
 
 
-def _outage(site: BenchSite, listener: Listener, away_s: float) -> list[Phase]:
+def _outage(site: BenchSite, listener: OutageListener, away_s: float) -> list[Phase]:
     site.broker.stop()
     away = _phase(site, "away", away_s)
     site.broker.start()

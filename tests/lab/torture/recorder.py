@@ -96,8 +96,8 @@ class Recorder:
         What comes again as it was counts once: its acknowledgement was not on the disk at a kill.
         """
         finals = [each for each in self.results[:] if each["id"] and is_final(each) and not each["duplicate"]]
-        told = {json.dumps(each, sort_keys=True): each["id"] for each in finals}
-        return Counter(told.values())
+        distinct = {json.dumps(each, sort_keys=True): each["id"] for each in finals}
+        return Counter(distinct.values())
 
     def _connected(self, client: paho.Client, *_: Any) -> None:
         client.subscribe(f"{BASE}/#", qos=1)

@@ -1,4 +1,4 @@
-"""A power cut at any instant: each result has one end, and nothing that was told is lost or untrue.
+"""A power cut at any instant: each result has one end, and nothing that was published is lost or untrue.
 
 What no flush has followed may be missing after it, whole sectors of it, in any choice. A flush is taken for
 granted where SQLite makes one: at the end of a transaction with `synchronous` FULL, and before it writes its
@@ -31,7 +31,7 @@ CUTS = 14
 NOTED_S = 6.5  # of a fault: a later run does not take it for a new one
 SETTLED_S = 12.0  # after a start: what was cut short has been published
 AROUND = ("broker down", "broker up", "broker drops", "broker stalls", "broker goes")
-TOLD = ("result/pump/alice", "pump/event")
+PUBLISHED = ("result/pump/alice", "pump/event")
 WRITE_COIL = 5  # [Modbus 6.5]
 LONGEST_S = 3.0
 FINAL = ("confirmed", "unconfirmed", "rejected")
@@ -115,7 +115,7 @@ class Watched(list[Any]):
 
 
 class Story:
-    """One gateway whose power is cut again and again, and what it has told."""
+    """One gateway whose power is cut again and again, and what it has published."""
 
     def __init__(self, plant: RigPlant, disk: Disk, dice: random.Random) -> None:
         self.plant = plant
@@ -128,7 +128,7 @@ class Story:
         self.plant.run(until=self.plant.world.now_s() + seconds)
 
     def finals(self, since: int = 0, **fields: Any) -> set[tuple[str, str, float]]:
-        """Return the ends that were told, each once however often its message came."""
+        """Return the ends that were published, each once however often its message came."""
         found = [
             each.json for each in self.plant.broker.log[since:] if each.topic.endswith("result/pump/alice")
         ]
@@ -142,12 +142,12 @@ class Story:
         return [pdu for _, pdu in self.plant.starter("pump").writes].count(START)
 
     def cut(self) -> None:
-        """Cut the power at some time, or a moment after something was written or told."""
-        match self.dice.choice(("time", "written", "told", "told")):
+        """Cut the power at some time, or a moment after something was written or published."""
+        match self.dice.choice(("time", "written", "published", "published")):
             case "written":
                 self._until(self.asked, lambda each: each[1][0] == WRITE_COIL)
-            case "told":
-                self._until(self.log, lambda each: each.topic.endswith(self.dice.choice(TOLD)))
+            case "published":
+                self._until(self.log, lambda each: each.topic.endswith(self.dice.choice(PUBLISHED)))
             case _:
                 self.wait(self.dice.choice((0.0, 0.02, 0.1, 0.5, 3.0)) * self.dice.random())
         for _ in range(self.dice.choice((0, 1, 3, 40))):
@@ -188,19 +188,19 @@ class Story:
         self.heal()
         self.wait(SETTLED_S)
         frames = self.starts() - frames
-        told = self.finals(since, id=id_)
+        published = self.finals(since, id=id_)
         assert frames <= 1
-        assert len(told) <= 1, f"{id_} has several ends: {told}"
-        assert told or not frames, f"{id_} was written, and has no end"
+        assert len(published) <= 1, f"{id_} has several ends: {published}"
+        assert published or not frames, f"{id_} was written, and has no end"
         self.plant.command("pump/alice/start", id=id_)
         self.wait(4.0)
         answer = self.plant.last("result/pump/alice")
-        if told:
-            (end,) = told
-            assert answer["duplicate"], f"{id_} was forgotten: {told}, then {answer}"
+        if published:
+            (end,) = published
+            assert answer["duplicate"], f"{id_} was forgotten: {published}, then {answer}"
             assert (answer["phase"], answer["code"]) == end[:2]
-            assert end[0] != "rejected" or not frames, f"{id_} was written, and told as {end}"
-            assert end[0] != "confirmed" or frames == 1, f"{id_} was not written, and told as {end}"
+            assert end[0] != "rejected" or not frames, f"{id_} was written, and published as {end}"
+            assert end[0] != "confirmed" or frames == 1, f"{id_} was not written, and published as {end}"
 
     def stop(self, id_: str | None) -> None:
         """Cut the power around a stop."""
@@ -209,8 +209,8 @@ class Story:
         self.cut()
         self.heal()
         self.wait(SETTLED_S)
-        told = self.finals(since, verb="stop", id=id_)
-        assert len(told) <= 1, f"a stop has several ends: {told}"
+        published = self.finals(since, verb="stop", id=id_)
+        assert len(published) <= 1, f"a stop has several ends: {published}"
 
     def trip(self) -> None:
         """Cut the power around a trip, which stands until the next run has seen it."""
@@ -222,8 +222,10 @@ class Story:
         self.wait(SETTLED_S)
         act(self.plant, HEAL)
         self.wait(3.0)
-        told = len(self.faults()) - before
-        assert told == 1 or (told == 2 and not is_lasting), f"a trip was told {told} times"
+        published = len(self.faults()) - before
+        assert published == 1 or (published == 2 and not is_lasting), (
+            f"a trip was published {published} times"
+        )
 
     def faults(self) -> set[bytes]:
         """Return the events of trips, each once however often it came."""
