@@ -30,7 +30,7 @@ from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, StartError
 from gateway.families import ENGLISH, LANGUAGES, languages_of, load_profile
 from gateway.line import capacity
-from gateway.store import refuse_newer
+from gateway.store import backup
 from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
@@ -136,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
 def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
     """Print what a restart with this version would do; NewerError, ConfigError, StartError."""
     _require_sight(site.state_dir)
-    refuse_newer(site.state_dir)
+    backup.refuse_newer(site.state_dir)
     is_running = is_locked(site.state_dir, if_unseen=True)
     gaps = planned_gaps(site)
     tight = [gap for gap in gaps if not gap.is_safe] if is_running else []

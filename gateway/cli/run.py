@@ -19,7 +19,7 @@ from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.schema import Config
-from gateway.store import keep_private, refuse_newer
+from gateway.store import backup
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler, TraceFilter
@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
     with instance_lock(site.state_dir):
-        refuse_newer(site.state_dir)
-        keep_private(site.state_dir)
+        backup.refuse_newer(site.state_dir)
+        backup.keep_private(site.state_dir)
         asyncio.run(serve_site(path, site))
     return 0
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from gateway.starters.policy.motor_history import LOCKS, MOTORS
-from gateway.store import STATE_FILE, read_document, upgrade
+from gateway.store import STATE_FILE, read_document
+from gateway.store.backup import upgrade
 from gateway.system.password_hash import password_line
 from tests.rig.sites import line, operator, starter, table
 from tests.store.golden.state import unpack_golden

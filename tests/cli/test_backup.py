@@ -19,8 +19,9 @@ from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.write_budget import WRITES
-from gateway.store import HISTORY, HISTORY_FILE, SCHEMAS, STATE, STATE_FILE, News, Store, read_document
+from gateway.store import HISTORY_FILE, STATE_FILE, News, Store, read_document
 from gateway.store.backup import found_versions
+from gateway.store.schema import HISTORY, SCHEMAS, STATE
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in

@@ -18,7 +18,8 @@ from gateway.plugins.history.plugin import History
 from gateway.starters.policy.freshness import RunToken
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.readings import Readings
-from gateway.store import HISTORY_FILE, STATE, STATE_FILE, HistoryStore, OutboxTable, Store
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, OutboxTable, Store
+from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock
 from gateway.system.supervised import on_this_loop
 from tests.history.support import AnalyticStart, ReadMotor

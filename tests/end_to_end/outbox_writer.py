@@ -7,7 +7,8 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from gateway.store import STATE, STATE_FILE, OutboxRow, OutboxTable, Rank, Store
+from gateway.store import STATE_FILE, OutboxRow, OutboxTable, Rank, Store
+from gateway.store.schema import STATE
 
 AT_ONCE = 20
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-from gateway.store import STATE, STATE_FILE, Connection, OutboxRow, OutboxTable, Rank, read_file
+from gateway.store import STATE_FILE, Connection, OutboxRow, OutboxTable, Rank
+from gateway.store.database import read_file
+from gateway.store.schema import STATE
 from tests.end_to_end.killed_writer import write_until_killed
 
 KILLS = 12

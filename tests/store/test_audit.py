@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from gateway.store import STATE, Connection, verify
+from gateway.store import Connection, verify
 from gateway.store.audit import Audit, _anchor, append
+from gateway.store.schema import STATE
 
 
 def entries(count: int) -> list[dict[str, Any]]:

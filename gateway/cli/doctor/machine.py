@@ -15,7 +15,7 @@ from gateway.families import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
-from gateway.store import INTEND_WITHIN_S, STATE_FILE, own_files, read_document
+from gateway.store import INTEND_WITHIN_S, STATE_FILE, backup, read_document
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
 
@@ -124,7 +124,7 @@ def _state_dir_trouble(folder: Path) -> str:
 def _foreign_in(folder: Path) -> Iterator[Path]:
     """Yield what this user may not write; for root, who may, what is not the folder's owner's."""
     owner = folder.stat().st_uid
-    for path in own_files(folder):
+    for path in backup.own_files(folder):
         with suppress(OSError):  # removed meanwhile
             is_another = os.geteuid() == 0 and path.lstat().st_uid != owner
             if is_another or (path.exists() and not os.access(path, os.R_OK | os.W_OK)):

@@ -36,7 +36,7 @@ from gateway.starters.policy.preconditions import refusal
 from gateway.starters.policy.write_budget import WRITES
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownWatchdogs
-from gateway.store import STATE_FILE, Documents, keep_private, read_document, write_document
+from gateway.store import STATE_FILE, Documents, backup, read_document, write_document
 from gateway.system.clock import read_clocks
 
 
@@ -106,7 +106,7 @@ def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespac
     if wanted.family != live.setup.profile.family:
         what = f"the file is of family {wanted.family}, {live.setup.name} of {live.setup.profile.family}"
         raise UsageError(f"{what}: choose another file")
-    keep_private(live.state_dir)
+    backup.keep_private(live.state_dir)
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         options = {"is_other_model": args.other_model, "with_sources": args.command_sources}
         return runner.run(restore(live, wanted, progress, is_dry=args.dry_run, **options))

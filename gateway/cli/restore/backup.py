@@ -19,7 +19,7 @@ from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
 from gateway.contract import rfc3339
 from gateway.errors import StartError, StoreError, UsageError
-from gateway.store import Manifest, Member, copy_state, is_import_due, write_archive
+from gateway.store import backup, is_import_due
 from gateway.system.instance_lock import is_locked
 
 CONFIG, OUTSIDE, STATE = "config", "outside", "state"  # folders in a backup
@@ -61,20 +61,20 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> Manifest:
+def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> backup.Manifest:
     """Write a backup, and return what it says of itself; StoreError, OSError."""
     state_dir = path.parent / config.gateway.state_dir
     with _copies_beside(file) as copies:
         (copies / STATE).mkdir()
-        versions = copy_state(state_dir, copies / STATE) if state_dir.is_dir() else {}
-        state = [Member(f"{STATE}/{name}", copies / STATE / name, state_dir) for name in versions]
+        versions = backup.copy_state(state_dir, copies / STATE) if state_dir.is_dir() else {}
+        state = [backup.Member(f"{STATE}/{name}", copies / STATE / name, state_dir) for name in versions]
         text, logins = path.read_text("utf-8"), list[str]()
         if not with_secrets:
             text, logins = without_logins(text, config)
         (copies / CONFIG).write_text(text, "utf-8")
-        own = Member(f"{CONFIG}/{path.name}", copies / CONFIG, path)
+        own = backup.Member(f"{CONFIG}/{path.name}", copies / CONFIG, path)
         configured, left_out = _configured(folder_of(path), files_of(config), with_secrets=with_secrets)
-        facts = Manifest(
+        facts = backup.Manifest(
             version=__version__,
             made=rfc3339(time.time()) or "",
             gateway=config.gateway.name,
@@ -86,11 +86,11 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> Ma
             logins=logins,
             state=versions,
         )
-        write_archive(file, facts, [own, *configured, *state])
+        backup.write_archive(file, facts, [own, *configured, *state])
         return facts
 
 
-def missing_in(facts: Manifest) -> list[str]:
+def missing_in(facts: backup.Manifest) -> list[str]:
     """Return what was left out of a backup."""
     return [*facts.left_out, *(f"the password of login {each}" for each in facts.logins)]
 
@@ -137,14 +137,14 @@ def _copies_beside(file: Path) -> Iterator[Path]:
 
 def _configured(
     folder: Path, files: Mapping[Path, bool], *, with_secrets: bool
-) -> tuple[list[Member], list[str]]:
+) -> tuple[list[backup.Member], list[str]]:
     """Return the files that a configuration refers to as members, and those that are left out."""
-    members, left_out = dict[str, Member](), list[str]()
+    members, left_out = dict[str, backup.Member](), list[str]()
     secrets = {(folder / each).resolve() for each, is_secret in files.items() if is_secret}
     for each in files:
         where, name = folder / each, name_in_backup(folder, each)
         if not with_secrets and (where.resolve() in secrets or PRIVATE in where.read_bytes()):
             left_out.append(str(each))
         else:
-            members[name] = Member(name, where, where)  # one that two keys name is there once
+            members[name] = backup.Member(name, where, where)  # one that two keys name is there once
     return list(members.values()), left_out

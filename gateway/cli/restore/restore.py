@@ -21,7 +21,7 @@ from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
 from gateway.errors import ConfigError, DamagedError, StartError, StoreError
-from gateway.store import Archive, Manifest, is_state_name, open_archive, refuse_newer, upgrade
+from gateway.store import backup
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
@@ -40,14 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Restore, print what was done, and return 0."""
     try:
-        with open_archive(Path(args.file)) as archive:
+        with backup.open_archive(Path(args.file)) as archive:
             _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)
     except OSError as error:
         raise StoreError(f"{error.filename}: {error.strerror or error}") from error
     return 0
 
 
-def _restore(archive: Archive, to: Path | None, *, is_replacing: bool) -> None:
+def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) -> None:
     place = _place(archive, to)
     switch = Switch(place.state_dir, place.path, [path for path in place.files if path != place.path])
     _require_free(place, switch, is_replacing=is_replacing)
@@ -102,7 +102,7 @@ class _Place:
         return [self.folder / name for name in self.configured]
 
 
-def _place(archive: Archive, to: Path | None) -> _Place:
+def _place(archive: backup.Archive, to: Path | None) -> _Place:
     name, before = archive.manifest.config, Path(archive.manifest.folder)
     folder = before if to is None else to.absolute()
     configured, state = _places(archive)
@@ -111,11 +111,11 @@ def _place(archive: Archive, to: Path | None) -> _Place:
     config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
     _refuse_foreign(config, before, archive, name)
     state_dir = _state_dir(config, folder, is_elsewhere=to is not None)
-    refuse_newer(state_dir, archive.manifest.state)
+    backup.refuse_newer(state_dir, archive.manifest.state)
     return _Place(config, folder / name, folder, state_dir, configured, state)
 
 
-def _give_state_dir(archive: Archive, place: _Place, *, is_new: bool) -> None:
+def _give_state_dir(archive: backup.Archive, place: _Place, *, is_new: bool) -> None:
     """As root, give a folder that is new, or root's own, to the user that the state belonged to."""
     if is_new or place.state_dir.stat().st_uid == 0:
         for stored in list(place.state.values())[:1]:
@@ -123,20 +123,20 @@ def _give_state_dir(archive: Archive, place: _Place, *, is_new: bool) -> None:
     give_to_owner_of(place.state_dir, [place.state_dir / FILE])
 
 
-def _write_state(archive: Archive, place: _Place, stage: Path) -> list[str]:
+def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
     """Write the state as it is to be; return the starters that are locked in it."""
     what, reading = f"restored from a backup of {archive.manifest.made}", read_clocks()
     for name, stored in sorted(place.state.items()):
         archive.extract(stored, stage / name)
-    refuse_newer(stage)
-    upgrade(stage)
+    backup.refuse_newer(stage)
+    backup.upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
     give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
     return locked
 
 
-def _write_configured(archive: Archive, place: _Place) -> None:
+def _write_configured(archive: backup.Archive, place: _Place) -> None:
     """Write the configuration and what it refers to beside their places, each for those who might read it."""
     for name, stored in place.configured.items():
         path = place.folder / (name + RESTORED)
@@ -147,7 +147,7 @@ def _write_configured(archive: Archive, place: _Place) -> None:
         give_to(path, user, group)
 
 
-def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
+def _refuse_foreign(config: Config, folder: Path, archive: backup.Archive, name: str) -> None:
     """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
     known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
     for stored in archive.manifest.files:
@@ -155,7 +155,7 @@ def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -
             raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
 
 
-def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:
+def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
     """Return the files of the configuration's folder and of the state, each with its name in the backup."""
     configured: dict[str, str] = {}
     state: dict[str, str] = {}
@@ -167,7 +167,7 @@ def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:
             configured[rest] = stored
         elif first == OUTSIDE and is_inside:
             configured[f"{OUTSIDE}/{rest}"] = stored
-        elif first == STATE and is_state_name(rest):
+        elif first == STATE and backup.is_state_name(rest):
             state[rest] = stored
         else:
             raise DamagedError(f"the backup holds {stored}, which no gateway has")
@@ -183,7 +183,7 @@ def _state_dir(config: Config, folder: Path, *, is_elsewhere: bool) -> Path:
     return whole if whole.is_relative_to(folder) else folder / STATE
 
 
-def _report(facts: Manifest, place: _Place, locked: list[str]) -> None:
+def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
     config, folder = place.config, place.folder
     print(f"gateway {config.gateway.name}, backup of {facts.made} by version {facts.version}")
     print(f"configuration: {len(place.configured)} files in {folder}")

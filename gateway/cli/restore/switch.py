@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gateway.cli.restore.caution import give_to_owner_of
 from gateway.errors import StoreError
-from gateway.store import LOCK_FILE, own_files
+from gateway.store import backup
 from gateway.system.whole_files import sync_folder
 
 BEFORE = ".before-restore"  # ends the name of a configuration's file that was replaced
@@ -110,8 +110,8 @@ class Switch:
 
 def replaced_in(state_dir: Path) -> list[Path]:
     """Return what a restore replaces: a gateway's own files, with SQLite's beside them."""
-    paths = own_files(state_dir) if state_dir.is_dir() else ()
-    return sorted(path for path in paths if not path.name.startswith(LOCK_FILE))
+    paths = backup.own_files(state_dir) if state_dir.is_dir() else ()
+    return sorted(path for path in paths if not path.name.startswith(backup.LOCK_FILE))
 
 
 def _named(path: Path, ending: str) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 from gateway.app.site import Site
 from gateway.cli.restore.backup import back_up
 from gateway.errors import GatewayError
-from gateway.store import is_upgrade_due, upgrade
+from gateway.store import backup
 
 log = logging.getLogger(__name__)
 
@@ -20,7 +20,7 @@ BACKUP = "before-upgrade.tar.gz"  # in the state directory, with passwords and k
 
 def upgrade_site(path: Path, site: Site) -> None:
     """Take a gateway's state to this version, if it is of an earlier one, after a backup of both."""
-    if not is_upgrade_due(site.state_dir):
+    if not backup.is_upgrade_due(site.state_dir):
         return
     try:
         back_up(path, site.config, site.state_dir / BACKUP, with_secrets=True)
@@ -28,7 +28,7 @@ def upgrade_site(path: Path, site: Site) -> None:
     except (OSError, GatewayError) as error:
         log.error("no backup before the upgrade of %s: %s", site.state_dir, error)  # noqa: TRY400 - one line
     try:
-        for problem in upgrade(site.state_dir):
+        for problem in backup.upgrade(site.state_dir):
             log.error("upgrade: %s", problem)
     except GatewayError as error:
         log.error("state_dir %s was not upgraded: %s", site.state_dir, error)  # noqa: TRY400 - one line

@@ -9,7 +9,9 @@ from pathlib import Path
 from gateway.contract import StartRecord, read_stored
 from gateway.plugins.history.baseline import FIRST, values_of
 from gateway.plugins.history.starts import CURVES, SUMMARIES
-from gateway.store import STATE, STATE_FILE, OutboxTable, read_file, read_history
+from gateway.store import STATE_FILE, OutboxTable, read_history
+from gateway.store.database import read_file
+from gateway.store.schema import STATE
 
 LONGEST_S = 0.4
 MOST_BETWEEN = 2  # starts that the outbox has and the history has not: one is recorded at a time

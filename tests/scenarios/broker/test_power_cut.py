@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from gateway.store import Connection, Work, read_file
-from gateway.store.database import Database
+from gateway.store import Connection, Work
+from gateway.store.database import Database, read_file
 from tests.rig import RigPlant
 from tests.rig.rows import act
 from tests.rig.sites import ALICE, QUICK, SSW07
