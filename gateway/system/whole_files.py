@@ -18,16 +18,6 @@ def without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Replace a file in one step, and return when that is on the disk; OSError."""
-    new = path.with_name(path.name + NEW)
-    with open(new, "wb", opener=private) as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    put_in_place(new, path)
-
-
 def put_in_place(new: Path, path: Path) -> None:
     """Rename a file that is on the disk already, and return when the name is as well; OSError."""
     new.replace(path)

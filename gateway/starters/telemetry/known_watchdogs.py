@@ -23,7 +23,6 @@ from gateway.store import Documents
 from gateway.system.supervised import InThread
 
 WATCHDOGS = "watchdogs"  # the document
-UNKEPT = "watchdog_unkept"
 SAVED_WITHIN_S = 1.0
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 
