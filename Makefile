@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench fleet slow-box peers lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root late-replies
 
 # Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -102,10 +102,6 @@ test-root: $(STAMP) mosquitto ## as root: what an ordinary user may not do, and 
 
 programs: mosquitto chromium prometheus postgresql debian # of the distribution, which only root may install
 
-times: $(STAMP) ## where the tests' time goes, by folder, into docs/size.md
-	$(FAST) --quiet --junitxml build/times.xml
-	$(BIN)/python -m tests.size_page build/times.xml
-
 coverage: $(STAMP) mosquitto ## the lines and branches that all tests together run through
 	$(FAST) --cov --cov-report=
 	$(TOGETHER) --cov --cov-report= --cov-append
@@ -151,21 +147,14 @@ debian:
 test-deb: $(STAMP)-deb web site debian ## packages and wheel in fresh systems of Debian, as root; five minutes
 	$(call tried,$(PACKAGED))
 
-$(STAMP)-bench: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	@touch $@
+bench: $(STAMP) mosquitto ## the line's efficiency, stops, cost of a transaction: five minutes
+	@$(BIN)/python -m tests.lab.bench
 
-bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
-	@$(BIN)/python -m tests.lab.bench --pictures docs
-
-fleet: $(STAMP) mosquitto ## two gateways with their brokers, a cut and a kill: two minutes; OPTIONS="--gateways 10 --starters 32"
+fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTIONS="--gateways 10 --starters 32"
 	$(BIN)/python -m tests.lab.fleet $(OPTIONS)
 
 slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
 	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
-
-peers: $(STAMP)-bench mosquitto ## the same faults for this gateway, modpoll and an ordinary script: ten minutes
-	$(BIN)/python -m tests.lab.peers $(OPTIONS)
 
 late-replies: $(STAMP) ## ten million requests whose replies come late, twice, out of order or never; 20 minutes
 	$(BIN)/python -m tests.line.late_lines 10000000
