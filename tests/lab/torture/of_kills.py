@@ -17,7 +17,7 @@ from tests.lab.torture.world import STOP_WITHIN_S
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
 RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is published, and after
 KILLED_AGAIN = 0.25  # of the times
-NOT_YET = ("crashed", "no_ledger")  # no answers to what is sent again
+NOT_YET = ("crashed", "ledger_unavailable")  # no answers to what is sent again
 CLEAN = "clean"
 CONFIRMED_WITHIN_S = 1.5  # after a stop's frame: both readings, of motors that stop in a third of it
 
