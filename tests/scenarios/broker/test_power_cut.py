@@ -2,8 +2,8 @@
 
 What no flush has followed may be missing after it, whole sectors of it, in any choice. A flush is taken for
 granted where SQLite makes one: at the end of a transaction with `synchronous` FULL, and before it writes its
-log back into the file (sqlite.org/wal.html, sqlite.org/pragma.html). It takes its time, during which the lines
-go on: what is cut off meanwhile was not flushed.
+log back into the file (sqlite.org/wal.html, sqlite.org/pragma.html). It takes its time, during which lines go
+on: what is cut off meanwhile was not flushed.
 """
 
 from __future__ import annotations

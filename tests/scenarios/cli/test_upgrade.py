@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, event, never, play, result, row, seen
+from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.cli.lines import cli
 from tests.store.golden.state import unpack_golden
 
@@ -23,6 +25,11 @@ FIRST_HASH = "3466bdf1f2ac779c566c4a8037670646efbc2a6f6b148d8bc65389b180e2dfdb" 
 
 def left_by_0_2(plant: RigPlant) -> None:
     unpack_golden(plant.folder / "state")
+
+
+def on_a_full_disk(plant: RigPlant) -> None:
+    left_by_0_2(plant)
+    fail_disk()
 
 
 def looked_at(plant: RigPlant) -> None:
@@ -150,6 +157,35 @@ UPGRADES = [
         },
     ),
     row(
+        "on a disk that is full no start is taken until all of 0.2.0 could be imported, and then all is known",
+        given=FOUR + ALICE,
+        sim={"pump": QUICK},
+        before=on_a_full_disk,
+        at={
+            8.0: [command("pump/alice/start", id="c2"), command("pump/alice/stop")],
+            12.0: heal_disk,
+            25.0: command("pump/alice/start", id="c2"),  # carried out by 0.2.0
+            26.0: command("mill/alice/start", id="1"),
+        },
+        then={
+            12.0: [
+                seen("result/pump/alice", phase="rejected", code="ledger_unavailable"),
+                result("stop confirmed ok"),
+                event("store_unavailable"),
+            ],
+            25.5: result("start confirmed ok"),
+            30.0: [
+                result("start rejected locked"),
+                frames("pump", "05 00 64 00 00"),
+                seen("starter/mill/history", boot=BOOT),
+                never("gateway/event", code="store_lost"),
+                cli("history CONFIG belt", out="full voltage, 3.9151 s"),
+                cli(f"audit verify CONFIG --contains {FIRST_HASH}", out="chain whole"),
+                untouched,
+            ],
+        },
+    ),
+    row(
         "damaged messages, history and audit of 0.2.0 cost nothing else",
         given=FOUR + ALICE,
         before=with_damaged("outbox.sqlite", "history.db", "audit/audit-00000001.jsonl"),
@@ -163,6 +199,12 @@ UPGRADES = [
         },
     ),
 ]
+
+
+@pytest.fixture(autouse=True)
+def sound_disk() -> Iterator[None]:
+    yield
+    heal_disk()
 
 
 @pytest.mark.parametrize("row", UPGRADES)
