@@ -130,7 +130,7 @@ class CommandTable(Journal):
         return ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once that is stored, or after a final one anyway."""
+        """Store a command's latest phase; `then` is called once that is stored, of a final one anyway."""
         waiting = _Waiting(then, is_limited=result.phase.is_final)
         key = self._key(result)
         if key is None or (not result.id and result.phase.is_final):

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from gateway.errors import StoreError
+from gateway.store.import_0_2 import import_files, is_import_due
 from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK
@@ -157,7 +161,7 @@ UPGRADES = [
         },
     ),
     row(
-        "on a disk that is full no start is taken until all of 0.2.0 could be imported, and then all is known",
+        "on a full disk no start is taken until all of 0.2.0 could be imported, and then all is known",
         given=FOUR + ALICE,
         sim={"pump": QUICK},
         before=on_a_full_disk,
@@ -210,3 +214,18 @@ def sound_disk() -> Iterator[None]:
 @pytest.mark.parametrize("row", UPGRADES)
 def test_an_upgrade(row: ScenarioRow) -> None:
     play(row)
+
+
+def test_an_import_for_which_the_disk_has_no_room_is_not_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = unpack_golden(tmp_path)
+    with monkeypatch.context() as full:
+        full.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=10, f_frsize=4096))
+
+        with pytest.raises(StoreError, match=r"needs 0\.2 MiB"):
+            import_files(state)
+
+    assert not list(state.glob("*.sqlite.new*"))
+    assert import_files(state) == []
+    assert not is_import_due(state)
