@@ -39,7 +39,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, import_late
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -175,7 +175,9 @@ class Parts:
 
     def _build_history(self) -> History:
         return History(
-            HistoryStore(self.site.state_dir / HISTORY_FILE),
+            HistoryStore(
+                self.site.state_dir / HISTORY_FILE, prepare=partial(import_late, self.site.state_dir)
+            ),
             setups_in(self.site.config),
             outbox=StoredRecords(
                 keep=self.uplink.keep,

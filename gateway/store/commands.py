@@ -1,6 +1,7 @@
 """Commands on the disk: what became of each, by client and id; stops without an id until they end.
 
 1. `intend` returns when it is on the disk that a command is about to be written; nothing else waits.
+   No phase before the final one is published of what is not on the disk; a final one is after 2 s.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
 3. What the disk has missed waits in memory, a bounded number of commands, and is written once it can be.
 4. Until the table has been read it counts as away; also for a while after it was lost, because commands of
@@ -67,7 +68,10 @@ class Journal(Protocol):
         """Why nothing can be stored now; empty when it can."""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
+        """Store a command's latest phase; `then` is called once that is stored.
+
+        Of a final phase it is called as well when that fails, or takes too long.
+        """
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -126,8 +130,8 @@ class CommandTable(Journal):
         return ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
-        waiting = _Waiting(then)
+        """Store a command's latest phase; `then` is called once that is stored, of a final one anyway."""
+        waiting = _Waiting(then, is_limited=result.phase.is_final)
         key = self._key(result)
         if key is None or (not result.id and result.phase.is_final):
             if key is not None:  # a stop without an id has ended: it cannot be repeated
@@ -190,8 +194,9 @@ class CommandTable(Journal):
             self._forget_now()  # before it is stored again
 
         def noted(future: Future[None]) -> None:
-            waiting.end()
             error = future.exception()
+            if error is None or waiting.is_limited:
+                waiting.end()
             if error is None:
                 self._save_unsaved()
             elif not isinstance(error, UnstorableError):  # else it would fail each time
@@ -208,7 +213,7 @@ class CommandTable(Journal):
         """
         for _ in range(min(len(self._unsaved), AT_ONCE)):
             key, work = self._unsaved.popitem(last=False)
-            self._put(key, work, _Waiting(None))
+            self._put(key, work, _Waiting(None, is_limited=True))
 
     def _forget_now(self) -> None:
         keys, self._forgotten = tuple(self._forgotten), {}
@@ -237,11 +242,13 @@ class CommandTable(Journal):
 
 
 class _Waiting:
-    """A call that waits for the disk, for a limited time."""
+    """A call that waits for the disk; where it is limited, no longer than PUBLISH_WITHIN_S."""
 
-    def __init__(self, call: Callable[[], None] | None) -> None:
+    def __init__(self, call: Callable[[], None] | None, *, is_limited: bool) -> None:
+        self.is_limited = is_limited
         self._call = call
-        self._timer = asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, self.end) if call else None
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(PUBLISH_WITHIN_S, self.end) if call and is_limited else None
 
     def end(self) -> None:
         """Wait no longer."""

@@ -57,10 +57,20 @@ class HistoryRow(NamedTuple):
 
 
 class HistoryStore:
-    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
+    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk.
 
-    def __init__(self, path: Path | None, *, retry_s: float = RETRY_S, collect_s: float = COLLECT_S) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s)
+    `prepare` is the store's.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        *,
+        retry_s: float = RETRY_S,
+        collect_s: float = COLLECT_S,
+        prepare: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._store = Store(path, HISTORY, retry_s=retry_s, prepare=prepare)
         self._collect_s = collect_s
         self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet
         self._timer: asyncio.TimerHandle | None = None

@@ -9,14 +9,21 @@ The audit's chain goes on: its newest lines are copied as they are, and those be
 files, of which the anchor has the last hash. A result that 0.2.0 had not yet written to its outbox when it
 was killed is not published; who repeats the command gets it.
 
+As long as the import fails, as on a full disk, our files are not opened: they count as away, starts are
+refused, and the import is tried again.
+
 Who went back to 0.2.0 and comes forward again has the newer state in these files: our own are then put aside.
 """
 
 from __future__ import annotations
 
 import json
+import logging
+import os
+import threading
 import zlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -30,6 +37,8 @@ from gateway.store.database import Connection, FullError, Schema, put_aside, rea
 from gateway.store.outbox import Loss, OutboxRow, OutboxTable, Rank, merged
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
+
+log = logging.getLogger(__name__)
 
 MOST_SEGMENTS = 2  # of the audit, 4 MiB each, are imported: starters wait meanwhile
 
@@ -46,6 +55,7 @@ DOCUMENTS = {
 COMMANDS, OUTBOX, HISTORY_0_2 = DATABASES = ("gateway.sqlite", "outbox.sqlite", "history.db")
 ANCHOR, SEGMENTS = "audit/anchor.json", "audit/audit-????????.jsonl"
 NAMES = (*DATABASES, *(f"{name}-wal" for name in DATABASES), *DOCUMENTS, ANCHOR, SEGMENTS)
+OURS = {HISTORY_FILE: HISTORY, STATE_FILE: STATE}  # the state is the last: with it all is done
 SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
@@ -57,6 +67,8 @@ _COMMANDS = (
 _MESSAGES = "SELECT kind, number, topic, payload, time_s, boot, key, correlation, checksum FROM spool"
 _LOSSES = "SELECT reason, kind, count, coalesce(first_s, 0.0), coalesce(last_s, 0.0) FROM loss"
 _HISTORY = "starter, kind, id, time_s, data"
+_IMPORTING = threading.Lock()  # each of our files has a thread
+
 _PUT_DOCUMENT = "REPLACE INTO documents VALUES (?, ?)"
 _IMPORTED = "SELECT body FROM documents WHERE name = 'imported'"
 
@@ -85,12 +97,25 @@ def is_import_due(state_dir: Path) -> bool:
 
 
 def import_files(state_dir: Path) -> list[str]:
-    """Make our files of those of 0.2.0 if that is due; return what was damaged and left out. StoreError."""
+    """Make our files of those of 0.2.0 if that is due; return what was damaged and left out. StoreError.
+
+    Where it fails, nothing is changed, and it is due again.
+    """
     problems: list[str] = []
-    if is_import_due(state_dir):
-        _build(state_dir / HISTORY_FILE, HISTORY, state_dir, problems)
-        _build(state_dir / STATE_FILE, STATE, state_dir, problems)  # the last: with it all is done
+    with _IMPORTING:
+        if is_import_due(state_dir):
+            _demand_room(state_dir)
+            for name, schema in OURS.items():
+                _build(state_dir / f"{name}{NEW}", schema, state_dir, problems)
+            for name in OURS:
+                _put_in_place(state_dir / name)
     return problems
+
+
+def import_late(state_dir: Path | None) -> None:
+    """Import before a file of ours is opened what could not be imported at the start. StoreError."""
+    for problem in import_files(state_dir) if state_dir is not None else ():
+        log.error("upgrade: %s", problem)
 
 
 def documents_of_0_2(state_dir: Path) -> dict[str, str]:
@@ -119,17 +144,40 @@ def _document(file: str, octets: bytes) -> str:
         return text
 
 
-def _build(path: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
-    """Make one of our files, in one transaction; one that is there is put aside. StoreError."""
-    new = path.with_name(path.name + NEW)
+def _demand_room(state_dir: Path) -> None:
+    """Raise StoreError where the copies would fill the disk, and wear it out at each attempt."""
+    names = [state_dir / name for name in DATABASES if (state_dir / name).exists()]
+    needed = 2 * sum(path.stat().st_size for path in names)  # in the write-ahead log and in the file
+    disk = os.statvfs(state_dir)
+    if disk.f_bavail * disk.f_frsize < needed:
+        raise StoreError(f"{state_dir}: the import of what 0.2.0 has stored needs {needed / 2**20:.1f} MiB")
+
+
+def _build(new: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
+    """Make one of our files under another name, in one transaction. StoreError."""
     try:
-        for each in path.parent.glob(f"{new.name}*"):
-            each.unlink()
+        _remove(new)
         write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir, problems=problems))
         sync_file(new)
+    except (OSError, StoreError) as error:
+        with suppress(OSError):
+            _remove(new)  # it takes the room that others need
+        if isinstance(error, StoreError):
+            raise
+        raise StoreError(f"{error.filename or new}: {error.strerror}") from error
+
+
+def _remove(new: Path) -> None:
+    for each in new.parent.glob(f"{new.name}*"):
+        each.unlink()
+
+
+def _put_in_place(path: Path) -> None:
+    """Give a file its name; one that is there is put aside. StoreError."""
+    try:
         if path.exists():
             put_aside(path)
-        put_in_place(new, path)
+        put_in_place(path.with_name(path.name + NEW), path)
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror}") from error
 

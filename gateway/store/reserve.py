@@ -1,7 +1,7 @@
 """Room on the disk that is given up while the disk is full: deleting rows needs room too.
 
-A file beside the database, allocated and never written. It is taken again only when the disk has as much
-left besides, so that a store at the margin does not change its mind every few seconds.
+A file beside the database, allocated and never written. There is enough room only when the disk has as much
+left besides, so that a store on a full disk does not change its mind every few seconds.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ class Reserve:
 
     def take(self) -> bool:
         """Take the room, and return whether there is enough; OSError."""
-        if self._path is None or self.is_held:
+        if self._path is None:
             return True
-        disk = os.statvfs(self._path.parent)
-        if disk.f_bavail * disk.f_frsize < 2 * RESERVE_BYTES:
+        disk, is_held = os.statvfs(self._path.parent), self.is_held
+        if disk.f_bavail * disk.f_frsize < (1 if is_held else 2) * RESERVE_BYTES:
             return False
+        if is_held:
+            return True
         descriptor = private(str(self._path), os.O_RDWR | os.O_CREAT)
         try:
             os.posix_fallocate(descriptor, 0, RESERVE_BYTES)

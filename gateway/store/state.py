@@ -8,12 +8,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
 from gateway.store.audit import Audit
 from gateway.store.commands import CommandTable, Remembered
 from gateway.store.documents import Documents
+from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
 from gateway.system.clock import Clock
@@ -46,7 +48,8 @@ class StateStore:
         retry_s: float = RETRY_S,
     ) -> None:
         self._publish_event = publish_event
-        self.store = Store(path, STATE, retry_s=retry_s)
+        prepare = partial(import_late, None if path is None else path.parent)
+        self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
         self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
         self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)

@@ -51,7 +51,10 @@ OnNews = Callable[[News, str], None]  # with a text for people
 
 
 class Store:
-    """The file and its thread; `path` None: the same in memory."""
+    """The file and its thread; `path` None: the same in memory.
+
+    `prepare` is called in the thread before the file is opened; while it raises StoreError, the file is away.
+    """
 
     def __init__(
         self,
@@ -60,7 +63,9 @@ class Store:
         *,
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
+        prepare: Callable[[], object] = lambda: None,
     ) -> None:
+        self._prepare = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
         self._on_news: OnNews = lambda *_: None
         self._urgent: deque[_Piece] = deque()
@@ -195,8 +200,10 @@ class Store:
             return
         if time.monotonic() < self._retry_s:
             raise FullError(self._trouble) if self._file.is_open else StoreError(self._trouble)
-        if not self._file.is_open and (lost := self._file.open()):
-            self._report(News.LOST, lost)
+        if not self._file.is_open:
+            self._prepare()
+            if lost := self._file.open():
+                self._report(News.LOST, lost)
         self._file.take_reserve()
         self._trouble = ""
         self._report(News.OPEN, f"{self._file.path} is open")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -145,4 +148,25 @@ def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
     while one.store.trouble:
         pass
     assert one.do(texts) == []
+    assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
+
+
+def test_a_disk_that_stays_full_is_reported_once(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = keeping()
+    one.do(insert("a"))
+
+    def write(connection: Connection) -> None:
+        raise FullError("the disk is full")
+
+    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=200, f_frsize=4096))
+    until_s = time.monotonic() + 0.2  # ten attempts
+    while time.monotonic() < until_s:
+        with pytest.raises(StoreError, match="full"):
+            one.do(write)
+
+    assert one.kinds() == [News.OPEN, News.AWAY]
+
+    monkeypatch.undo()
+    while one.store.trouble:
+        pass
     assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]

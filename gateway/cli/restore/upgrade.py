@@ -1,6 +1,7 @@
 """The first start of a version that stores otherwise: a backup of what is there, then the upgrade.
 
-Neither prevents the start: the starters are watched without a backup rather than not at all.
+Neither prevents the start: the starters are watched without a backup rather than not at all. An upgrade that
+fails is tried again by the store, which is away as long as that is not possible.
 """
 
 from __future__ import annotations

@@ -249,7 +249,8 @@ class Dispatcher:
             error = CommandError(ResultCode.ID_REUSED, verb=earlier.verb, starter=earlier.starter)
             self._refuse(request, error, is_stored=False)
             return
-        self._reporting.records.put(as_repetition(earlier, request))
+        if self._ledger.is_published(request.client, request.id):  # else the first one's answer is to come
+            self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:

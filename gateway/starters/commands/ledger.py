@@ -33,6 +33,7 @@ _REPEATABLE = frozenset({"read", "stop"})  # verbs that may act again
 class _LedgerEntry:
     result: ResultRecord  # the latest
     since_s: float
+    is_published: bool = True
 
 
 class Ledger:
@@ -61,11 +62,16 @@ class Ledger:
         entry = self._entry((client, id_)) if id_ else None
         return None if entry is None else entry.result
 
+    def is_published(self, client: str, id_: str | None) -> bool:
+        """Return whether the latest result may be told: until it is on the disk, a crash may take it back."""
+        entry = self._entry((client, id_)) if id_ else None
+        return entry is None or entry.is_published
+
     def has_room(self, now_s: float) -> bool:
         """Return whether one more command can be remembered for as long as it must be."""
         return len(self._acted) < self._most_entries or any(True for _ in self._unprovable(now_s))
 
-    def store(self, result: ResultRecord, *, now_s: float) -> bool:
+    def store(self, result: ResultRecord, *, now_s: float, is_published: bool = True) -> bool:
         """Store a result as the latest under its id; return whether it was, which needs an id."""
         if not result.id:
             return False
@@ -75,7 +81,7 @@ class Ledger:
             return False  # a stop under a used id is carried out all the same, and may be again
         if entry is None:
             entry = _LedgerEntry(result, now_s)
-        entry.result = result
+        entry.result, entry.is_published = result, is_published
         home, other = self._acted, self._harmless
         if not _is_acted_on(result):
             home, other = other, home

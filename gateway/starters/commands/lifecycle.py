@@ -107,6 +107,7 @@ class CommandReport:
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._reporting = reporting
         self._latest: ResultRecord | None = None  # as stored
+        self._is_over = False  # its final result is published
         self._is_stored = is_stored  # by the ledger, under its id
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
@@ -195,12 +196,18 @@ class CommandReport:
             reporting.records.put(result)
             return
         if self._latest is None:  # a copy of the command must be known for one from now on
-            ledger.store(result, now_s=now_s)
+            ledger.store(result, now_s=now_s, is_published=False)
         self._latest = result
         reporting.journal.note(result, then=partial(self._publish_end, result))
 
     def _publish_end(self, result: ResultRecord) -> None:
-        """Publish what is on the disk now, for repetitions too: no crash changes an end that is known."""
+        """Publish what is on the disk now, for repetitions too: no crash changes an end that is known.
+
+        Without the disk the final result is published as well, and what the disk takes after it is not.
+        """
+        if self._is_over:
+            return
+        self._is_over = result.phase.is_final
         self._reporting.ledger.store(result, now_s=self.now_s())
         self._reporting.records.put(result)
 

@@ -61,7 +61,7 @@ class Books:
     def count(self, code: str, *, starter: str) -> int:
         """Return how many different events of this code there were."""
         topic = f"starter/{starter}/event"
-        return sum(each["code"] == code and each["topic"] == topic for each in self.first.values())
+        return sum(each["code"] == code and each["topic"] == topic for each in tuple(self.first.values()))
 
 
 def unfinished(results: list[dict[str, Any]]) -> list[str]:

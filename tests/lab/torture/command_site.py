@@ -49,13 +49,19 @@ class ResultListener(Recorder):
         return str(self.latest["gateway/status"]["boot"])
 
     def finals_of_ids(self) -> Counter[str]:
-        """Return how many final results each id has had; one that QoS 1 delivered again is still one."""
+        """Return how many final results each id has had; one that QoS 1 delivered again is still one.
+
+        A stop's does not wait for the disk: a crash right after it may add that the stop was cut short.
+        """
         return Counter(
             id_
             for id_, *_ in {
                 (each["id"], each["time"], each["phase"], each["code"])
                 for each in self.results
-                if each["id"] and is_final(each) and not each["duplicate"]
+                if each["id"]
+                and is_final(each)
+                and not each["duplicate"]
+                and (each["verb"], each["code"]) != ("stop", "crashed")
             }
         )
 

@@ -17,7 +17,8 @@ from tests.lab.torture.world import STOP_WITHIN_S
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
 RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is published, and after
 KILLED_AGAIN = 0.25  # of the times
-NOT_YET = ("crashed", "no_ledger")  # no answers to what is sent again
+UNSTORED = "ledger_unavailable"  # refused, and free to be sent again: the store could not be read yet
+NOT_YET = ("crashed", UNSTORED)  # no answers to what is sent again
 CLEAN = "clean"
 CONFIRMED_WITHIN_S = 1.5  # after a stop's frame: both readings, of motors that stop in a third of it
 
@@ -97,7 +98,7 @@ async def _kill(site: CommandSite, starter: str, id_: str, dice: random.Random) 
         site.measurements["killed again"] = site.measurements.get("killed again", 0) + 1
     began_s = site.gateway.lives[-1].began_s
     first_life = site.listener.of(id_)
-    first_life = [each for each in first_life if each["code"] != "crashed"]
+    first_life = [each for each in first_life if each["code"] not in NOT_YET]
     await site.listener.until("gateway/status", since_s=began_s, within_s=20.0, state="online")
     await site.listener.until(f"starter/{starter}/state", since_s=began_s, within_s=20.0, quality="good")
     frames = len(site.ears[starter].unit.start_frames) - frames
@@ -107,16 +108,20 @@ async def _kill(site: CommandSite, starter: str, id_: str, dice: random.Random) 
 
 
 async def _ask_again(site: CommandSite, starter: str, id_: str) -> dict[str, Any]:
-    """Send the same id once more and return the final answer."""
-    since = len(site.listener.results)
-    site.listener.command(starter, "start", id_)
-    return await site.result(
-        lambda each: (
-            each["id"] == id_ and is_final(each) and (each["duplicate"] or each["code"] not in NOT_YET)
-        ),
-        f"an answer to {id_}",
-        since=since,
-    )
+    """Send the same id once more, again until the store has been read, and return the final answer."""
+    while True:
+        since = len(site.listener.results)
+        site.listener.command(starter, "start", id_)
+        answer = await site.result(
+            lambda each: (
+                each["id"] == id_ and is_final(each) and (each["duplicate"] or each["code"] != "crashed")
+            ),
+            f"an answer to {id_}",
+            since=since,
+        )
+        if answer["code"] != UNSTORED:
+            return answer
+        await asyncio.sleep(PACE_S)
 
 
 async def _judge(

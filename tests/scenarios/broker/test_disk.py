@@ -166,7 +166,9 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
 
 
 class _SlowStore(Store):
-    """A store whose disk takes 0.4 s for everything."""
+    """A store whose disk takes so long for everything."""
+
+    takes_s = 0.4
 
     def submit(self, work: Callable[[Connection], Any], **how: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -181,7 +183,7 @@ class _SlowStore(Store):
         def begin() -> None:
             super(_SlowStore, self).submit(work, **how).add_done_callback(pass_on)
 
-        asyncio.get_running_loop().call_later(0.4, begin)
+        asyncio.get_running_loop().call_later(self.takes_s, begin)
         return done
 
 
@@ -202,6 +204,47 @@ def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pyte
 
         assert "start confirmed ok" not in plant.results()
         assert plant.results()[-1] == "start unconfirmed crashed"
+
+
+@pytest.mark.parametrize("killed_s", [8.5, 9.5])
+def test_nothing_of_a_start_is_published_that_a_crash_would_take_back(
+    killed_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
+    monkeypatch.setattr(_SlowStore, "takes_s", 0.0)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=6.0)
+        monkeypatch.setattr(_SlowStore, "takes_s", 60.0)
+        for at_s in (6.0, 6.2):
+            plant.run(until=at_s)
+            plant.command("pump/alice/start", id="once")
+        plant.run(until=killed_s)
+        first = plant.results()
+        plant.kill()
+        monkeypatch.setattr(_SlowStore, "takes_s", 0.0)
+        plant.start()
+        plant.run(until=15.0)
+        plant.command("pump/alice/start", id="once")
+        plant.run(until=20.0)
+
+        assert first == ["start rejected ledger_unavailable"] * (killed_s > 9.0)
+        after = ["start accepted ok", "start written ok", "start confirmed ok"]
+        assert plant.results()[len(first) :] == after
+        assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
+
+
+def test_a_disk_that_comes_back_after_an_end_adds_nothing_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
+    monkeypatch.setattr(_SlowStore, "takes_s", 0.0)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=6.0)
+        monkeypatch.setattr(_SlowStore, "takes_s", 4.0)
+        plant.command("pump/alice/start", id="once")
+        plant.run(until=12.0)
+        plant.command("pump/alice/start", id="once")
+        plant.run(until=17.0)
+
+        assert plant.results() == ["start rejected ledger_unavailable"] * 2
 
 
 AMPS = 5  # more than a deadband

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, event, never, play, result, row, seen
+from gateway.errors import StoreError
+from gateway.store.import_0_2 import import_files, is_import_due
+from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.cli.lines import cli
 from tests.store.golden.state import unpack_golden
 
@@ -23,6 +29,11 @@ FIRST_HASH = "3466bdf1f2ac779c566c4a8037670646efbc2a6f6b148d8bc65389b180e2dfdb" 
 
 def left_by_0_2(plant: RigPlant) -> None:
     unpack_golden(plant.folder / "state")
+
+
+def on_a_full_disk(plant: RigPlant) -> None:
+    left_by_0_2(plant)
+    fail_disk()
 
 
 def looked_at(plant: RigPlant) -> None:
@@ -150,6 +161,35 @@ UPGRADES = [
         },
     ),
     row(
+        "on a full disk no start is taken until all of 0.2.0 could be imported, and then all is known",
+        given=FOUR + ALICE,
+        sim={"pump": QUICK},
+        before=on_a_full_disk,
+        at={
+            8.0: [command("pump/alice/start", id="c2"), command("pump/alice/stop")],
+            12.0: heal_disk,
+            25.0: command("pump/alice/start", id="c2"),  # carried out by 0.2.0
+            26.0: command("mill/alice/start", id="1"),
+        },
+        then={
+            12.0: [
+                seen("result/pump/alice", phase="rejected", code="ledger_unavailable"),
+                result("stop confirmed ok"),
+                event("store_unavailable"),
+            ],
+            25.5: result("start confirmed ok"),
+            30.0: [
+                result("start rejected locked"),
+                frames("pump", "05 00 64 00 00"),
+                seen("starter/mill/history", boot=BOOT),
+                never("gateway/event", code="store_lost"),
+                cli("history CONFIG belt", out="full voltage, 3.9151 s"),
+                cli(f"audit verify CONFIG --contains {FIRST_HASH}", out="chain whole"),
+                untouched,
+            ],
+        },
+    ),
+    row(
         "damaged messages, history and audit of 0.2.0 cost nothing else",
         given=FOUR + ALICE,
         before=with_damaged("outbox.sqlite", "history.db", "audit/audit-00000001.jsonl"),
@@ -165,6 +205,27 @@ UPGRADES = [
 ]
 
 
+@pytest.fixture(autouse=True)
+def sound_disk() -> Iterator[None]:
+    yield
+    heal_disk()
+
+
 @pytest.mark.parametrize("row", UPGRADES)
 def test_an_upgrade(row: ScenarioRow) -> None:
     play(row)
+
+
+def test_an_import_for_which_the_disk_has_no_room_is_not_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = unpack_golden(tmp_path)
+    with monkeypatch.context() as full:
+        full.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=10, f_frsize=4096))
+
+        with pytest.raises(StoreError, match=r"needs 0\.2 MiB"):
+            import_files(state)
+
+    assert not list(state.glob("*.sqlite.new*"))
+    assert import_files(state) == []
+    assert not is_import_due(state)
