@@ -2,7 +2,7 @@
 
 `python -m tests.lab.late_model --seeds 1-20 --requests 100000 --late-s 1 --units 8 --mix` asks so often for
 every seed; `--ordered-over-all` is a serial server, `--table` prints status ages. The gateway is entered by
-the door of `gateway.line`: every word tells which request it answers, so that an older one cannot hide, and
+the door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and
 the frames that the line itself reports, in their order, pair an answer with its request.
 """
 
@@ -14,7 +14,6 @@ import heapq
 import itertools
 import random
 import sys
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
@@ -23,46 +22,44 @@ from typing import Any
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line import Answered, LineHost, Poll, PollResult, Priority, Refused
-from gateway.modbus.adu import encode
-from gateway.modbus.codes import ExceptionCode, Function
-from gateway.modbus.pdu import encode_exception
+from gateway.modbus.adu import crc16, encode
+from gateway.modbus.codes import Function
 from gateway.modbus.reads import ReadCoils
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
+from gateway.sim.bus.faults import Reply
 from gateway.starters.setup import StarterSetup, polls_of
 from tests.rig.world import RigLoop
+from tests.scenarios.line.wires import InOrder
 
 FAMILIES = ("ssw07", "ssw06", "ssw900", "sst")
 STATUS = 5001  # the word whose bits are the first coils (ssw07 5.3.2)
-CODES = (1, 2, 3, 4, 6)
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 LIMIT_S = 0.1  # from then on a reply is late
 WRITE_EVERY_S = 1.0  # on a line
 WARM_S = 5.0  # by then all units have been asked
-KINDS = ("late", "lost", "cut", "spoilt", "refused")
-USUAL = (0.05, 0.03, 0.01, 0.02, 0.01)  # their shares where nothing else is said
+USUAL = (0.05, 0.03, 0.01, 0.02, 0.01)  # shares of `InOrder.KINDS` where nothing else is said
 MOST = 0.1  # of each kind, where the shares are mixed by chance
 
 
 @dataclass(frozen=True)
-class Faults:
-    """Faults of replies, by their shares, and how much later at most a late one comes."""
+class WayFaults:
+    """WayFaults of replies, and how much later than its time a late one comes at most."""
 
     late_s: float
     shares: tuple[float, ...] = USUAL
     changes: float = 1.0  # the share of the requests before which all values change
-    is_mixed: bool = False  # each unit has shares by chance
+    is_mixed: bool = False  # each way has shares by chance
     is_ordered_over_all: bool = False
 
-    def of_unit(self, dice: random.Random) -> dict[str, float]:
-        """Return a unit's shares, and that of the requests which it drops while it is busy."""
-        shares = [dice.uniform(0.0, MOST) for _ in KINDS] if self.is_mixed else self.shares
-        return dict(zip((*KINDS, "dropped"), (*shares, dice.choice((0.0, 0.5, 1.0))), strict=True))
+    def of_way(self, dice: random.Random) -> InOrder:
+        shares = [dice.uniform(0.0, MOST) for _ in USUAL] if self.is_mixed else self.shares
+        return InOrder(*shares, late_s=self.late_s)
 
 
 @dataclass
-class Tally:
+class OrderTally:
     """Counts of a line; times are the longest of all its units, in seconds."""
 
     requests: int = 0
@@ -81,7 +78,7 @@ class Tally:
     def wrong(self) -> int:
         return self.wrong_values + self.wrong_refusals + self.wrong_acknowledgements
 
-    def add(self, other: Tally) -> None:
+    def add(self, other: OrderTally) -> None:
         for name, value in vars(other).items():
             mine = getattr(self, name)
             setattr(self, name, max(mine, value) if isinstance(value, float) else mine + value)
@@ -94,9 +91,9 @@ class Asked:
     unit: int
     request: Any
     at_s: float
-    reading: int  # the number that all values of its reply tell
+    reading: int  # a number that follows from each of its values
     is_refused: bool = False
-    is_heard: bool = False  # its reply came whole while it was the request under way
+    was_in_time: bool = False  # its reply came whole while it was the request under way
 
 
 class OrderedLine:
@@ -105,12 +102,11 @@ class OrderedLine:
     name = "late"
     last_byte_s = -inf
 
-    def __init__(self, faults: Faults, dice: random.Random) -> None:
+    def __init__(self, faults: WayFaults, dice: random.Random) -> None:
         self.asked = [Asked(0, ReadCoils(0, 1), -inf, 0)]  # by number, from 1 on
         self._faults, self._dice = faults, dice
-        self._arrivals: list[tuple[float, int, bytes, bool]] = []  # the last: is it whole?
-        self._free_s: defaultdict[int, float] = defaultdict(float)  # when the last reply is out, by way
-        self._shares: dict[int, dict[str, float]] = {}
+        self._arrivals: list[tuple[float, int, bytes]] = []
+        self._ways: dict[int, tuple[InOrder, float]] = {}  # and its share of requests dropped while busy
 
     async def __call__(self) -> OrderedLine:
         return self
@@ -122,30 +118,24 @@ class OrderedLine:
         number, reading = len(self.asked), self.asked[-1].reading + (dice.random() < self._faults.changes)
         asked = Asked(unit, decode_request(frame[1:-2]), now_s, reading)
         self.asked.append(asked)
-        shares = self._shares.setdefault(unit, self._faults.of_unit(dice))
-        way = 0 if self._faults.is_ordered_over_all else unit
-        if self._free_s[way] > now_s and dice.random() < shares["dropped"]:
+        place = 0 if self._faults.is_ordered_over_all else unit
+        if place not in self._ways:
+            self._ways[place] = self._faults.of_way(dice), dice.choice((0.0, 0.5, 1.0))
+        way, dropped = self._ways[place]
+        if way.free_s > now_s and dice.random() < dropped:
             return
-        kinds = {kind for kind in KINDS if dice.random() < shares[kind]}
-        asked.is_refused = "refused" in kinds
-        adu = encode(unit, _reply(asked, dice.choice(CODES)))
-        at_s = now_s + TIMING.wire_s(len(frame) + len(adu)) + dice.uniform(0.005, 0.02)
-        if "late" in kinds:
-            at_s += LIMIT_S + dice.uniform(0.0, self._faults.late_s)
-        at_s = self._free_s[way] = max(at_s, self._free_s[way])
-        if "spoilt" in kinds:
-            adu = bytes((adu[0] ^ 1 << dice.randrange(8), *adu[1:]))
-        if "cut" in kinds:
-            adu = adu[: dice.randrange(1, len(adu))]
-        if "lost" not in kinds:
-            heapq.heappush(self._arrivals, (at_s, number, adu, not kinds & {"cut", "spoilt"}))
+        after_s = TIMING.wire_s(len(frame)) + dice.uniform(0.005, 0.02)
+        for reply in way.apply(Reply(encode(unit, _reply(asked)), after_s, LIMIT_S), dice):
+            asked.is_refused = bool(reply.adu[1:2] > b"\x80")
+            at_s = now_s + reply.after_s + TIMING.wire_s(len(reply.adu))
+            heapq.heappush(self._arrivals, (at_s, number, reply.adu))
 
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
         loop, received = asyncio.get_running_loop(), b""
         while True:
             while self._arrivals and self._arrivals[0][0] <= loop.time():
-                self.last_byte_s, number, chunk, is_whole = heapq.heappop(self._arrivals)
-                self.asked[number].is_heard = is_whole and number == len(self.asked) - 1
+                self.last_byte_s, number, chunk = heapq.heappop(self._arrivals)
+                self.asked[number].was_in_time = number == len(self.asked) - 1 and not crc16(chunk)
                 received += chunk
             if len(received) >= count or loop.time() >= until_s:
                 return received
@@ -155,9 +145,7 @@ class OrderedLine:
             await wake
 
 
-def _reply(asked: Asked, code: int) -> Any:
-    if asked.is_refused:
-        return encode_exception(asked.request.function, ExceptionCode(code))
+def _reply(asked: Asked) -> Any:
     if asked.request.is_write:
         return asked.request.encode()  # function 6
     return asked.request.encode_reply(value_of(asked, asked.request))
@@ -193,11 +181,11 @@ class Unit:
         return read.address <= first and end <= read.address + read.count
 
 
-class Judge:
-    """Compares what the gateway is told with what the oracle knows of the same line."""
+class OracleJudge:
+    """Compares the line's results with what the oracle knows of it."""
 
     def __init__(self, line: OrderedLine, polls: list[Poll], requests: int) -> None:
-        self.tally = Tally()
+        self.tally = OrderTally()
         self.done = asyncio.Event()
         self._line, self._requests = line, requests
         self._polls = {poll.key: poll for poll in polls}
@@ -211,8 +199,8 @@ class Judge:
         if known + 1 == len(self._line.asked) or at_s != self._line.asked[known + 1].at_s:
             return
         asked, unit = self._line.asked[known], self._units.get(self._line.asked[known].unit)
-        if unit and asked.is_heard and not asked.is_refused and unit.is_status(asked.request):
-            self._longest("oracle_age_s", at_s - unit.oracle_s)
+        if unit and asked.was_in_time and not asked.is_refused and unit.is_status(asked.request):
+            self._longest("oracle_age_s", asked.at_s - unit.oracle_s)
             unit.oracle_s = asked.at_s
             self._longest("beyond_oracle_s", asked.at_s - unit.believed_s)
         unit = self._units[frame[0]]
@@ -236,7 +224,7 @@ class Judge:
         self.tally.answers += 1
         unit.answered_s = asked.at_s
         if isinstance(event.outcome, Refused):
-            self.tally.wrong_refusals += not (asked.is_heard and asked.is_refused)
+            self.tally.wrong_refusals += not (asked.was_in_time and asked.is_refused)
         elif tuple(event.outcome.value) != value_of(asked, poll.request) or asked.unit != event.unit:
             self.tally.wrong_values += 1
         elif poll.group == "status":
@@ -248,7 +236,7 @@ class Judge:
             setattr(self.tally, name, max(getattr(self.tally, name), seconds))
 
 
-async def ask(faults: Faults, *, seed: int, requests: int, units: int, every_s: float) -> Tally:
+async def ask(faults: WayFaults, *, seed: int, requests: int, units: int, every_s: float) -> OrderTally:
     """Let a line ask so often, with a write to some unit now and then."""
     dice = random.Random(seed)
     polls: list[Poll] = []
@@ -256,7 +244,7 @@ async def ask(faults: Faults, *, seed: int, requests: int, units: int, every_s: 
         profile = load_profile(FAMILIES[at % len(FAMILIES)])
         polls += polls_of(StarterSetup(f"x{at}", "x", at, profile, Variant(), every_s=every_s, timing=TIMING))
     line = OrderedLine(faults, dice)
-    judge = Judge(line, polls, requests)
+    judge = OracleJudge(line, polls, requests)
     host = LineHost(judge.event, has_thread=False)
     host.capture(judge.frame)
     client = host.add_line(name="x", opener=line, timing=TIMING, polls=polls, seed=seed)
@@ -266,13 +254,13 @@ async def ask(faults: Faults, *, seed: int, requests: int, units: int, every_s: 
         write, unit = WriteRegister(3, dice.randrange(2)), dice.randint(1, units)
         outcome = await client.transact(unit, write, response_time_s=LIMIT_S, lane=Priority.COMMAND)
         asked = next(asked for asked in reversed(line.asked) if asked.request.is_write)
-        if isinstance(outcome, Answered) and (asked.is_refused or not asked.is_heard):
+        if isinstance(outcome, Answered) and (asked.is_refused or not asked.was_in_time):
             judge.tally.wrong_acknowledgements += 1
     await host.stop()
     return judge.tally
 
 
-def run(faults: Faults, **what: Any) -> Tally:
+def run(faults: WayFaults, **what: Any) -> OrderTally:
     """Do the same in virtual time."""
     with asyncio.Runner(loop_factory=RigLoop) as runner:
         return runner.run(ask(faults, **what))
@@ -284,7 +272,7 @@ def table(late_s: float, **what: Any) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|"
     lines = itertools.product((1, 8), (1.0, 0.05), ((0, 0), (0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0)))
     for units, changes, (late, lost) in lines:
-        found = run(Faults(late_s, (late, lost, 0, 0, 0), changes), seed=1, units=units, **what)
+        found = run(WayFaults(late_s, (late, lost, 0, 0, 0), changes), seed=1, units=units, **what)
         words = f"{lost:.0%} lost" if lost else f"{late:.0%} late up to {late_s:g} s" if late else "none"
         cells = (units, words, f"{changes:.0%}", f"{found.answers / found.requests:.1%}")
         times_s = (
@@ -311,9 +299,9 @@ def main() -> None:
         for line in table(given.late_s, requests=given.requests, every_s=given.every_s):
             print(line, flush=True)
         return
-    faults = Faults(given.late_s, is_mixed=given.mix, is_ordered_over_all=given.ordered_over_all)
+    faults = WayFaults(given.late_s, is_mixed=given.mix, is_ordered_over_all=given.ordered_over_all)
     first, _, last = given.seeds.partition("-")
-    total = Tally()
+    total = OrderTally()
     for seed in range(int(first), int(last or first) + 1):
         found = run(faults, seed=seed, requests=given.requests, units=given.units, every_s=given.every_s)
         print(f"seed {seed}: {found}", flush=True)
