@@ -40,10 +40,11 @@ def row(
     given: str,
     then: Mapping[float, Expectation | Iterable[Expectation]],
     at: Mapping[float, Action | Iterable[Action]] | None = None,
+    marks: Any = (),
     **options: Any,
 ) -> Any:
     """Return a row for `pytest.mark.parametrize("row", ...)`; its name is a sentence."""
-    return pytest.param(ScenarioRow(name, given, at or {}, then, options), id=name)
+    return pytest.param(ScenarioRow(name, given, at or {}, then, options), id=name, marks=marks)
 
 
 def play(row: ScenarioRow) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.sim.bus.faults import CutShort, Doubled, Late, Noisy, NoReply
+from gateway.sim.bus.faults import Doubled, Late, Noisy, NoReply
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -30,16 +30,21 @@ from tests.scenarios.line.wires import (
     START_07,
     STOP_07,
     TWO,
+    InOrder,
     asked_within,
+    asked_within_sweeps,
     chatter,
+    faults_together,
     healed,
     impaired,
+    requests_on_wires,
     states_only,
     true_values,
     twin,
     without,
 )
 
+GUARDED = EIGHT.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0")
 OUTSIDE = "socket://10.0.0.5:4001"
 SOCKET = TWO.replace("/dev/pumps", OUTSIDE)
 CALM = [never("starter/+/availability", since=3.1), never("starter/+/event", since=3.1)]
@@ -96,6 +101,24 @@ LOST = [
         given=FOUR,
         at={3.1: impaired(NoReply(), chance=0.3)},
         then={120.0: [asked_within(20.0, since=3.1, until=120.0), true_values, clean_line]},
+    ),
+    row(
+        "a read is repeated once when its reply is corrupted, not twice",
+        given=SSW07,
+        at={3.1: fault("cut", "pump", count=2)},
+        then={
+            3.3: lambda plant: (
+                "" if (sent := len(requests_on_wires(plant, "pump", 3.1))) == 2 else f"{sent} requests"
+            ),
+            35.0: [*CALM, true_values, clean_line, msg("gateway/line/pumps", garbled=2)],
+        },
+    ),
+    row(
+        "a write is not repeated when its acknowledgement is corrupted: what is read decides",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start"), 3.05: fault("cut", "pump", count=2)},
+        then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
     ),
     row(
         "a corrupted reply is read once more at once, and changes nothing",
@@ -195,14 +218,34 @@ NOISE = [
     row(
         "a stray byte before every reply costs nothing",
         given=SSW07,
-        at={3.1: lambda plant: stray_before_replies(plant, b"\x00")},
+        at={3.1: lambda plant: stray_at_replies(plant, b"\x00")},
         then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
     ),
     row(
         "two stray bytes before every reply cost nothing either",
         given=SSW07,
-        at={3.1: lambda plant: stray_before_replies(plant, b"\xff\x00")},
+        at={3.1: lambda plant: stray_at_replies(plant, b"\xff\x00")},
         then={20.0: [never("starter/+/availability", since=3.1), true_values]},
+    ),
+    row(
+        "a stray byte after every reply costs nothing",
+        given=FOUR,
+        at={3.1: lambda plant: stray_at_replies(plant, after=b"\x00")},
+        then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
+    ),
+    row(
+        "a start and a stop are confirmed though a stray byte comes before every acknowledgement",
+        given=FOUR + ALICE,
+        sim={"pump": QUICK},
+        at={
+            3.1: lambda plant: stray_at_replies(plant, b"\x00"),
+            4.0: command("pump/alice/start"),
+            7.0: publish("command/pump/alice/stop", client="alice"),
+        },
+        then={
+            6.9: result("start confirmed ok"),
+            12.0: [result("stop confirmed ok"), frames("pump", START_07, STOP_07)],
+        },
     ),
     row(
         "stray bytes between the frames are counted and dropped",
@@ -281,6 +324,24 @@ STRANGERS = [
         then={60.0: [event("babbling"), true_values, states_only("ready", "not_ready", "unknown")]},
     ),
     row(
+        "a second master that goes on is foreign traffic, reported once",
+        given=TWO,
+        at={5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
+        then={60.0: seen("gateway/event", code="foreign_traffic", times=1)},
+        marks=pytest.mark.xfail(strict=False, reason="L7: its event is called `babbling` today"),
+    ),
+    row(
+        "replies of one starter that are late, lost or corrupted are no conflict of addresses",
+        given=TWO,
+        at={5.0: lambda plant: plant.lines["pumps"].bus.impair(1, InOrder(*[0.03] * 5))},
+        then={
+            120.0: [
+                never("gateway/event", code="address_conflict"),
+                never("gateway/event", code="foreign_traffic"),
+            ]
+        },
+    ),
+    row(
         "a starter that answers in another's name gives that one no value",
         given=TWO,
         at={5.0: [f"fan {RUNNING_07}", fault("impersonate", "fan", 1)]},
@@ -349,6 +410,24 @@ PORT = [
             ]
         },
     ),
+    *(
+        row(
+            f"it is reset too for any other write that is not answered in time: {words}",
+            given=SOCKET + ALICE,
+            at={2.0: delivers_late, 3.0: [without(5, 6), command(f"pump/alice/{verb}", **fields)]},
+            then={15.0: [opened(2), never("result/pump/alice", phase="confirmed")]},
+        )
+        for words, verb, fields in (
+            ("a setting", "set", {"args": {"parameter": "P314", "value": 20}}),
+            ("a jog", "jog", {"args": {"value": True}}),
+        )
+    ),
+    row(
+        "it is not reset for a read that is not answered",
+        given=SOCKET,
+        at={2.0: delivers_late, 5.0: fault("lose", "pump", count=3)},
+        then={12.0: [opened(1), never("starter/+/availability", since=3.1)]},
+    ),
     row(
         "it is not reset for a stop, which may act at any time",
         given=SOCKET + ALICE,
@@ -368,41 +447,48 @@ REFUSED = [
         then={40.0: [never("starter/pump/availability", since=3.1), true_values]},
     )
     for code in (1, 2, 3, 4, 5, 6, 8, 10, 11)
+] + [
+    row(
+        f"refusals by exception {code} that come late give no row up",
+        given=FOUR,
+        at={
+            second: [fault("refuse", name, code, for_s=0.2), fault("delay", name, 0.6, count=1)]
+            for name, first in (("pump", 5.1), ("fan", 20.1), ("mill", 35.1), ("belt", 50.1))
+            for second in (first, first + 1.0, first + 2.0)
+        },
+        then={90.0: [never("starter/+/value/+", since=3.1, quality="bad"), true_values]},
+    )
+    for code in (1, 2, 3)
 ]
 
 TOGETHER = [
     row(
-        f"where everything goes wrong now and then no starter is left for longer than the back-off, {words}",
-        given=site + ALICE,
-        at={
-            second: impaired(by, *names, chance=0.03)
-            for second, by, names in (
-                (3.1, NoReply(), ()),
-                (30.0, Late(4.0), ("pump-1", "pump-4", "pump-7")),
-                (30.1, CutShort(), ("pump-2", "pump-5", "pump-8")),
-                (30.2, Noisy(0.02), ("pump-3", "pump-6")),
-            )
-        },
+        f"where all goes wrong now and then no starter waits longer than three sweeps and 1 s, {words}",
+        given=site,
+        at={3.1: faults_together(0.025, seed)},
         then={
-            120.0: [
-                asked_within(most_s, since=3.1, until=120.0),
+            45.0: [
+                asked_within_sweeps(3.0, 1.0, since=3.1, until=45.0),
+                asked_within(most_s, since=3.1, until=45.0),
                 true_values,
                 never("gateway/event", code="watchdog_unkept"),
             ]
         },
+        marks=pytest.mark.xfail(strict=False, reason="L12: a starter in doubt rests for 10 to 30 s today"),
     )
+    for seed in range(1, 11)
     for words, site, most_s in (
-        ("without watchdogs", EIGHT, 16.0),
-        ("with watchdogs of 3 s", EIGHT.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"), 3.0),
+        (f"without watchdogs, chance {seed}", EIGHT, 16.0),
+        (f"with watchdogs of 3 s, chance {seed}", GUARDED, 3.0),
     )
 ]
 
 
-def stray_before_replies(plant: RigPlant, stray: bytes) -> None:
-    """Put bytes before each reply, as a driver does when its transmitter is switched."""
+def stray_at_replies(plant: RigPlant, before: bytes = b"", after: bytes = b"") -> None:
+    """Put bytes at each reply, as a driver does when its transmitter is switched."""
     bus = plant.lines["pumps"].bus
     transmit = bus._transmit
-    bus._transmit = lambda address, data: transmit(address, stray + data)  # type: ignore[method-assign]
+    bus._transmit = lambda address, data: transmit(address, before + data + after)  # type: ignore[method-assign]
 
 
 def _counted(plant: RigPlant, what: str) -> str:

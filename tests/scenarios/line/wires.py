@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 from gateway.modbus.adu import encode
-from gateway.sim.bus.faults import Impairment
+from gateway.modbus.codes import EXCEPTION_BIT
+from gateway.sim.bus.faults import Impairment, Reply
 from gateway.sim.factory import make_unit
 from tests.rig import RigPlant
 from tests.rig.rows import Action, Expectation
@@ -19,6 +22,7 @@ EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
 START_07 = "05 00 64 ff 00"
 RUNNING_07, READY_07 = "VB01 = 0x5123", "VB01 = 0x4102"
+OCTET_S = 0.0012  # at 9600 bit/s
 LIVELY = ("line_voltage", "pause_left_s", "standstill_s")  # values that change while a motor stands
 
 
@@ -54,6 +58,43 @@ def impaired(by: Impairment, *names: str, chance: float = 1.0) -> Action:
     return act
 
 
+class InOrder:
+    """Ordinary faults of replies on one way, each kind with its share; no reply overtakes another."""
+
+    KINDS = ("late", "lost", "cut", "garbled", "refused")
+
+    def __init__(self, *shares: float, late_s: float = 1.0) -> None:
+        self.free_s = 0.0  # when the last reply is out
+        self._shares, self._late_s = shares, late_s
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        kinds = {kind for kind, share in zip(self.KINDS, self._shares, strict=True) if dice.random() < share}
+        adu = reply.adu
+        if "refused" in kinds:
+            adu = encode(adu[0], bytes((adu[1] | EXCEPTION_BIT, dice.choice((1, 2, 3, 4, 6)))))
+        if "garbled" in kinds:
+            adu = bytes((adu[0], adu[1] ^ 1 << dice.randrange(8), *adu[2:]))
+        if "cut" in kinds:
+            adu = adu[: dice.randrange(1, len(adu))]
+        now_s = asyncio.get_running_loop().time()
+        late_s = reply.deadline_s + dice.uniform(0.0, self._late_s) if "late" in kinds else 0.0
+        start_s = max(self.free_s, now_s + reply.after_s + late_s)
+        self.free_s = start_s + len(adu) * OCTET_S
+        return () if "lost" in kinds else (replace(reply, adu=adu, after_s=start_s - now_s),)
+
+
+def faults_together(share: float, seed: int) -> Action:
+    """Let all that is ordinary go wrong with every starter's replies, in order; chance by the seed."""
+
+    def act(plant: RigPlant) -> None:
+        bus = plant.lines["pumps"].bus
+        bus._dice.seed(seed)
+        for name in plant.lines["pumps"].starters:
+            bus.impair(plant.starter(name).unit.address, InOrder(*[share] * 5))
+
+    return act
+
+
 def healed(plant: RigPlant) -> None:
     """End every fault of every starter."""
     for name in plant.lines["pumps"].starters:
@@ -81,6 +122,23 @@ def without(*functions: int) -> Callable[[RigPlant], object]:
 
 
 # What is looked for
+
+
+def requests_on_wires(plant: RigPlant, name: str, since: float) -> list[tuple[float, bytes]]:
+    """Return what was sent to a starter, whether or not it was there: when, and the PDU."""
+    address, bus = plant.starter(name).unit.address, plant.lines["pumps"].bus
+    sent = [(frame.start_s - 1000.0, frame.data) for frame in bus.transcript if frame.sender == 0]
+    return [(at_s, data[1:-2]) for at_s, data in sent if data[0] == address and at_s >= since]
+
+
+def asked_within_sweeps(sweeps: float, more_s: float, *, since: float, until: float) -> Expectation:
+    """No starter was left without a request for longer than so many sweeps of this line."""
+
+    def check(plant: RigPlant) -> str:
+        most_s = sweeps * plant.last("gateway/line/pumps")["sweep_s"] + more_s
+        return asked_within(most_s, since=since, until=until)(plant)
+
+    return check
 
 
 def gaps(plant: RigPlant, name: str, since: float, until: float) -> list[float]:
