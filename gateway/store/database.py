@@ -29,6 +29,7 @@ T = TypeVar("T")
 PAGE_BYTES = 4096
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
+LOGGED_PAGES = 100  # then it is: the file grows by these, and on a full disk the reserve must be enough for it
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
@@ -140,8 +141,12 @@ class Database:
                 raise FullError(f"{self.path}: the disk is full")
 
     def relieve(self, works: Iterable[Work]) -> list[Any]:
-        """Do work that deletes, by means of the reserve: the disk is full, and deleting needs room too."""
-        self._reserve.give_up()
+        """Do work that deletes, by means of the reserve: the disk is full, and deleting needs room too.
+
+        The log is written back first: while the disk was full it could not be, and it has to be begun again.
+        """
+        if self._reserve.give_up():
+            self.tidy()
         answers = self.transact(works)
         self.tidy()
         return answers
@@ -207,6 +212,7 @@ class Database:
             f"max_page_count = {self._max_pages}",
             f"cache_size = -{CACHE_KIB}",
             f"journal_size_limit = {LOG_BYTES}",
+            f"wal_autocheckpoint = {LOGGED_PAGES}",
         ):
             _ask(connection, f"PRAGMA {setting}")
         self._is_flushing = True

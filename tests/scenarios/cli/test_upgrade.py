@@ -17,7 +17,7 @@ import pytest
 from gateway.errors import StoreError
 from gateway.store.import_0_2 import import_files, is_import_due
 from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
-from tests.rig.rows import Action
+from tests.rig.rows import Action, act
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK
 from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.cli.lines import cli
@@ -43,15 +43,19 @@ def looked_at(plant: RigPlant) -> None:
     assert not wrong, wrong
 
 
-def with_damaged(*names: str) -> Action:
-    """Let this be what 0.2.0 has left, with some files that are none."""
+def damaged(*names: str) -> Action:
+    """Let some files of the state be none."""
 
     def damage(plant: RigPlant) -> None:
-        left_by_0_2(plant)
         for name in names:
             (plant.folder / "state" / name).write_text("Dear diary, " * 1000)
 
     return damage
+
+
+def with_damaged(*names: str) -> Action:
+    """Let this be what 0.2.0 has left, with some files that are none."""
+    return lambda plant: (left_by_0_2(plant), act(plant, damaged(*names)))
 
 
 def with_a_long_audit(plant: RigPlant) -> None:
@@ -133,6 +137,13 @@ UPGRADES = [
             8.5: result("start rejected locked"),
             9.5: result("start rejected locked"),
         },
+    ),
+    row(
+        "a state that is damaged after the upgrade is lost: what 0.2.0 had stored does not take its place",
+        given=FOUR + ALICE,
+        before=left_by_0_2,
+        at={4.0: ["end", damaged("state.sqlite"), "start"], 8.0: command("mill/alice/start", id="1")},
+        then={9.0: [event("store_lost"), result("start rejected ledger_unavailable"), untouched]},
     ),
     row(
         "a damaged document and damaged commands of 0.2.0 are left out and said, the rest is imported",
