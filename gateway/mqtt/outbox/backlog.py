@@ -21,7 +21,7 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 100  # in one transaction: the intent of a start waits for one
+MOST_VALUES = 500  # at a time
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -33,7 +33,7 @@ class Bounds(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What is to be written in one transaction."""
+    """What is to be written at once; of its rows the values come last."""
 
     rows: Sequence[OutboxRow] = ()
     delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
@@ -66,7 +66,7 @@ class Backlog:
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
-        self._stored: set[int] = set()  # rows that somebody else has stored, perhaps
+        self._stored: set[int] = set()  # rows that the table has, perhaps
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
@@ -86,11 +86,6 @@ class Backlog:
     def has_history(self) -> bool:
         """Return whether values wait to be published late."""
         return self.queues[Rank.VALUE].rows > 0
-
-    @property
-    def has_batch(self) -> bool:
-        """Return whether there is enough to be written for a transaction."""
-        return len(self._unwritten) >= MOST_VALUES
 
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (in flight and in the table too), how many bytes, and since when."""
@@ -118,7 +113,7 @@ class Backlog:
         """Have a row stored that waits to be released."""
         self._memory[row.id] = row
         self._held.add(row.id)
-        self._have_written(row)
+        self._unwritten[row.id] = None
 
     def stage(self, row: OutboxRow) -> None:
         """Hold a row that somebody else stores, until the same is put."""
@@ -235,10 +230,11 @@ class Backlog:
                 self._leave_to_table(self._memory[row.id])
 
     def unwritten(self, batch: Batch) -> None:
-        """Note that a batch could not be written."""
+        """Note that a batch could not be written, or not all of it."""
         self._writing = frozenset()
         again = {row.id: None for row in batch.rows if row.id in self._memory}
         self._unwritten = again | self._unwritten
+        self._stored |= again.keys()
         self._delivered = {**batch.delivered, **self._delivered}
         self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
@@ -304,16 +300,11 @@ class Backlog:
 
     def _enqueue(self, row: OutboxRow, *, is_new: bool) -> None:
         if is_new:
-            self._have_written(row)
+            self._unwritten[row.id] = None
         self._bytes += row.size
         self.queues[row.rank].add(row)
         self._leave_to_table(row)
         self._make_room()
-
-    def _have_written(self, row: OutboxRow) -> None:
-        self._unwritten[row.id] = None
-        if self.has_batch:
-            self.on_work()
 
     def _deletable(self) -> dict[int, Rank]:
         """Return some rows that were delivered and need not stay."""

@@ -2,8 +2,9 @@
 
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
-1. Every LOOK_S, or when there are many, the rows that the broker has not acknowledged are written. What it
-   acknowledges later is deleted with the next of them, or with what somebody else writes.
+1. Every LOOK_S the rows that the broker has not acknowledged are written, the values in small pieces, so that
+   the intent of a start does not wait for all of them. What is acknowledged later is deleted with the next
+   rows, or with what somebody else writes.
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
 3. What memory or disk could not hold is declared once, in the event `gap`.
@@ -34,6 +35,7 @@ T = TypeVar("T")
 
 LOOK_S = 0.5  # rows wait for so long, in which the broker may acknowledge them
 FLUSH_S = 5.0  # values may be in the kernel's hands for so long
+AT_ONCE = 100  # values in one piece of work
 RETRY_S = 1.0
 COMPANY_S = 0.1  # starts of several motors share a transaction
 HANG_S = 2.0  # what is read for so long is not waited for
@@ -163,7 +165,7 @@ class DiskSync:
             self._wake()
             return False
         self._is_unreadable = False
-        if self._clock.now_s() - self._looked_s < LOOK_S and not self._backlog.has_batch:
+        if self._clock.now_s() - self._looked_s < LOOK_S:
             return True
         self._looked_s = self._clock.now_s()
         try:
@@ -191,10 +193,11 @@ class DiskSync:
         """Write what is to be written; where there was no room for it, delete what was delivered first."""
         while batch := self._next_batch():
             is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
-            work, is_freeing = partial(self._written, batch), batch.deletes_only
+            is_freeing = batch.deletes_only
             within_s = BEHIND_S if is_freeing and self._backlog.is_empty else 0.0
+            works = self._works(batch)
             try:
-                await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+                await self._do(*works, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
             except BaseException:
                 self._backlog.unwritten(batch)
                 self._is_full = True
@@ -207,6 +210,13 @@ class DiskSync:
     def _next_batch(self) -> Batch | None:
         room = self._backlog.batch(deletes_only=True) if self._is_full else None
         return room or self._backlog.batch()
+
+    def _works(self, batch: Batch) -> list[Work]:
+        """Return what writes a batch, in pieces; what belongs together is in the first one."""
+        first = sum(row.rank is not Rank.VALUE for row in batch.rows)
+        parts = (batch.rows[at : at + AT_ONCE] for at in range(first, len(batch.rows), AT_ONCE))
+        together = partial(self._written, batch._replace(rows=batch.rows[:first]))
+        return [together, *(partial(self._table.insert, rows=part) for part in parts)]
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         gone = (*batch.delivered.items(), *batch.lost.items())
@@ -227,17 +237,22 @@ class DiskSync:
 
     async def _do(
         self,
-        work: Callable[[Connection], T],
-        *,
+        *works: Callable[[Connection], T],
         is_freeing: bool = False,
         is_flushed: bool = False,
         within_s: float = 0.0,
     ) -> T:
-        """Have work done in the store's thread; what needs no room is done on a full disk too."""
+        """Have work done in the store's thread, in pieces, and return what the first one gives.
+
+        What needs no room is done on a full disk too.
+        """
         self._asked_s = self._clock.now_s()
+        submit = partial(self._store.submit, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
         try:
-            future = self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-            return await asyncio.wrap_future(future)
+            futures = [asyncio.wrap_future(submit(work)) for work in works]
+            await asyncio.wait(futures)
+            first, *_ = [future.result() for future in futures]
+            return first
         finally:
             self._asked_s = None
 
