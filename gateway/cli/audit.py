@@ -12,7 +12,7 @@ from typing import Any
 from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.errors import UsageError
-from gateway.store import FIRST_HASH, STATE_FILE, Anchor, Verification, read_audit, verify
+from gateway.store import FIRST_HASH, STATE_FILE, Head, Verification, read_audit, verify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     if args.action == "verify":
         return _verify(path, args.contains)
 
-    def show(_: Anchor, lines: Iterator[tuple[str, str]]) -> int:
+    def show(_: Head | None, lines: Iterator[tuple[str, str]]) -> int:
         for _place, line in lines:
             print(line if args.json else _readable(line))
         return 0
@@ -61,27 +61,27 @@ def _file(path: Path) -> Path:
 def _verify(path: Path, wanted: str | None) -> int:
     is_found = wanted is None
 
-    def check(anchor: Anchor, lines: Iterator[tuple[str, str]]) -> tuple[Anchor, Verification]:
+    def check(anchor: Head | None, lines: Iterator[tuple[str, str]]) -> tuple[Head | None, Verification]:
         def passing() -> Iterator[tuple[str, str]]:
             nonlocal is_found
             for place, line in lines:
                 is_found = is_found or f'"hash":"{wanted}"' in line
                 yield place, line
 
-        return anchor, verify(passing(), after=anchor.head)
+        return anchor, verify(passing(), after=anchor)
 
     anchor, verdict = read_audit(path, check)
     problems = list(verdict.problems)
-    if anchor.head is None:
+    if anchor is None:
         problems.append("where the chain stood before its first line cannot be read")
     for problem in problems:
         print(problem)
     described = "broken" if problems else "whole"
-    since = f"line {anchor.head.number + 1}" if anchor.head else "?"
+    since = f"line {anchor.number + 1}" if anchor else "?"
     print(f"{path}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
-    is_found = is_found or wanted == (anchor.head and anchor.head.hash)
+    is_found = is_found or wanted == (anchor and anchor.hash)
     if not is_found:
         print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
     return 1 if problems or not is_found else 0

@@ -5,8 +5,8 @@ imported from here.
 """
 
 from gateway.store import backup
-from gateway.store.audit import Anchor, append_note, read_audit
-from gateway.store.chain import FIRST_HASH, Verification, verify
+from gateway.store.audit import append_note, read_audit
+from gateway.store.chain import FIRST_HASH, Head, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, Journal, NoJournal, Remembered
 from gateway.store.database import Connection, Work, mark_restored
 from gateway.store.documents import Document, Documents, read_document, write_document
@@ -23,4 +23,4 @@ from gateway.store.outbox import (
 )
 from gateway.store.schema import HISTORY_FILE, STATE_FILE
 from gateway.store.state import StateStore
-from gateway.store.worker import RETRY_S, News, Store
+from gateway.store.worker import BEHIND_S, RETRY_S, News, Store

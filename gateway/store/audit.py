@@ -2,7 +2,8 @@
 
 The chain goes on where the table's last line stands, whatever happened to the file. What stands before the
 first line is known from the anchor, which is written when lines are given up; so it shows when others were
-removed. Entries wait in memory, a bounded number of them, while the disk is away.
+removed. A row says how long all lines up to it are together: to add one touches this table alone. Entries
+wait in memory, a bounded number of them, until they are written, which they do not hurry.
 """
 
 from __future__ import annotations
@@ -10,18 +11,19 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from functools import partial
+from itertools import accumulate, islice
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from gateway.contract import AuditRecord, rfc3339
 from gateway.errors import UnstorableError
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import Store
+from gateway.store.worker import BEHIND_S, Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -31,23 +33,16 @@ GIVEN_UP = 16  # of so many lines one goes when there is no room left
 MOST_WAITING = 5_000  # entries; what is more is lost, and counted
 MOST_AT_ONCE = 200
 
-_LAST = "SELECT line FROM audit ORDER BY number DESC LIMIT 1"
-_PUT = "INSERT INTO audit (line) VALUES (?)"
+_LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
+_PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
 _LINES = """
     SELECT number, line FROM (SELECT number, line FROM audit ORDER BY number DESC LIMIT ?) ORDER BY number
 """
-_OLDEST = "SELECT line FROM audit WHERE number = ?"
+_BEFORE = "SELECT upto - length(line) FROM audit ORDER BY number LIMIT 1"
+_UPTO = "SELECT number, line FROM audit WHERE upto >= ? ORDER BY number LIMIT 1"
 _GIVE_UP = "DELETE FROM audit WHERE number <= ?"
-_SHARE = "SELECT coalesce(sum(length(line)), 0), min(number), max(number) FROM audit"
 _ANCHOR = "SELECT body FROM documents WHERE name = 'audit'"
 _PUT_ANCHOR = "REPLACE INTO documents VALUES ('audit', ?)"
-
-
-class Anchor(NamedTuple):
-    """Where the chain stood before its first line, and how long all lines are."""
-
-    head: Head | None = Head()  # None: that is not known
-    octets: int = 0
 
 
 class Audit:
@@ -56,8 +51,8 @@ class Audit:
     def __init__(self, store: Store, *, boot: str) -> None:
         self._store = store
         self._boot = boot
-        self._waiting: deque[Mapping[str, Any]] = deque()
-        self._latest: Future[None] | None = None
+        self._waiting: deque[Mapping[str, Any]] = deque()  # also while they are being written
+        self._is_writing = False
         self._lost = 0
 
     def put(self, record: AuditRecord) -> None:
@@ -71,75 +66,78 @@ class Audit:
         self._take(_note(code, text, self._boot))
 
     def resume(self) -> None:
-        """Write what waits, if nothing is being written: a part at a time, each success starts the next."""
-        if self._latest is not None or not self._waiting:
+        """Have what waits written, a part at a time: each success starts the next."""
+        if self._is_writing or not (self._waiting or self._lost):
             return
         if self._lost:
             lost, self._lost = self._lost, 0
             self._waiting.append(_note("entries_lost", f"{lost} entries could not be stored", self._boot))
-        entries = [self._waiting.popleft() for _ in range(min(len(self._waiting), MOST_AT_ONCE))]
-        self._latest = self._store.submit(partial(append, entries=entries))
-        self._latest.add_done_callback(on_this_loop(partial(self._written, entries)))
+        self._is_writing = True
+        future = self._store.submit(self._write, within_s=BEHIND_S)
+        future.add_done_callback(on_this_loop(self._written))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
         if len(self._waiting) >= MOST_WAITING:
             self._lost += 1  # reported once there is room
         else:
             self._waiting.append(entry)
-        if not self._store.trouble:
-            self.resume()
+        self.resume()
 
-    def _written(self, entries: Sequence[Mapping[str, Any]], future: Future[None]) -> None:
-        self._latest = None
+    def _write(self, connection: Connection) -> int:
+        """Write what waits by now, in the store's thread, and return how many entries that is."""
+        entries = list(islice(self._waiting, MOST_AT_ONCE))
+        append(connection, entries=entries)
+        return len(entries)
+
+    def _written(self, future: Future[int]) -> None:
+        self._is_writing = False
         error = future.exception()
         if error is None:
+            for _ in range(future.result()):
+                self._waiting.popleft()
             self.resume()
-        elif isinstance(error, UnstorableError):
-            self._lost += len(entries)  # they would fail each time
-        else:
-            self._waiting.extendleft(reversed(entries))
+        elif isinstance(error, UnstorableError):  # they would fail each time
+            self._lost += len(self._waiting)
+            self._waiting.clear()
 
 
-def append(connection: Connection, *, entries: Sequence[Mapping[str, Any]]) -> None:
+def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:
     """Add entries to the chain; give up the oldest when it has become too long."""
-    anchor = _anchor(connection)
-    head, octets = _head(connection, anchor), anchor.octets
+    head, upto = _end(connection)
     for entry in entries:
         line, head = link(head, entry)
-        connection.execute(_PUT, (line,))
-        octets += len(line)
-    _put_anchor(connection, anchor._replace(octets=octets))
-    while octets > MOST_BYTES:
-        octets = _give_up_oldest(connection)
+        upto += len(line)
+        connection.execute(_PUT, (line, upto))
+    (before,) = connection.execute(_BEFORE).fetchone() or (upto,)
+    if upto - before > MOST_BYTES:
+        _give_up(connection, upto - MOST_BYTES + MOST_BYTES // GIVEN_UP)
 
 
 def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
     """Begin an empty table with the lines of another audit, which stood at `before`, and a note of that."""
-    connection.executemany(_PUT, ((line,) for line in lines))
-    _put_anchor(connection, Anchor(before, sum(map(len, lines))))
+    _put_anchor(connection, before)
+    connection.executemany(_PUT, zip(lines, accumulate(map(len, lines)), strict=True))
     append(connection, entries=[_note("state_imported", text, "")])
 
 
-def _give_up_oldest(connection: Connection) -> int:
-    """Delete some lines, note what stands before those that are left, and return how long these are."""
-    _, first, last = connection.execute(_SHARE).fetchone()
-    gone = first + (last - first) // GIVEN_UP
+def _give_up(connection: Connection, upto: int) -> None:
+    """Delete the lines up to so many characters, and note where the chain stands after them."""
+    number, line = connection.execute(_UPTO, (upto,)).fetchone()
     try:
-        head: Head | None = read_line(str(connection.execute(_OLDEST, (gone,)).fetchone()[0]))[1]
-    except (ValueError, TypeError):
+        head: Head | None = read_line(str(line))[1]
+    except ValueError:
         head = None
-    connection.execute(_GIVE_UP, (gone,))
-    octets: int = connection.execute(_SHARE).fetchone()[0]
-    _put_anchor(connection, Anchor(head, octets))
-    return octets
+    connection.execute(_GIVE_UP, (number,))
+    _put_anchor(connection, head)
 
 
 def read_audit(
-    path: Path, work: Callable[[Anchor, Iterator[tuple[str, str]]], T], *, last: int | None = None
+    path: Path, work: Callable[[Head | None, Iterator[tuple[str, str]]], T], *, last: int | None = None
 ) -> T:
     """Do some work with the lines, each with its place, of a gateway's audit, also of one that runs.
 
-    With `last` only so many, the newest. StoreError.
+    It gets where the chain stood before them, None when that is not known. With `last` only so many, the
+    newest. StoreError.
     """
 
     def read(connection: Connection) -> T:
@@ -158,29 +156,32 @@ def _note(code: str, text: str, boot: str) -> dict[str, Any]:
     return {"kind": "note", "boot": boot, "time": rfc3339(time.time()), "code": code, "text": text}
 
 
-def _anchor(connection: Connection) -> Anchor:
-    """Return the anchor; a damaged one anchors nothing."""
+def _anchor(connection: Connection) -> Head | None:
+    """Return where the chain stood before the first line; None: that is damaged."""
     row = connection.execute(_ANCHOR).fetchone()
     if row is None:
-        return Anchor()
+        return Head()
     try:
         fields = json.loads(row[0])
-        return Anchor(Head(int(fields["n"]), str(fields["hash"])), int(fields["octets"]))
+        return Head(int(fields["n"]), str(fields["hash"]))
     except (ValueError, KeyError, TypeError):
-        return Anchor(head=None)
+        return None
 
 
-def _head(connection: Connection, anchor: Anchor) -> Head:
-    """Return where the chain stands; it begins anew where its last line is none, as verification shows."""
+def _end(connection: Connection) -> tuple[Head, int]:
+    """Return where the chain stands, and how long all lines up to there are.
+
+    The chain begins anew where its last line is none, as verification shows.
+    """
     row = connection.execute(_LAST).fetchone()
     if row is None:
-        return anchor.head or Head()
+        return _anchor(connection) or Head(), 0
     try:
-        return read_line(str(row[0]))[1]
+        return read_line(str(row[0]))[1], row[1]
     except ValueError:
-        return Head()
+        return Head(), row[1]
 
 
-def _put_anchor(connection: Connection, anchor: Anchor) -> None:
-    fields = {"n": anchor.head and anchor.head.number, "hash": anchor.head and anchor.head.hash}
-    connection.execute(_PUT_ANCHOR, (json.dumps({**fields, "octets": anchor.octets}),))
+def _put_anchor(connection: Connection, head: Head | None) -> None:
+    fields = {"n": head and head.number, "hash": head and head.hash}
+    connection.execute(_PUT_ANCHOR, (json.dumps(fields),))

@@ -3,7 +3,8 @@
 1. `intend` returns when it is on the disk that a command is about to be written; nothing else waits.
    No phase before the final one is published of what is not on the disk; a final one is after 2 s.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
-3. What the disk has missed waits in memory, a bounded number of commands, and is written once it can be.
+3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
+   commands, and is written behind. The phase `written` is not: its row has said before that it may be.
 4. Until the table has been read it counts as away; also for a while after it was lost, because commands of
    before cannot be distinguished from new ones.
 
@@ -19,20 +20,22 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError, UnstorableError
 from gateway.store.database import Connection, Work
-from gateway.store.worker import Store
+from gateway.store.worker import BEHIND_S, Store
 from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 MOST_UNSAVED = 10_000
-AT_ONCE = 100  # commands that are written again, or deleted, at a time
+AT_ONCE = 100  # commands that are written behind in one transaction
 MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
 # Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
@@ -112,8 +115,8 @@ class CommandTable(Journal):
         self._is_recalled = False
         self._held_until_s = 0.0  # steady clock
         self._run = secrets.token_hex(4)  # names this run's stops without an id
-        self._unsaved: OrderedDict[Key, Work] = OrderedDict()  # what the disk has missed
-        self._forgotten: dict[Key, None] = {}  # to be deleted from the table
+        self._unsaved: OrderedDict[Key, Work] = OrderedDict()  # what is written behind
+        self._is_saving = False
 
     @property
     def trouble(self) -> str:
@@ -130,18 +133,22 @@ class CommandTable(Journal):
         return ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once that is stored, of a final one anyway."""
-        waiting = _Waiting(then, is_limited=result.phase.is_final)
-        key = self._key(result)
-        if key is None or (not result.id and result.phase.is_final):
-            if key is not None:  # a stop without an id has ended: it cannot be repeated
-                self.forget([key])
-                self._forget_now()
-            waiting.end()
-            return
-        row = _row(key, result, may_be_written=result.phase is Phase.WRITTEN or result.verb == STOP)
-        also = self.row_of(result) if result.phase.is_final else None
-        self._put(key, partial(_put, row=row, also=also), waiting)
+        """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
+        key, is_final = self._key(result), result.phase.is_final
+        if key is None or result.phase is Phase.WRITTEN:
+            if then is not None:
+                then()
+        elif not result.id and is_final:  # a stop has ended, and cannot be repeated
+            self.forget([key])
+            if then is not None:
+                then()
+        else:
+            row = _row(key, result, may_be_written=result.verb == STOP)
+            work = partial(_put, row=row, also=self.row_of(result) if is_final else None)
+            if then is not None:
+                self._put(key, work, _Waiting(then, is_limited=is_final))
+            else:
+                self._put_behind(key, work)
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -160,12 +167,10 @@ class CommandTable(Journal):
             raise CommandError(ResultCode.LEDGER_UNAVAILABLE, "failed", error=error) from error
 
     def forget(self, keys: Sequence[Key]) -> None:
-        """Delete these commands, many at a time; those that a crash leaves are deleted by the next run."""
+        """Delete these commands; those that a crash leaves are deleted by the next run."""
         for key in keys:
             self._unsaved.pop(key, None)
-            self._forgotten[key] = None
-        if len(self._forgotten) >= AT_ONCE:
-            self._forget_now()
+            self._put_behind(key, _Forgetting(*key))
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
@@ -179,8 +184,6 @@ class CommandTable(Journal):
             done = self._store.submit(self._read, is_urgent=True)
             done.add_done_callback(on_this_loop(self._recall))
         self._save_unsaved()
-        if self._forgotten:
-            self._forget_now()
 
     def _key(self, result: ResultRecord) -> Key | None:
         """Return where a result is stored; None for nowhere."""
@@ -189,9 +192,7 @@ class CommandTable(Journal):
         return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
 
     def _put(self, key: Key, work: Work, waiting: _Waiting) -> None:
-        self._unsaved.pop(key, None)
-        if key in self._forgotten:
-            self._forget_now()  # before it is stored again
+        work = self._next(key, work)
 
         def noted(future: Future[None]) -> None:
             error = future.exception()
@@ -200,31 +201,50 @@ class CommandTable(Journal):
             if error is None:
                 self._save_unsaved()
             elif not isinstance(error, UnstorableError):  # else it would fail each time
-                self._unsaved[key] = work
-                if len(self._unsaved) > MOST_UNSAVED:
-                    self._unsaved.popitem(last=False)
+                self._unsaved.setdefault(key, work)
+                self._bound()
 
         self._store.submit(work, is_urgent=True).add_done_callback(on_this_loop(noted))
 
+    def _put_behind(self, key: Key, work: Work) -> None:
+        self._unsaved[key] = self._next(key, work)
+        self._bound()
+        self._save_unsaved()
+
+    def _next(self, key: Key, work: Work) -> Work:
+        """Return work that takes the place of what is unsaved of a command."""
+        before = self._unsaved.pop(key, None)
+        return partial(_replace, before, work) if isinstance(before, _Forgetting) else work
+
+    def _bound(self) -> None:
+        while len(self._unsaved) > MOST_UNSAVED:
+            self._unsaved.popitem(last=False)
+
     def _save_unsaved(self) -> None:
-        """Write what the disk has missed, a part at a time: each success starts the next part.
+        """Have the latest of what is unsaved written, a part at a time: each success starts the next part."""
+        if self._unsaved and not self._is_saving:
+            self._is_saving = True
+            self._store.submit(self._save, within_s=BEHIND_S).add_done_callback(on_this_loop(self._saved))
 
-        All at once would hold up the loop, and with it a stop.
-        """
-        for _ in range(min(len(self._unsaved), AT_ONCE)):
-            key, work = self._unsaved.popitem(last=False)
-            self._put(key, work, _Waiting(None, is_limited=True))
+    def _save(self, connection: Connection) -> list[tuple[Key, Work]]:
+        """Write a part of what is unsaved by now, in the store's thread, and return it."""
+        some = list(islice(self._unsaved.items(), AT_ONCE))
+        for _, work in some:
+            work(connection)
+        return some
 
-    def _forget_now(self) -> None:
-        keys, self._forgotten = tuple(self._forgotten), {}
-        work = partial(_forget, keys=keys)
-        future = self._store.submit(work, is_urgent=True, is_flushed=False, is_freeing=True)
-        future.add_done_callback(on_this_loop(partial(self._forget_again, keys)))
-
-    def _forget_again(self, keys: Sequence[Key], future: Future[None]) -> None:
-        """Delete later what could not be deleted: a stop that has ended would look as if it was cut short."""
-        if future.exception() is not None:
-            self._forgotten |= dict.fromkeys(keys)
+    def _saved(self, future: Future[list[tuple[Key, Work]]]) -> None:
+        self._is_saving = False
+        error = future.exception()
+        if error is None:
+            for key, work in future.result():
+                if self._unsaved.get(key) is work:  # else there is a newer one
+                    del self._unsaved[key]
+        elif not isinstance(error, UnstorableError):
+            return  # `resume` goes on
+        elif self._unsaved:  # one of them would fail each time: they are given up one by one
+            self._unsaved.popitem(last=False)
+        self._save_unsaved()
 
     def _read(self, connection: Connection) -> list[Remembered]:
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
@@ -269,13 +289,24 @@ def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None
         also(connection)
 
 
-def _forget(connection: Connection, *, keys: Sequence[Key]) -> None:
-    """Delete the rows of these clients and ids; of a stop without an id, also those of earlier runs."""
-    for client, id_ in keys:
-        if id_.startswith(UNNAMED):
-            connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
+@dataclass(frozen=True, slots=True)
+class _Forgetting:
+    """Deletes a command; of a stop without an id also those of earlier runs."""
+
+    client: str
+    id: str
+
+    def __call__(self, connection: Connection) -> None:
+        if self.id.startswith(UNNAMED):
+            connection.execute(_FORGET_UNNAMED, (self.client, self.id.partition("/")[2], UNNAMED))
         else:
-            connection.execute(_FORGET, (client, id_))
+            connection.execute(_FORGET, (self.client, self.id))
+
+
+def _replace(before: _Forgetting, work: Work, connection: Connection) -> None:
+    """Store a command under the id of one that is forgotten."""
+    before(connection)
+    work(connection)
 
 
 def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:

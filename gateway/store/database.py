@@ -26,7 +26,7 @@ Connection = sqlite3.Connection
 Work = Callable[[Connection], Any]
 T = TypeVar("T")
 
-PAGE_BYTES = 4096
+PAGE_BYTES = 1024  # a transaction of a row or two writes some four pages, and again to write them back
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOGGED_PAGES = 100  # then it is: the file grows by these, and on a full disk the reserve must be enough for it
@@ -34,7 +34,7 @@ LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
 LAST_VERSION = 999  # a file that says a higher one is damaged
-SHRUNK_PAGES = 100  # given back to a full disk at a time: they pass through the write-ahead log
+SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the write-ahead log
 
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)

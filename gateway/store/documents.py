@@ -20,7 +20,7 @@ from gateway.errors import DamagedError, StoreError
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
-from gateway.store.worker import Store
+from gateway.store.worker import BEHIND_S, Store
 from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
@@ -70,11 +70,14 @@ class Documents:
         So long as `delay_s` a change may wait for others.
         """
 
-        def save(body: str) -> Future[None] | None:
+        def save(body: str, within_s: float) -> Future[None] | None:
             if self._store is None or (is_for_operators and not self.is_operated):
                 return None
             self._bodies[name] = body
-            return self._store.submit(partial(put_body, name=name, body=body), is_urgent=True)
+            return self._store.submit(write, is_urgent=not within_s, within_s=within_s)
+
+        def write(connection: Connection) -> None:
+            put_body(connection, name=name, body=self._bodies[name])  # the newest, whatever the order
 
         document = Document(kind, provide, save, delay_s=delay_s)
         self._documents[name] = document
@@ -105,7 +108,7 @@ class Document(Generic[T]):
         self,
         kind: TypeAdapter[T],
         provide: Callable[[], T],
-        save: Callable[[str], Future[None] | None],
+        save: Callable[[str, float], Future[None] | None],
         *,
         delay_s: float,
     ) -> None:
@@ -123,22 +126,22 @@ class Document(Generic[T]):
         """Have the document saved soon, because it has changed."""
         self.is_dirty = True
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(self._delay_s, self._write)
+            self._timer = asyncio.get_running_loop().call_later(self._delay_s, partial(self._write, BEHIND_S))
 
     async def saved(self, *, within_s: float = SAVED_WITHIN_S) -> bool:
         """Return whether everything up to now is on the disk, after waiting for that at most so long."""
         if self.is_dirty:
-            self._write()
+            self._write(0.0)
         if self._latest is not None:
             await asyncio.wait((asyncio.wrap_future(self._latest),), timeout=within_s)
         return self._latest is None or (self._latest.done() and self._latest.exception() is None)
 
-    def _write(self) -> None:
+    def _write(self, within_s: float) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None
         self.is_dirty = False
-        self._latest = self._save(self._kind.dump_json(self._provide()).decode())
+        self._latest = self._save(self._kind.dump_json(self._provide()).decode(), within_s)
         if self._latest is not None:
             self._latest.add_done_callback(on_this_loop(self._written))
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from gateway.errors import StoreError, UnstorableError
 from gateway.store.database import Connection, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.worker import RETRY_S, News, OnNews, Store
+from gateway.store.worker import BEHIND_S, RETRY_S, News, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
@@ -104,7 +104,7 @@ class HistoryStore:
             self._timer = None
         if self._waiting and not self._is_away:
             rows, self._waiting = tuple(self._waiting.values()), {}
-            future = self._store.submit(partial(_write, rows=rows))
+            future = self._store.submit(partial(_write, rows=rows), within_s=BEHIND_S)
             future.add_done_callback(on_this_loop(partial(self._when_done, rows)))
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:

@@ -5,6 +5,9 @@ before anything is written; the table adds the highest id of earlier runs, whose
 this run. A row has a checksum: one that is damaged is lost and declared, never published. Losses that are
 not declared yet stand in a table of their own, changed in the transaction that makes the loss.
 What is lost when there is too much is decided in memory.
+
+Rank and id are one number, the key: then a row is written into one page of one B-tree, and what is added at
+the end of a rank fills its pages.
 """
 
 from __future__ import annotations
@@ -17,14 +20,15 @@ from typing import NamedTuple
 from gateway.store.database import Connection
 
 ROW_BYTES = 220  # what a row costs besides its topic and payload, in memory and on the disk
+ID_BITS = 56
 
 TABLES = (
-    """
+    f"""
     CREATE TABLE outbox (
-        rank INTEGER NOT NULL, id INTEGER NOT NULL, topic TEXT NOT NULL, payload BLOB NOT NULL,
-        time_s REAL NOT NULL, boot TEXT NOT NULL, key TEXT NOT NULL, correlation BLOB,
-        checksum INTEGER NOT NULL, PRIMARY KEY (rank, id)
-    ) WITHOUT ROWID
+        place INTEGER PRIMARY KEY, topic TEXT NOT NULL, payload BLOB NOT NULL, time_s REAL NOT NULL,
+        boot TEXT NOT NULL, key TEXT NOT NULL, correlation BLOB, checksum INTEGER NOT NULL,
+        rank INTEGER AS (place >> {ID_BITS}), id INTEGER AS (place & {2**ID_BITS - 1})
+    )
     """,
     """
     CREATE TABLE outbox_losses (
@@ -33,9 +37,11 @@ TABLES = (
     )
     """,
 )
-_INSERT = "INSERT INTO outbox VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
-_DELETE = "DELETE FROM outbox WHERE rank = ? AND id = ?"
-_PAGE = "SELECT * FROM outbox WHERE rank = ? AND id > ? ORDER BY id LIMIT ?"
+_COLUMNS = "topic, payload, time_s, boot, key, correlation, checksum"
+_INSERT = f"INSERT INTO outbox (place, {_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+_DELETE = "DELETE FROM outbox WHERE place = ?"
+_PAGE = f"SELECT id, {_COLUMNS} FROM outbox WHERE place > ? AND place < ? ORDER BY place LIMIT ?"
+_LAST = "SELECT coalesce(max(place), 0) FROM outbox WHERE place < ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
 _TOTALS = (
     f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
@@ -108,24 +114,25 @@ class OutboxTable:
         """Write rows, whose times are UTC; those that are there already stay as they are."""
         base = self._base(connection)
         stored = (row._replace(id=row.id + base) for row in rows)
-        values = ((row.rank, row.id, *row[2:], _checksum(row)) for row in stored)
+        values = ((_place(row.rank, row.id), *row[2:], _checksum(row)) for row in stored)
         connection.executemany(_INSERT, values)
 
     def delete(self, connection: Connection, ids: Iterable[tuple[Rank, int]]) -> None:
         """Delete rows; those that are not there do not matter."""
         base = self._base(connection)
-        connection.executemany(_DELETE, ((rank, id_ + base) for rank, id_ in ids))
+        connection.executemany(_DELETE, ((_place(rank, id_ + base),) for rank, id_ in ids))
 
     def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> OutboxPage:
         """Return the rows of a rank after an id, the oldest first."""
         base = self._base(connection)
-        found = connection.execute(_PAGE, (rank, after + base, limit)).fetchall()
+        end = _place(rank, max(after + base, 0)), _place(rank + 1, 0)
+        found = connection.execute(_PAGE, (*end, limit)).fetchall()
         rows: list[OutboxRow] = []
         damaged: list[OutboxRow] = []
-        for _, id_, *columns, checksum in found:
+        for id_, *columns, checksum in found:
             row = OutboxRow(id_, rank, *columns)
             (rows if _checksum(row) == checksum else damaged).append(row._replace(id=id_ - base))
-        upto = found[-1][1] - base if found else after
+        upto = found[-1][0] - base if found else after
         return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
@@ -140,7 +147,7 @@ class OutboxTable:
 
     def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
         """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
-        wanted = f"SELECT * FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
+        wanted = f"SELECT rank, id, {_COLUMNS} FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
         found = connection.execute(wanted, tuple(keys))
         rows = ((OutboxRow(id_, Rank(rank), *columns), checksum) for rank, id_, *columns, checksum in found)
         return {row.key: row.payload for row, checksum in rows if _checksum(row) == checksum}
@@ -157,8 +164,13 @@ class OutboxTable:
 
     def _base(self, connection: Connection) -> int:
         if self._earlier is None:
-            (self._earlier,) = connection.execute("SELECT coalesce(max(id), 0) FROM outbox").fetchone()
+            last = (connection.execute(_LAST, (_place(rank + 1, 0),)).fetchone()[0] for rank in Rank)
+            self._earlier = max(place % 2**ID_BITS for place in last)
         return self._earlier
+
+
+def _place(rank: int, id_: int) -> int:
+    return (rank << ID_BITS) + id_
 
 
 def merged(losses: Iterable[Loss]) -> list[Loss]:

@@ -24,7 +24,7 @@ _HISTORY = """
         time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
     )
 """
-_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL)"
+_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL, upto INTEGER NOT NULL)"
 
 
 def _first(connection: Connection) -> None:

@@ -1,11 +1,14 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 The caller never waits for the disk. A piece's future completes when its transaction is on the disk. Urgent
-pieces have transactions of their own; a batch of the others ends after 500 pieces, after 50 ms, or when an
-urgent one comes. WAL with synchronous FULL survives a power cut, if the disk flushes when asked to
-(sqlite.org/pragma.html, synchronous). A bad file never stops the gateway: a damaged or foreign one is set
-aside, a failed write is reported to its caller, and the file is tried again. On a full disk only what deletes
-is done, by means of a reserve.
+pieces are done first. A small piece that may wait rides with the next transaction, whatever that is for: a
+transaction of its own would cost 8 KiB or more. All others follow in batches; a batch ends after 500 pieces,
+after 50 ms, or when an urgent one comes.
+
+WAL with synchronous FULL survives a power cut, if the disk flushes when asked to (sqlite.org/pragma.html,
+synchronous). A bad file never stops the gateway: a damaged or foreign one is set aside, a failed write is
+reported to its caller, and the file is tried again. On a full disk only what deletes is done, by means of a
+reserve.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,6 +38,8 @@ RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 MOST_WAITING = 10_000  # pieces
 MOST_AT_ONCE = 500  # pieces in one transaction
+MOST_RIDING = 20  # pieces that an urgent one takes along
+BEHIND_S = 0.5  # how long what is written behind waits for another transaction
 BATCH_S = 0.05  # of one transaction, while there is more to do
 IDLE_S = 1.0  # without work, after which the log is written back
 TIDY_AFTER = 100  # transactions
@@ -69,8 +75,9 @@ class Store:
         self._file = Database(path, schema, max_bytes=max_bytes)
         self._on_news: OnNews = lambda *_: None
         self._urgent: deque[_Piece] = deque()
+        self._riding: deque[_Piece] = deque()
         self._others: deque[_Piece] = deque()
-        self._wake: queue.SimpleQueue[str | None] = queue.SimpleQueue()  # None: the end
+        self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._trouble = "it is not open yet"
         self._reported: News | None = None
@@ -106,20 +113,22 @@ class Store:
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
+        within_s: float = 0.0,
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        What is urgent is done before everything that is not; otherwise the order stays. What need not be
-        flushed at once outlives the process, but perhaps not a power cut. What is freeing only deletes, and
-        is done on a full disk too: it should touch less than a quarter of the reserve.
+        What is urgent is done first, then what may wait (`within_s`) for another transaction, then all else;
+        among its like everything keeps its order. What need not be flushed at once outlives the process, but
+        perhaps not a power cut. What is freeing only deletes, and is done on a full disk too: it should touch
+        less than a quarter of the reserve.
         """
         piece = _Piece(work, is_flushed, is_freeing)
-        if self._is_closed or len(self._urgent) + len(self._others) >= MOST_WAITING:
+        if self._is_closed or len(self._urgent) + len(self._riding) + len(self._others) >= MOST_WAITING:
             why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
             piece.future.set_exception(StoreError(why))
         else:
-            (self._urgent if is_urgent else self._others).append(piece)
-            self._wake.put("work")
+            (self._urgent if is_urgent else self._riding if within_s else self._others).append(piece)
+            self._wake.put(time.monotonic() + within_s)
         return piece.future
 
     def close(self, *, within_s: float) -> bool:
@@ -142,23 +151,28 @@ class Store:
         self._file.close()
 
     def _wait(self) -> bool:
-        """Return when there may be work, and whether it is the last; be tidy when there is none."""
-        if self._trouble:
-            pause_s: float | None = self._pause_s
-        else:
-            pause_s = IDLE_S if self._untidy >= TIDY_AFTER else None
-        try:
-            return self._wake.get(timeout=pause_s) is None
-        except queue.Empty:
-            self._do([])
-            self._tidy()
-            return False
+        """Return when something may wait no longer, and whether it is the last; be tidy meanwhile."""
+        due_s = inf
+        while (now_s := time.monotonic()) < due_s:
+            rest_s = self._pause_s if self._trouble else IDLE_S if self._untidy >= TIDY_AFTER else inf
+            pause_s = min(due_s - now_s, rest_s)
+            try:
+                by_s = self._wake.get(timeout=None if pause_s == inf else pause_s)
+            except queue.Empty:
+                if pause_s == rest_s:
+                    self._do([])
+                    self._tidy()
+                continue
+            if by_s is None:
+                return True
+            due_s = min(due_s, by_s)
+        return False
 
     def _next_batch(self) -> list[_Piece]:
-        waiting = self._urgent or self._others
-        count = min(len(waiting), MOST_AT_ONCE)
-        pieces = (waiting.popleft() for _ in range(count))
-        return [piece for piece in pieces if piece.begin()]
+        urgent = _taken(self._urgent, MOST_AT_ONCE)
+        riding = _taken(self._riding, MOST_RIDING if urgent else MOST_AT_ONCE)
+        others = [] if urgent else _taken(self._others, MOST_AT_ONCE - len(riding))
+        return [piece for piece in (*urgent, *riding, *others) if piece.begin()]
 
     def _do(self, batch: Sequence[_Piece]) -> None:
         self._busy_since_s = time.monotonic()
@@ -275,6 +289,10 @@ class _Piece:
         """Return whether it is to be done: its caller has not given it up meanwhile."""
         self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
         return self.is_begun
+
+
+def _taken(pieces: deque[_Piece], most: int) -> list[_Piece]:
+    return [pieces.popleft() for _ in range(min(len(pieces), most))]
 
 
 def _fail(pieces: Sequence[_Piece], error: StoreError) -> None:

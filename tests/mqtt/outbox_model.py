@@ -22,7 +22,7 @@ from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Batch, Bounds
 from gateway.mqtt.outbox.outbox import HELD_AFTER_S, Outbox, Outgoing
-from gateway.store import OutboxTable, Rank
+from gateway.store import OutboxRow, OutboxTable, Rank
 from gateway.store.outbox import TABLES
 
 STARTERS, POINTS = 3, 4
@@ -54,7 +54,7 @@ TROUBLES = (
     Trouble(disk_fails=True),
     Trouble(crashes=False, most_rows=300),
     Trouble(most_bytes=60_000),
-    Trouble(crashes=False, disk_fails=True, max_rows=150),
+    Trouble(crashes=False, disk_fails=True, max_rows=120),
     Trouble(disk_fails=True, max_rows=150, most_rows=200),
     Trouble(crashes=False, table_is_lost=True),
 )
@@ -142,6 +142,7 @@ class Model:
         self.wire: list[tuple[Outgoing, bool]] = []  # with whether the broker has it
         self.deletable: set[int] = set()  # acknowledged, and perhaps still in the table
         self.staged: dict[int, Message] = {}
+        self.storing: list[OutboxRow] = []  # of them, with their commands, in transactions of their own
         self.ask = self.answer = None
         self.doing: tuple[str, Any] = ("", None)
 
@@ -178,7 +179,12 @@ class Model:
         message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
-        if self.is_disk_well and self.dice.random() < 0.8:
+        self.storing.append(row)
+
+    def _store_staged(self) -> None:
+        """Let the disk have one of the results that are staged, or were: a stop's is published at once."""
+        row = self.storing.pop()
+        if self.is_disk_well and self.backlog.is_to_be_stored(row):
             self._transact(lambda connection: self.table.insert(connection, [row]))
 
     def _put_value(self) -> None:
@@ -290,18 +296,15 @@ class Model:
             self.doing = ("page", rank)
             self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
             return
-        if self.dice.random() < 0.5 and (delivered := self.backlog.take_delivered()):
-            self.doing = ("delete", delivered)
-            ids = [(rank, id_) for id_, rank in delivered.items()]
-            self.ask = partial(self._transact, partial(self.table.delete, ids=ids))
-            return
-        batch = self.backlog.batch()
+        chance = self.dice.random()
+        batch = self.backlog.batch(deletes_only=chance < 0.3)
         if batch is not None:
             self.doing = ("batch", batch)
             self.ask = partial(self._transact, partial(self._write, batch))
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
-        self.table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
+        gone = (*batch.delivered.items(), *batch.lost.items())
+        self.table.delete(connection, ((rank, id_) for id_, rank in gone))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
@@ -309,6 +312,8 @@ class Model:
     def _do(self) -> None:
         assert self.ask is not None
         if not self.is_disk_well:
+            if self.doing[0] == "batch" and self.dice.random() < 0.5:
+                self._transact(partial(self.table.insert, rows=self._last_values(self.doing[1])))
             self.answer = ("failed", None)
         else:
             if self.trouble.table_is_lost and self.dice.random() < 0.002:
@@ -319,6 +324,13 @@ class Model:
                 self.stored |= {_number_of(row.payload) for row in self.doing[1].rows}
         self.ask = None
 
+    def _last_values(self, batch: Batch) -> list[OutboxRow]:
+        """Return what may have been stored of a batch of which the rest was not: its values are in pieces."""
+        values = [row for row in batch.rows if row.rank is Rank.VALUE]
+        rows = values[self.dice.randrange(len(values) + 1) :]
+        self.stored |= {_number_of(row.payload) for row in rows}
+        return rows
+
     def _take_answer(self) -> None:
         assert self.answer is not None
         (how, answer), (what, about), self.answer = self.answer, self.doing, None
@@ -326,8 +338,6 @@ class Model:
         if how == "failed":
             if what == "batch":
                 self.backlog.unwritten(about)
-            elif what == "delete":
-                self.backlog.give_back_delivered(about)
         elif what == "recall":
             self.is_recalled = True
             totals, _keys, losses = answer
@@ -391,6 +401,8 @@ class Model:
                     action()
         for _ in range(self.dice.randrange(3)):
             self.disk_step()
+        if self.storing and self.dice.random() < 0.3:
+            self._store_staged()
         chance = self.dice.random()
         if chance < 0.01:
             self.now_s += 2.0

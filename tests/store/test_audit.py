@@ -34,14 +34,14 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
             append(connection, entries=entries(7))
             anchor, left = _anchor(connection), lines(connection)
 
-            assert verify(left, after=anchor.head).problems == ()
-            assert anchor.octets == sum(len(line) for _, line in left) <= 20_000
+            assert verify(left, after=anchor).problems == ()
+            assert sum(len(line) for _, line in left) <= 20_000
 
-        assert anchor.head is not None
-        assert anchor.head.number + len(left) == 350
+        assert anchor is not None
+        assert anchor.number + len(left) == 350
 
         connection.execute("DELETE FROM audit WHERE number = (SELECT min(number) FROM audit)")
-        assert verify(lines(connection), after=anchor.head).problems != ()
+        assert verify(lines(connection), after=anchor).problems != ()
 
 
 class SlowStore:
@@ -49,9 +49,9 @@ class SlowStore:
 
     def __init__(self) -> None:
         self.trouble = ""
-        self.works: list[tuple[Callable[[Connection], None], Future[None]]] = []
+        self.works: list[tuple[Callable[[Connection], int], Future[int]]] = []
 
-    def submit(self, work: Callable[[Connection], None]) -> Future[None]:
+    def submit(self, work: Callable[[Connection], int], *, within_s: float) -> Future[int]:
         self.works.append((work, Future()))
         return self.works[-1][1]
 
@@ -60,17 +60,16 @@ async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("gateway.store.audit.MOST_WAITING", 3)
     store = SlowStore()
     audit = Audit(store, boot="b")  # type: ignore[arg-type]
-    for number in range(7):  # one is being written, three wait
+    for number in range(7):
         audit.note("x", f"{number}")
 
     with closing(sqlite3.connect(":memory:")) as connection:
         STATE.steps[0](connection)
         while store.works:
             work, done = store.works.pop(0)
-            work(connection)
-            done.set_result(None)
+            done.set_result(work(connection))
             await asyncio.sleep(0)
         found = [line for _, line in lines(connection)]
 
-    assert [text in line for text, line in zip("0123", found, strict=False)] == [True] * 4
-    assert "3 entries could not be stored" in found[4]
+    assert [text in line for text, line in zip("012", found, strict=False)] == [True] * 3
+    assert "4 entries could not be stored" in found[3]

@@ -35,7 +35,7 @@ from gateway.errors import GatewayError, StoreError
 from gateway.families import LANGUAGES, load_profile
 from gateway.mqtt import Incoming, connected
 from gateway.starters.identity.registry import FINGERPRINTS, KNOWN
-from gateway.store import STATE_FILE, Anchor, read_audit, read_document, read_history
+from gateway.store import STATE_FILE, Head, read_audit, read_document, read_history
 
 ASKED_WITHIN_S = 2.0  # retained messages come at once
 CONNECTED_WITHIN_S = 5.0
@@ -117,7 +117,7 @@ def _audit(state_dir: Path, report: HealthReport) -> Sequence[Mapping[str, Any]]
     if not (state_dir / STATE_FILE).exists():
         return []
 
-    def entries(_: Anchor, lines: Iterator[tuple[str, str]]) -> list[Mapping[str, Any]]:
+    def entries(_: Head | None, lines: Iterator[tuple[str, str]]) -> list[Mapping[str, Any]]:
         found: list[Mapping[str, Any]] = []
         for _place, text in lines:
             with suppress(ValueError):

@@ -3,8 +3,8 @@
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
 memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
-written, and `written` or `unwritten` must follow. What was delivered is deleted apart from that, by
-`take_delivered`: on a full disk only deleting is possible, and makes room.
+written, and `written` or `unwritten` must follow. A row that the broker has acknowledged before that is never
+written; one that was is deleted together with what is written later.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 500  # in one transaction
+MOST_VALUES = 500  # at a time
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -33,20 +33,26 @@ class Bounds(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What is to be written in one transaction."""
+    """What is to be written at once; of its rows the values come last."""
 
-    rows: Sequence[OutboxRow]
-    lost: Mapping[int, Rank]  # rows that are to be deleted, by id
-    losses: Sequence[Loss] | None  # None: the table has them
+    rows: Sequence[OutboxRow] = ()
+    delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
+    lost: Mapping[int, Rank] = {}  # likewise
+    losses: Sequence[Loss] | None = None  # None: the table has them
+
+    @property
+    def deletes_only(self) -> bool:
+        """Return whether a full disk permits it."""
+        return not (self.rows or self.lost or self.losses is not None)
 
     @property
     def is_flushed(self) -> bool:
         """Return whether it must be on the disk itself, not only in the kernel's hands."""
-        return self.losses is not None or any(row.rank is not Rank.VALUE for row in self.rows)
+        return any(row.rank is not Rank.VALUE for row in self.rows)
 
 
 class Backlog:
-    """Three queues, one a rank. `on_work` is called when something must reach the disk now.
+    """Three queues, one a rank. `on_work` is called when the disk has something to do now.
 
     Times are the steady clock's, and `utc_of` makes wall times of them. While `is_table_away` what is in
     memory does not wait for what is only in the table.
@@ -60,6 +66,7 @@ class Backlog:
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
+        self._stored: set[int] = set()  # rows that the table has, perhaps
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
         self._writing: frozenset[int] = frozenset()
@@ -114,9 +121,13 @@ class Backlog:
         self._held.add(row.id)
         self._staged[row.key, row.payload] = row.id
 
-    def is_staged(self, row: OutboxRow) -> bool:
-        """Return whether a row is staged and not put yet; from any thread."""
-        return (row.key, row.payload) in self._staged
+    def is_to_be_stored(self, row: OutboxRow) -> bool:
+        """Return whether a staged row must be in the table: the broker does not have it; from any thread."""
+        self._stored.add(row.id)  # before it is looked for: it may be gone the moment after
+        if row.id in self._memory:
+            return True
+        self._stored.discard(row.id)
+        return False
 
     def holds(self, id_: int) -> bool:
         """Return whether a row is held."""
@@ -190,36 +201,26 @@ class Backlog:
 
     # What is to be written.
 
-    def take_delivered(self) -> dict[int, Rank]:
-        """Return some rows that are to be deleted; `give_back_delivered` when that is not possible."""
-        needed = frozenset(self._needed.values())
-        free = ((id_, rank) for id_, rank in self._delivered.items() if id_ not in needed)
-        some = dict(islice(free, MOST_DELETED))
-        for id_ in some:
-            del self._delivered[id_]
-        return some
-
-    def give_back_delivered(self, some: Mapping[int, Rank]) -> None:
-        """Have rows deleted later."""
-        self._delivered = {**some, **self._delivered}
-
-    def batch(self) -> Batch | None:
+    def batch(self, *, deletes_only: bool = False) -> Batch | None:
         """Return what is to be written next, None for nothing.
 
         All events and results are in it, so that what declares a loss is written with the loss.
+        `deletes_only`: the disk is full.
         """
+        delivered = self._deletable()
+        for id_ in delivered:
+            del self._delivered[id_]
+        if deletes_only or not (self._unwritten or self._lost or self.losses.is_unsaved):
+            return Batch(delivered=delivered) if delivered else None
         ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
         values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
         ids += islice(values, MOST_VALUES)
-        losses = self.losses.unsaved()
-        if not ids and not self._lost and losses is None:
-            return None
         for id_ in ids:
             del self._unwritten[id_]
         self._writing = frozenset(ids)
         lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, lost, losses)
+        return Batch(rows, delivered, lost, self.losses.unsaved())
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
@@ -229,10 +230,12 @@ class Backlog:
                 self._leave_to_table(self._memory[row.id])
 
     def unwritten(self, batch: Batch) -> None:
-        """Note that a batch could not be written."""
+        """Note that a batch could not be written, or not all of it."""
         self._writing = frozenset()
         again = {row.id: None for row in batch.rows if row.id in self._memory}
         self._unwritten = again | self._unwritten
+        self._stored |= again.keys()
+        self._delivered = {**batch.delivered, **self._delivered}
         self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
             self.losses.save_again()
@@ -302,8 +305,14 @@ class Backlog:
         self.queues[row.rank].add(row)
         self._leave_to_table(row)
         self._make_room()
-        if row.rank is not Rank.VALUE:
-            self.on_work()
+
+    def _deletable(self) -> dict[int, Rank]:
+        """Return some rows that were delivered and need not stay."""
+        if not self._delivered:
+            return {}
+        needed = frozenset(self._needed.values())
+        free = ((id_, rank) for id_, rank in self._delivered.items() if id_ not in needed)
+        return dict(islice(free, MOST_DELETED))
 
     def _make_room(self) -> None:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
@@ -349,10 +358,11 @@ class Backlog:
         self._have_deleted(row, gone)
 
     def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
-        """Have the table delete a row that it has, or may have: what has a key may have been staged."""
-        is_written = row.id not in self._unwritten
+        """Have the table delete a row that it has, or may have."""
+        is_written = row.id not in self._unwritten or row.id in self._stored
         self._unwritten.pop(row.id, None)
-        if is_written or row.key:
+        self._stored.discard(row.id)
+        if is_written:
             gone[row.id] = row.rank
 
     def _is_gone(self, id_: int) -> bool:

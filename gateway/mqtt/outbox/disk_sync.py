@@ -2,7 +2,9 @@
 
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
-1. Events and results are written at once, values and what the broker has acknowledged every LOOK_S.
+1. Every LOOK_S the rows that the broker has not acknowledged are written, the values in small pieces, so that
+   the intent of a start does not wait for all of them. What is acknowledged later is deleted with the next
+   rows, or with what somebody else writes.
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
 3. What memory or disk could not hold is declared once, in the event `gap`.
@@ -23,7 +25,7 @@ from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import BEHIND_S, Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
 from gateway.system.supervised import is_set_within
 
@@ -31,9 +33,11 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LOOK_S = 0.5  # what need not be written at once waits for so long
+LOOK_S = 0.5  # rows wait for so long, in which the broker may acknowledge them
 FLUSH_S = 5.0  # values may be in the kernel's hands for so long
+AT_ONCE = 100  # values in one piece of work
 RETRY_S = 1.0
+COMPANY_S = 0.1  # starts of several motors share a transaction
 HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
@@ -66,7 +70,9 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
+        self._looked_s = clock.now_s()
         self._flushed_s = float("-inf")
+        self._is_full = False
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
@@ -76,9 +82,10 @@ class DiskSync:
         self._backlog.expect_table()
 
     def note_news(self, news: News, _text: str) -> None:
-        """Write everything again when the store has begun with a new file, and at once when it is back."""
+        """Write everything again when the store has begun with a new file; read when it is open."""
         if news is News.LOST:
             self._backlog.lose_table()
+            self._looked_s = float("-inf")
         self._work.set()
 
     def stage(self, message: Message) -> Work:
@@ -86,7 +93,7 @@ class DiskSync:
         row = self._outbox.stage(message, self._clock.now_s())
 
         def store(connection: Connection) -> None:
-            if self._backlog.is_staged(row):
+            if self._backlog.is_to_be_stored(row):
                 self._table.insert(connection, [row])
 
         return store
@@ -94,7 +101,7 @@ class DiskSync:
     def keep(self, message: Message) -> Future[None]:
         """Store a message that has a key; it is sent once the outbox has it, and stays until `let_go`."""
         self._backlog.need(message.key)
-        return self._store.submit(self.stage(message))
+        return self._store.submit(self.stage(message), within_s=COMPANY_S)
 
     def let_go(self, key: str) -> None:
         """Let a message be deleted once the broker has it."""
@@ -109,7 +116,7 @@ class DiskSync:
         """Keep the disk up to date, until cancelled."""
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            await is_set_within(self._work, LOOK_S)
+            await is_set_within(self._work, max(self._looked_s + LOOK_S - self._clock.now_s(), 0.0))
             self._work.clear()
             async with self._stepping:
                 is_done = await self._step()
@@ -158,6 +165,9 @@ class DiskSync:
             self._wake()
             return False
         self._is_unreadable = False
+        if self._clock.now_s() - self._looked_s < LOOK_S:
+            return True
+        self._looked_s = self._clock.now_s()
         try:
             await self._write()
         except StoreError as error:
@@ -180,27 +190,37 @@ class DiskSync:
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self) -> None:
-        """Delete what was delivered, which makes room on a full disk, then write what waits for it."""
-        while delivered := self._backlog.take_delivered():
-            ids = [(rank, id_) for id_, rank in delivered.items()]
+        """Write what is to be written; where there was no room for it, delete what was delivered first."""
+        while batch := self._next_batch():
+            is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+            is_freeing = batch.deletes_only
+            within_s = BEHIND_S if is_freeing and self._backlog.is_empty else 0.0
+            works = self._works(batch)
             try:
-                await self._do(partial(self._table.delete, ids=ids), is_freeing=True)
-            except BaseException:
-                self._backlog.give_back_delivered(delivered)
-                raise
-        while (batch := self._backlog.batch()) is not None:
-            is_due = self._clock.now_s() - self._flushed_s > FLUSH_S
-            try:
-                await self._do(partial(self._written, batch), is_flushed=is_due or batch.is_flushed)
+                await self._do(*works, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
             except BaseException:
                 self._backlog.unwritten(batch)
+                self._is_full = True
                 raise
+            self._is_full = False
             self._backlog.written(batch)
-            if is_due or batch.is_flushed:
+            if is_flushed:
                 self._flushed_s = self._clock.now_s()
 
+    def _next_batch(self) -> Batch | None:
+        room = self._backlog.batch(deletes_only=True) if self._is_full else None
+        return room or self._backlog.batch()
+
+    def _works(self, batch: Batch) -> list[Work]:
+        """Return what writes a batch, in pieces; what belongs together is in the first one."""
+        first = sum(row.rank is not Rank.VALUE for row in batch.rows)
+        parts = (batch.rows[at : at + AT_ONCE] for at in range(first, len(batch.rows), AT_ONCE))
+        together = partial(self._written, batch._replace(rows=batch.rows[:first]))
+        return [together, *(partial(self._table.insert, rows=part) for part in parts)]
+
     def _written(self, batch: Batch, connection: Connection) -> None:
-        self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
+        gone = (*batch.delivered.items(), *batch.lost.items())
+        self._table.delete(connection, ((rank, id_) for id_, rank in gone))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
@@ -216,13 +236,23 @@ class DiskSync:
             self._wake()
 
     async def _do(
-        self, work: Callable[[Connection], T], *, is_freeing: bool = False, is_flushed: bool = False
+        self,
+        *works: Callable[[Connection], T],
+        is_freeing: bool = False,
+        is_flushed: bool = False,
+        within_s: float = 0.0,
     ) -> T:
-        """Have work done in the store's thread; what needs no room is done on a full disk too."""
+        """Have work done in the store's thread, in pieces, and return what the first one gives.
+
+        What needs no room is done on a full disk too.
+        """
         self._asked_s = self._clock.now_s()
+        submit = partial(self._store.submit, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
         try:
-            future = self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing)
-            return await asyncio.wrap_future(future)
+            futures = [asyncio.wrap_future(submit(work)) for work in works]
+            await asyncio.wait(futures)
+            first, *_ = [future.result() for future in futures]
+            return first
         finally:
             self._asked_s = None
 

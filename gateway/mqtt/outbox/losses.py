@@ -27,6 +27,11 @@ class Losses:
         self._declared_s = float("-inf")
 
     @property
+    def is_unsaved(self) -> bool:
+        """Return whether the table has others."""
+        return not self._is_saved
+
+    @property
     def pending(self) -> Sequence[Loss]:
         """Return the losses that are not declared yet."""
         return self._sums
