@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.line.cable import CableHealth, WiredStarter
-from gateway.line.cable.counts import bounds
+from gateway.line.cable import CableHealth, WiredStarter, bounds
 
 STEP_S = 30.0
 LIMIT_S = 0.2
@@ -157,17 +156,6 @@ def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
     assert len(line.gone) == len(line.appeared) == 1
     assert line.run(24) == []
     assert len(line.appeared) == 1
-
-
-def test_what_the_uart_counts_stands_in_the_sentence() -> None:
-    line = CableLine(1, seed=1, corrupted={1: 0.2})
-    line.run(1)
-    units = {1: dict(line.units[1])}
-    for step in range(1, 6):
-        errors = {"framing": 7 * step, "overrun": 0}
-        line.health.take({"units": units, "uart_errors": errors}, line.now_s + step * STEP_S)
-
-    assert "the UART counted 28 framing errors" in line.texts[0]
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 600), (10, 100), (3, 7), (5, 5)])

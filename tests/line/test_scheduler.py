@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.scheduler.line_time import FREE_PERIOD_S
+from gateway.line.scheduler.line_time import FREE_PERIOD_S, JOBS_BURST_S
 from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
-from tests.line.scheduled import ANSWERED, READ, begun, job, take
+from tests.line.scheduled import ANSWERED, READ, begun, gaps, job, take
 
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0, 5.0])
@@ -34,6 +34,22 @@ def test_a_full_line_keeps_its_order_though_no_two_transactions_take_equally_lon
     assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= 1.02 * round_s
     asked = [len(each) for each in line.gaps_s.values()]
     assert max(asked) - min(asked) <= 1
+
+
+def test_in_the_first_minute_of_247_starters_none_waits_longer_than_two_sweeps() -> None:
+    units, took_s = range(1, 248), 0.024
+    polls = [poll(f"{unit}/{at}", unit, 1.0 if at < 2 else 10.0) for unit in units for at in range(7)]
+    line = IdealLine(polls, lambda slot: took_s)
+    for lane in (Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL, Priority.PATROL):
+        for unit in units:
+            line.scheduler.jobs.submit(job(lane, unit, READ), 0.0)
+
+    line.run(60.0)
+
+    assert {slot.poll is None for _, slot in line.slots[-100:]} == {True, False}  # jobs took half of it all
+    for unit in units:
+        times_s = [at_s for at_s, slot in line.slots if slot.unit == unit]
+        assert max(gaps([*times_s, 60.0])) <= 2 * len(units) * took_s + JOBS_BURST_S
 
 
 @settings(deadline=None)

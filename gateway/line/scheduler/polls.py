@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from math import inf
+from operator import attrgetter
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.line_time import (
@@ -37,6 +38,7 @@ class PollTable:
         self._answering: EdfQueue[ScheduledPoll] = EdfQueue()
         self._suspect: EdfQueue[ScheduledPoll] = EdfQueue()
         self._silent: EdfQueue[Unit] = EdfQueue()
+        self._left_out: EdfQueue[Unit] = EdfQueue()  # those without a known watchdog, by the latest request
         self._polls: dict[str, ScheduledPoll] = {}
         self._units: dict[int, Unit] = {}
         self._load = self._others = 0.0  # shares of the line's time: of the queued polls, of all else
@@ -145,7 +147,7 @@ class PollTable:
 
     def first(self, now_s: float) -> ScheduledPoll | None:
         """Return the poll that is next; after a miss those of units that answer come first."""
-        answering = self._answering.first(now_s)
+        answering = self._of_left_out(now_s) or self._answering.first(now_s)
         if answering is not None and self._is_after_miss:
             return answering
         suspect = self._suspect.first(now_s)
@@ -155,6 +157,19 @@ class PollTable:
                 return unit.polls[0]
             self._silent.put(unit, room_at_s, room_at_s)
         return suspect or answering
+
+    def _of_left_out(self, now_s: float) -> ScheduledPoll | None:
+        """Return the next poll of the unit that was left for longest, when that is too long.
+
+        Polls go by due time, and those of a full line that begins are all due: without this a unit would have
+        all of its polls in a row, and none until all others had theirs.
+        """
+        while (unit := self._left_out.first(now_s)) is not None:
+            waiting = [each for each in unit.polls if each.queue is not None and each.release_s <= now_s]
+            if waiting:
+                return min(waiting, key=attrgetter("deadline_s"))
+            self._left_out.put(unit, now_s + FREE_PERIOD_S, unit.deadline_s)
+        return None
 
     def next_s(self) -> float:
         """Return when `first` or a watchdog has a poll; a little early at times, never late."""
@@ -219,6 +234,10 @@ class PollTable:
             self._offline.spend(took_s, now_s)
         if entry is not None and is_done and not unit.is_silent:
             self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
+        if is_answer and unit.polls and unit.queue is not self.watchdogs:
+            patience_s = len(self._units) * unit.polls[0].cost_s / 2
+            due_s = min(each.deadline_s for each in unit.polls)
+            self._left_out.put(unit, max(sent_s, due_s) + patience_s, sent_s)
         return unit.news()
 
     def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:

@@ -22,7 +22,7 @@ EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
 START_07 = "05 00 64 ff 00"
 RUNNING_07, READY_07 = "VB01 = 0x5123", "VB01 = 0x4102"
-OCTET_S = 0.0012  # at 9600 bit/s
+OCTET_S = 0.0006  # at 19200 bit/s
 LIVELY = ("line_voltage", "pause_left_s", "standstill_s")  # values that change while a motor stands
 
 
