@@ -22,12 +22,10 @@ from dataclasses import replace
 from math import inf
 from operator import attrgetter
 
-from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.polls import PollTable
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot, Verdict
-from gateway.modbus.codes import EXCEPTION_BIT
 
 IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
 BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
@@ -105,13 +103,12 @@ class Scheduler:
         now_s: float,
         *,
         is_open: bool = False,
-        is_unsure: bool = False,
         is_given_up: bool = False,
     ) -> Verdict:
-        """Learn what became of a slot that was picked, and plan on.
+        """Record the outcome of a slot that was picked, and plan on.
 
-        An answer or a refusal is open when the request has to be sent again before it counts, and unsure when
-        it may be a late one: that says nothing of the unit. What its jobs have given up is not sent again.
+        An answer is open when it was another request's, which went before or instead of the slot's own: that
+        one follows. A slot that its jobs have given up is not sent again.
         """
         self._gives_way = self._gives_way and slot.lane is Priority.STOP
         if slot.lane is Priority.FOLLOW_UP:
@@ -122,8 +119,6 @@ class Scheduler:
             self._watchdogs_in_row += 1
         elif slot.lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
-        if is_unsure:
-            self.polls.unit(slot.unit).note_late(now_s)
         entry = self.polls.entry_of(slot.poll)
         is_known = entry is not None or slot.poll is None
         is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
@@ -139,17 +134,14 @@ class Scheduler:
             sent_s=self._picked_s,
             now_s=now_s,
             is_repeated=is_repeated,
-            is_sure=not is_unsure and (is_open or not is_repeated),
+            is_sure=is_open or not is_repeated,
         )
         return Verdict(is_known and not is_repeated, is_online)
 
 
 def _is_retried(slot: Slot, outcome: Garbled) -> bool:
     """Return whether a read is sent once more, as its reply was corrupted; the line repeats no write."""
-    if not outcome.is_sent or slot.is_repetition or slot.request.is_write:
-        return False
-    frame = whole_frame(outcome.received) if slot.jobs and slot.jobs[0].is_literal else None
-    return frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
+    return outcome.is_sent and not slot.is_repetition and not slot.request.is_write
 
 
 class JobQueue:

@@ -6,6 +6,7 @@ import asyncio
 import time
 
 from gateway.line.rtu.late_replies import LATE_S
+
 from tests.lab.torture.scenario import Place, Scenario
 from tests.lab.torture.waiting import until
 from tests.lab.torture.world import World

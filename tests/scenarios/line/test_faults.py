@@ -124,10 +124,10 @@ LOST = [
         then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
     ),
     row(
-        "a start that a starter never gets is written once, and is not confirmed",
+        "a start that a starter never gets is written once, is not confirmed, and is taken back",
         given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start"), 3.085: fault("silent", "pump", for_s=2.0)},
-        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", *(), since=3.085 + 30)]},
+        at={3.0: command("pump/alice/start"), 3.055: fault("silent", "pump", for_s=2.0)},
+        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", STOP_07)]},
     ),
 ]
 
