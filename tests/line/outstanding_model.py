@@ -32,6 +32,7 @@ IN_TIME_S = (0.005, 0.03)
 STOPS = (WriteCoil(100, is_on=False), WriteCoil(100, is_on=False), WriteCoil(102, is_on=False))
 CODES = (1, 2, 3, 6)
 LATENESS_S = (0.3, 1.0, 3.0, 30.0)
+BUSY_WITH_LATE = 0.2  # late replies x their lateness, or a starter is asked more than it can answer
 
 
 class Shares(NamedTuple):
@@ -64,7 +65,8 @@ class Line:
         self.longest_s = 0.0  # between two answers to its first poll
         self.now_s = 0.0
         self._chance = random.Random(seed)
-        self._shares = shares or Shares()
+        wanted = shares or Shares()
+        self._shares = wanted._replace(late=min(wanted.late, BUSY_WITH_LATE / late_s))
         self._choice = FormChoice()
         profile = load_profile(family or FAMILIES[seed % len(FAMILIES)])
         self._forms = Forms(lambda request: alternates(profile, request), fences(profile))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from gateway.sim.bus.faults import CutShort, Doubled, Late, Noisy, NoReply
@@ -25,15 +27,18 @@ from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
 from tests.scenarios.line.wires import (
     EIGHT,
+    MIXED,
     READY_07,
     RUNNING_07,
     START_07,
     STOP_07,
     TWO,
+    Mixed,
     asked_within,
     chatter,
     healed,
     impaired,
+    never_starved,
     states_only,
     true_values,
     twin,
@@ -372,28 +377,23 @@ REFUSED = [
 
 TOGETHER = [
     row(
-        f"where everything goes wrong now and then no starter is left for longer than the back-off, {words}",
-        given=site + ALICE,
-        at={
-            second: impaired(by, *names, chance=0.03)
-            for second, by, names in (
-                (3.1, NoReply(), ()),
-                (30.0, Late(4.0), ("pump-1", "pump-4", "pump-7")),
-                (30.1, CutShort(), ("pump-2", "pump-5", "pump-8")),
-                (30.2, Noisy(0.02), ("pump-3", "pump-6")),
-            )
-        },
+        f"where {share:.0%} of the replies are late, lost, cut, spoilt and refused each nobody starves, {words}",
+        given=site,
+        at={3.1: impaired(Mixed(share))},
         then={
             120.0: [
-                asked_within(most_s, since=3.1, until=120.0),
+                never_starved(3.1, 120.0, limit_s),
                 true_values,
+                never("gateway/event", code="address_conflict"),
                 never("gateway/event", code="watchdog_unkept"),
             ]
         },
     )
-    for words, site, most_s in (
-        ("without watchdogs", EIGHT, 16.0),
+    for share in (0.02, 0.03)
+    for words, site, limit_s in (
+        ("without watchdogs", EIGHT, inf),
         ("with watchdogs of 3 s", EIGHT.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"), 3.0),
+        ("mixed families", MIXED, inf),
     )
 ]
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import inf
 from typing import Any
 
-from gateway.modbus.adu import encode
-from gateway.sim.bus.faults import Impairment
+from gateway.modbus.adu import decode, encode
+from gateway.modbus.pdu import encode_exception
+from gateway.sim.bus.faults import Impairment, Reply
 from gateway.sim.factory import make_unit
 from tests.rig import RigPlant
 from tests.rig.rows import Action, Expectation
@@ -16,6 +19,9 @@ from tests.rig.sites import SSW07, line, starter
 
 TWO = SSW07 + starter("fan", 2, "ssw07")
 EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
+MIXED = line() + "".join(
+    starter(f"pump-{n}", n, family) for n, family in enumerate(("ssw07", "ssw06", "ssw900", "sst") * 2, 1)
+)
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
 START_07 = "05 00 64 ff 00"
 RUNNING_07, READY_07 = "VB01 = 0x5123", "VB01 = 0x4102"
@@ -52,6 +58,30 @@ def impaired(by: Impairment, *names: str, chance: float = 1.0) -> Action:
             bus.impair(plant.starter(name).unit.address, by, chance=chance)
 
     return act
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """Each of these happens to so large a share of the replies: late, lost, cut, spoilt, refused."""
+
+    share: float
+    late_s: float = 0.3
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        unit, pdu = decode(reply.adu)
+        match int(dice.random() / self.share):
+            case 0:
+                return (replace(reply, after_s=reply.after_s + dice.uniform(0.0, self.late_s)),)
+            case 1:
+                return ()
+            case 2:
+                return (replace(reply, adu=reply.adu[:-2]),)
+            case 3:
+                return (replace(reply, adu=reply.adu[:-1] + bytes((reply.adu[-1] ^ 0x10,))),)
+            case 4:
+                return (replace(reply, adu=encode(unit, encode_exception(pdu[0], dice.choice((2, 6))))),)
+            case _:
+                return (reply,)
 
 
 def healed(plant: RigPlant) -> None:
@@ -96,6 +126,16 @@ def asked_within(most_s: float, *names: str, since: float, until: float) -> Expe
         for name in names or tuple(plant.lines["pumps"].starters)
         if (longest := max(gaps(plant, name, since, until))) > most_s
     )
+
+
+def never_starved(since: float, until: float, limit_s: float = inf) -> Expectation:
+    """No starter was left without a request for three sweeps + 1 s, or for its watchdog's time."""
+
+    def check(plant: RigPlant) -> str:
+        most_s = min(3 * plant.last("gateway/line/pumps")["sweep_s"] + 1.0, limit_s)
+        return asked_within(most_s, since=since, until=until)(plant)
+
+    return check
 
 
 def true_values(plant: RigPlant) -> str:
