@@ -62,7 +62,7 @@ class Line:
     ) -> None:
         self.late_s = late_s
         self.asked = self.answered = self.wrong = self.unsent = 0
-        self.longest_s = 0.0  # between two answers to its first poll
+        self.longest_s = 0.0  # between two answers
         self.now_s = 0.0
         self._chance = random.Random(seed)
         wanted = shares or Shares()
@@ -72,7 +72,7 @@ class Line:
         self._forms = Forms(lambda request: alternates(profile, request), fences(profile))
         self._polls = [block.request for block in plan_blocks(profile, Variant())]
         self._coming: deque[Coming] = deque()
-        self._status_s = 0.0
+        self._answered_s = 0.0
 
     def ask(self, count: int) -> None:
         """Ask until so many requests were sent."""
@@ -88,10 +88,7 @@ class Line:
                 polls += 1
                 is_job = self._chance.random() < 0.1
                 request = self._polls[0] if polls % 2 else self._chance.choice(self._polls)
-                is_answered = self._want(request, is_poll=not is_job)
-                if is_answered and request == self._polls[0]:
-                    self.longest_s = max(self.longest_s, self.now_s - self._status_s)
-                    self._status_s = self.now_s
+                self._want(request, is_poll=not is_job)
 
     def _want(self, request: Request, *, is_poll: bool) -> bool:
         """Send a request, behind a fence where it has to be; return whether it was answered."""
@@ -117,8 +114,11 @@ class Line:
         self.now_s = max(self.now_s, asked_s + DEADLINE_S)
         if not is_believed:
             self._choice.outstanding.add(UNIT, sent.shape, asked_s)
-        self.answered += is_believed
-        return is_believed
+            return False
+        self.answered += 1
+        self.longest_s = max(self.longest_s, self.now_s - self._answered_s)
+        self._answered_s = self.now_s
+        return True
 
     def _answer(self, request: Request) -> None:
         """Let the starter answer, after whatever it has not answered yet."""
@@ -172,7 +172,7 @@ def main() -> None:
     """Print what so many requests brought, for each lateness."""
     count = int(sys.argv[1])
     shares = Shares(*(float(each) for each in sys.argv[2:4]))
-    sys.stdout.write("late up to | family | requests | answered | wrong | longest without a status\n")
+    sys.stdout.write("late up to | family | requests | answered | wrong | longest without an answer\n")
     for late_s in LATENESS_S:
         for seed, family in enumerate(FAMILIES):
             line = Line(seed, late_s=late_s, shares=shares, family=family)

@@ -75,7 +75,6 @@ class Slot:
     lane: Priority | None = None  # the jobs'
     jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
     is_repetition: bool = False  # the reply to the first attempt was corrupted
-    not_before_s: float = -inf  # the jobs' unit may not be asked before then
 
     @property
     def until_s(self) -> float:

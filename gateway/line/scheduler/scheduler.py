@@ -72,29 +72,29 @@ class Scheduler:
         """
         self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
-            slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
+            slot = self.jobs.pop(Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
         else:
-            slot = self.jobs.pop(now_s, Priority.STOP)
+            slot = self.jobs.pop(Priority.STOP)
         if slot is not None:
             return slot
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
             if entry is None or now_s >= self.jobs.budget.room_at_s:
-                slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, *_OWN)
+                slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(*_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
         elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
-            slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, Priority.WATCHDOG)
+            slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(Priority.WATCHDOG)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(now_s, Priority.FOLLOW_UP)
+        return slot or self.jobs.pop(Priority.FOLLOW_UP)
 
-    def put_back(self, slot: Slot, until_s: float = -inf) -> None:
-        """Take back a slot that was not sent; its unit may not be asked before `until_s`."""
-        (self.jobs if slot.jobs else self.polls).put_back(slot, until_s)
+    def put_back(self, slot: Slot) -> None:
+        """Take back a slot that was not sent."""
+        (self.jobs if slot.jobs else self.polls).put_back(slot)
 
     def record(
         self,
@@ -180,19 +180,17 @@ class JobQueue:
         slots, self._waiting = self._waiting, []
         return tuple(job for slot in slots for job in slot.jobs)
 
-    def put_back(self, slot: Slot, until_s: float) -> None:
-        """Return a slot to the head of its priority, from `until_s` on; others pass it meanwhile."""
-        insort_left(self._waiting, replace(slot, not_before_s=until_s), key=attrgetter("lane"))
+    def put_back(self, slot: Slot) -> None:
+        """Return a slot to the head of its priority."""
+        insort_left(self._waiting, slot, key=attrgetter("lane"))
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        return min([slot.not_before_s for slot in self._waiting], default=inf)
+        return -inf if self._waiting else inf
 
-    def pop(self, now_s: float, *lanes: Priority) -> Slot | None:
+    def pop(self, *lanes: Priority) -> Slot | None:
         """Take out the next job of these priorities; of all but stops now and then the oldest."""
-        ready = self._waiting and [
-            slot for slot in self._waiting if slot.lane in lanes and slot.not_before_s <= now_s
-        ]
+        ready = [slot for slot in self._waiting if slot.lane in lanes] if self._waiting else None
         if not ready:
             return None
         self._commands += lanes == _COMMANDS

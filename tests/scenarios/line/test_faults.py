@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from gateway.sim.bus.faults import CutShort, Doubled, Late, Noisy, NoReply
+from gateway.sim.bus.faults import Doubled, Late, Noisy, NoReply
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -377,7 +377,7 @@ REFUSED = [
 
 TOGETHER = [
     row(
-        f"where {share:.0%} of the replies are late, lost, cut, spoilt and refused each nobody starves, {words}",
+        f"where {share:.0%} each are late, lost, cut, spoilt and refused nobody starves, {words}",
         given=site,
         at={3.1: impaired(Mixed(share))},
         then={
