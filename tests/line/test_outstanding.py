@@ -59,22 +59,26 @@ def test_a_shape_is_what_tells_replies_of_a_unit_apart(request_: Request, reply:
 
 
 @pytest.mark.parametrize(
-    ("listed", "forms", "asked"),
+    ("listed", "forms", "fences_", "asked"),
     [
-        ((), (READ_1, READ_2), READ_1),  # in step: as it is
-        ((READ_1,), (READ_1, READ_2), READ_2),  # the first whose shape is free
-        ((READ_1, READ_2), (READ_1, READ_2, READ_3), READ_3),
-        ((COILS, READ_2), (READ_1, READ_2), READ_1),  # what others were asked is no matter
-        ((READ_1, READ_2, READ_3), (READ_1, READ_2, READ_3), READ_3),  # none free: whose reply cuts most off
-        ((READ_2, READ_1, READ_2, READ_2), (READ_1, READ_2), READ_1),
+        ((), (READ_1, READ_2), (), READ_1),  # in step: as it is
+        ((READ_1,), (READ_1, READ_2), (COILS,), READ_2),  # the first form whose shape is free
+        ((COILS, READ_2), (READ_1, READ_2), (), READ_1),  # whatever else is listed
+        ((READ_1, READ_2), (READ_1, READ_2), (READ_3,), READ_3),  # no form is free: a fence
+        ((READ_1, READ_2), (READ_1, READ_2), (READ_3, COILS), COILS),  # whose refusal proves as much
+        ((READ_1, COILS), (READ_1,), (READ_2, COILS), READ_2),
+        ((READ_1, READ_2, COILS), (READ_1, READ_2), (COILS,), COILS),  # none: whose reply cuts most off
+        ((READ_2, READ_1, READ_2, READ_2), (READ_1, READ_2), (), READ_1),
     ],
 )
 def test_rule_1_ask_in_a_form_whose_shape_is_not_listed(
-    listed: tuple[Request, ...], forms: tuple[Request, ...], asked: Request
+    listed: tuple[Request, ...], forms: tuple[Request, ...], fences_: tuple[Request, ...], asked: Request
 ) -> None:
-    place = listing(*listed).choose(UNIT, [expected_shape(form) for form in forms])
+    shapes, fence_shapes = ([expected_shape(each) for each in group] for group in (forms, fences_))
 
-    assert forms[place] == asked
+    place = listing(*listed).choose(UNIT, shapes, fence_shapes)
+
+    assert (*forms, *fences_)[place] == asked
 
 
 @pytest.mark.parametrize(
@@ -140,10 +144,10 @@ FORMS = Forms(lambda _: ((READ_2, lambda words: words[:1]),), (READ_2, COILS))
         (READ_1, True, (), (), READ_1),
         (READ_1, True, (READ_1,), (), READ_2),  # an alternate
         (READ_1, True, (READ_1,), (READ_2,), COILS),  # a fence, where the alternate was refused
-        (READ_1, False, (READ_1,), (), READ_2),  # a fence: a job has no alternates
+        (READ_1, False, (READ_1,), (), COILS),  # a fence: a job has no alternates
         (READ_1, False, (READ_2,), (), READ_1),
         (WriteRegister(3, 7), False, (), (), WriteRegister(3, 7)),
-        (WriteRegister(3, 7), False, (READ_1,), (), READ_2),  # rule 6: a write goes out in step
+        (WriteRegister(3, 7), False, (READ_1,), (), COILS),  # rule 6: a write goes out in step
         (WriteRegister(3, 7), False, (READ_2, COILS), (), COILS),
         (ReadDeviceIdentification(), False, (ReadDeviceIdentification(),), (), READ_2),
     ],
@@ -159,13 +163,13 @@ def test_a_request_goes_out_in_its_own_form_in_another_or_behind_a_fence(
     for at_s, request in enumerate(listed):
         choice.outstanding.add(UNIT, expected_shape(request), at_s)
     for refused in given_up:
-        choice.give_up(EncodedRequest.of(UNIT, refused, is_fence=True), 0.0)
+        choice.give_up(EncodedRequest.of(UNIT, refused, cut=tuple), 0.0)
 
     chosen = choice.choose(EncodedRequest.of(UNIT, wanted), FORMS, 2.0, is_poll=is_poll)
 
     assert chosen.request == sent
     assert chosen.is_own is (sent == wanted)
-    assert chosen.is_fence is (sent != wanted and not (is_poll and sent == READ_2))
+    assert chosen.is_fence is ((sent != wanted and not is_poll) or sent == COILS)
 
 
 def test_a_form_that_was_given_up_is_tried_again_after_an_hour_or_when_another_device_answers() -> None:

@@ -42,9 +42,9 @@ class Forms:
     fences: tuple[Request, ...]  # reads that are answered or refused, of different shapes
 
     @cached_property
-    def encoded_fences(self) -> tuple[tuple[Request, Shape], ...]:
-        """The fences with the shapes of their replies."""
-        return tuple((fence, expected_shape(fence)) for fence in self.fences)
+    def fence_shapes(self) -> tuple[Shape, ...]:
+        """The shapes of the fences' replies."""
+        return tuple(expected_shape(fence) for fence in self.fences)
 
 
 # Of a device of which nothing is known: whatever it does not have it refuses, and that is an answer too.
@@ -109,40 +109,31 @@ class FormChoice:
 
         A stop is not asked about: it is sent as it is.
         """
-        unit = wanted.unit
-        if self.outstanding.is_in_step(unit):
+        unit, outstanding = wanted.unit, self.outstanding
+        if not outstanding.is_in_step(unit):
+            outstanding.expire(unit, now_s)
+        if outstanding.is_in_step(unit):
             return wanted
-        self.outstanding.expire(unit, now_s)
-        if self.outstanding.is_in_step(unit):
-            return wanted
-        found: list[tuple[Request, Callable[[Any], Any] | None, Shape]] = []
-        if not wanted.request.is_write:
-            found.append((wanted.request, None, wanted.shape))
+        found: list[Alternate | None] = [] if wanted.request.is_write else [None]  # None: as it is
         if is_poll:
-            found += [(read, cut, expected_shape(read)) for read, cut in forms.alternates_of(wanted.request)]
-        count = len(found)
-        found += [(fence, None, shape) for fence, shape in forms.encoded_fences]
-        places = [
-            at
-            for at, (request, _, _) in enumerate(found)
-            if request == wanted.request or not self._is_given_up(unit, request, now_s)
-        ]
-        if not places:
-            return wanted
-        at = places[self.outstanding.choose(unit, [found[at][2] for at in places])]
-        request, cut, _ = found[at]
-        if request == wanted.request and at < count:
-            return wanted
-        return EncodedRequest.of(unit, request, cut=cut, is_fence=at >= count)
+            found += [
+                each for each in forms.alternates_of(wanted.request) if self._is_open(unit, each[0], now_s)
+            ]
+        shapes = [wanted.shape if each is None else expected_shape(each[0]) for each in found]
+        at = outstanding.choose(unit, shapes, forms.fence_shapes)
+        if at >= len(found):
+            return EncodedRequest.of(unit, forms.fences[at - len(found)], is_fence=True)
+        chosen = found[at]
+        return wanted if chosen is None else EncodedRequest.of(unit, chosen[0], cut=chosen[1])
 
     def give_up(self, sent: EncodedRequest, now_s: float) -> None:
-        """Ask a unit no more in a form that it seems to refuse, unless that is the row's own."""
-        if not sent.is_own:
+        """Ask a unit no more by an alternate that it seems to refuse."""
+        if sent.cut is not None:
             self._given_up[sent.unit, sent.request] = now_s + GIVEN_UP_S
 
     def retry_refused(self, unit: int) -> None:
         """Ask a unit in all forms again: another device answers there now."""
         self._given_up = {key: until_s for key, until_s in self._given_up.items() if key[0] != unit}
 
-    def _is_given_up(self, unit: int, request: Request, now_s: float) -> bool:
-        return now_s < self._given_up.get((unit, request), now_s)
+    def _is_open(self, unit: int, request: Request, now_s: float) -> bool:
+        return now_s >= self._given_up.get((unit, request), now_s)

@@ -86,15 +86,22 @@ class Outstanding:
         listed = self._lists.get(unit, ())
         self._replace(unit, [entry for entry in listed if entry.asked_s > now_s - EXPIRES_S])
 
-    def choose(self, unit: int, shapes: Sequence[Shape]) -> int:
-        """Return the place of the shape to ask in (rule 1): the forms of a row, then the fences."""
+    def choose(self, unit: int, forms: Sequence[Shape], fences: Sequence[Shape]) -> int:
+        """Return the place of the shape to ask in (rule 1), among a row's forms and the fences behind them.
+
+        Of the fences one of a function that is not listed goes first: its refusal would prove as much.
+        """
         first_at: dict[Shape, int] = {}
         for at, entry in enumerate(self._lists.get(unit, ())):
             first_at.setdefault(entry.shape, at)
-        for place, shape in enumerate(shapes):
-            if shape not in first_at:
-                return place
-        return max(range(len(shapes)), key=lambda place: first_at[shapes[place]])
+        functions = {shape[0] for shape in first_at}
+        shapes = (*forms, *fences)
+        free = [place for place, shape in enumerate(shapes) if shape not in first_at]
+        if not free:
+            return max(range(len(shapes)), key=lambda place: first_at[shapes[place]])
+        if free[0] < len(forms):
+            return free[0]
+        return next((place for place in free if shapes[place][0] not in functions), free[0])
 
     def believe(self, unit: int, pdu: bytes) -> bool:
         """Return whether this reply to the request under way is its own (rule 2); then the list is empty."""

@@ -177,6 +177,31 @@ LATE = [
         then={14.9: result("stop written ok"), 20.0: result("stop unconfirmed not_seen")},
     ),
     row(
+        "a starter that was asked often while it was away is believed again at once",
+        given=TWO.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"),
+        at={5.0: fault("silent", "pump", for_s=30.0)},
+        then={
+            34.0: msg("starter/pump/availability", state="offline"),
+            38.0: [
+                msg("starter/pump/availability", state="online"),
+                msg("starter/pump/value/current", quality="good"),
+            ],
+        },
+    ),
+    row(
+        "of several late replies in one go each is dropped, and the next reply is believed",
+        given=SSW07,
+        at={10.0: late_by(1, 1.2)},
+        then={
+            20.0: [
+                never("starter/pump/availability", since=3.1, state="offline"),
+                true_values,
+                asked_within(3.0, "pump", since=3.1, until=20.0),
+            ],
+            65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] > 1 else "not several",
+        },
+    ),
+    row(
         "a reply that comes after its port was lost and opened again is no answer either",
         given=FOUR,
         at={3.1: impaired(Late(40.0)), 3.3: "line pumps unplug", 3.8: [healed, "line pumps plug"]},
