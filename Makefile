@@ -156,8 +156,8 @@ fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTION
 slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
 	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
 
-late-replies: $(STAMP) ## ten million requests whose replies come late, twice, out of order or never; 20 minutes
-	$(BIN)/python -m tests.line.late_lines 10000000
+late-replies: $(STAMP) ## ten million requests whose replies come late, lost, spoilt or refused; ten minutes
+	$(BIN)/python -m tests.line.outstanding_model 10000000
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist gateway/docs_site *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

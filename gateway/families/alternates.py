@@ -1,8 +1,8 @@
-"""What else reads the same registers, by replies of other lengths: more registers, or the bits of a word.
+"""What else a starter can be asked while an earlier reply of it would pass for the next.
 
-A line uses these while a starter may still send an earlier reply that would pass for the next. Only registers
-that a manual names are read besides. Should a starter refuse one of them (ssw06-es 5.4.8), the line gives up
-that alternate alone.
+Alternates read the same registers by replies of other shapes: more registers, or the bits of a word. Fences
+are any reads of different shapes, whose answers prove that nothing earlier can come. Only registers that a
+manual names are read. Should a starter refuse an alternate (ssw06-es 5.4.8), its line gives up only that one.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 
 MOST = 8  # alternates of one request
+LONGEST_FENCE = 8  # registers
 
 Cut = Callable[[Any], Any]
 Alternate = tuple[Request, Cut]
@@ -38,6 +39,30 @@ def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     found = [*_as_coils(profile, table, request.address, request.count)]
     found += _longer(profile, table, request.address, request.count)
     return tuple(found[:MOST])
+
+
+@lru_cache(maxsize=64)
+def fences(profile: Profile) -> tuple[Request, ...]:
+    """Return reads that every starter of this family replies to, no two of them in the same shape.
+
+    They are bits in one and two bytes, one to eight registers of each table, first those for which the manual
+    vouches, and a read by each function that the family does not have: a refusal is a reply too [APP 7].
+    """
+    found: dict[tuple[Table, int], Request] = {}
+    for table, first, end in sorted(profile.readable_runs, key=partial(_doubts, profile)):
+        for step in range(1, LONGEST_FENCE + 1):
+            size = step * _BYTE_BITS if table.is_bits else step
+            if size <= end - first:
+                found.setdefault((table, step), read_run(table, first, size))
+    without = [table for table, kind in READS.items() if kind.function not in profile.limits.functions]
+    return (*found.values(), *(read_run(table, 0, 1) for table in without))
+
+
+def _doubts(profile: Profile, run: tuple[Table, int, int]) -> tuple[bool, bool]:
+    """Return the rank of a run among fences: bits are the shortest, and some rows may not be there."""
+    table, first, end = run
+    rows = (row for at in range(first, end) for row in profile.rows_at.get((table, at), ()))
+    return not all(row.is_sure for row in rows), not table.is_bits
 
 
 def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:

@@ -7,7 +7,7 @@ A block joins rows where a gap costs the line less than another request (`plan_b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import groupby
@@ -281,7 +281,7 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
     """Return few requests for these rows, of at most `longest` registers each.
 
     A row that the manual does not vouch for has a request of its own where unknown registers read 0 in a
-    longer one (ssw900 7.3): a 0 would say nothing. Neighbours differ in length, as far as possible.
+    longer one (ssw900 7.3): a 0 would say nothing.
     """
     rows = {code: profile.parameters.get(code) for code in codes}
     limits = profile.limits
@@ -300,17 +300,7 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
     for group in [[code] for code in unsure] if reads_zero else [unsure]:
         found += reads_for(bulk, group)
     found += reads_for(bulk, sure)
-    return (*_alternating(found), *(read_of(profile, code) for code in unnamed))
-
-
-def _alternating(reads: list[Read]) -> Iterator[Read]:
-    """Return these so that a reply sent twice shows by its length (`line/rtu/late_replies.py`)."""
-    waiting, size = list(reads), None
-    while waiting:
-        read = next((read for read in waiting if read.request.reply_size() != size), waiting[0])
-        waiting.remove(read)
-        size = read.request.reply_size()
-        yield read
+    return (*found, *(read_of(profile, code) for code in unnamed))
 
 
 def halves(profile: Profile, read: Read) -> tuple[Read, ...]:

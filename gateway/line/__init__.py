@@ -14,11 +14,11 @@ from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
-from gateway.line.rtu.bus_faults import whole_frame
-from gateway.line.rtu.late_replies import LATE_S
+from gateway.line.rtu.forms import Forms
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.outstanding import EXPIRES_S
+from gateway.line.rtu.reply import whole_frame
 from gateway.line.rtu.reply_times import ALLOWANCE_S, request_wire_s
-from gateway.line.rtu.request import Alternates
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.line.thread import LineHost

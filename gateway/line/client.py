@@ -45,15 +45,15 @@ class LineClient:
         response_time_s: float,
         lane: Priority,
         until_s: float = inf,
-        is_literal: bool = False,
     ) -> asyncio.Future[Outcome]:
         """Hand a request to the line now, to be sent once, and return what is to become of it.
 
         Cancelled before it is sent, it never is; nor is it after `until_s` on the steady clock: it then ends
-        as `Silent(TOO_LATE, is_sent=False)`. What `is_literal` is never read in another form.
+        as `Silent(TOO_LATE, is_sent=False)`. So does a write but a stop's while an earlier reply of its unit
+        may still come, and a read that would prove that none can is not answered either.
         """
         pending = _Pending(lambda: self._post(self._line.withdraw, job))
-        job = Job(unit, request, response_time_s, lane, pending.settle, until_s, is_literal)
+        job = Job(unit, request, response_time_s, lane, pending.settle, until_s)
         if not self._post(self._line.submit, job):
             pending.settle(Silent("port closed", is_sent=False))
         return pending

@@ -13,9 +13,9 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.events import EventQueue, LineEvent, PortChanged, Trace, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
+from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.reply_times import ALLOWANCE_S, reply_within_s, request_wire_s
-from gateway.line.rtu.request import Alternates
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -28,11 +28,11 @@ async def exclusive_line(
     timing: LineTiming,
     *,
     allowance_s: float = ALLOWANCE_S,
-    alternates_of: Alternates = lambda _: (),
+    forms: Forms = ANYONE,
 ) -> AsyncIterator[LineClient]:
     """Serve a line as long as the context lasts; PortError when its port cannot be had.
 
-    `alternates_of` returns other reads that say the same as one, of the only starter that is asked.
+    `forms` are those of the only starter that is asked.
     A port that is lost later is not opened again: whatever is asked then ends unsent.
     """
     port = await opener()
@@ -49,7 +49,7 @@ async def exclusive_line(
         polls=(),
         events=EventQueue(lambda batch: deliver(batch, handle)),
         allowance_s=allowance_s,
-        alternates_of=alternates_of,
+        forms=forms,
     )
     task = asyncio.create_task(line.run(), name=f"exclusive {name}")
     try:

@@ -15,10 +15,9 @@ from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
-from gateway.line.rtu.late_replies import LateReplies
+from gateway.line.rtu.forms import ANYONE, FormChoice, Forms
 from gateway.line.rtu.outcome import TOO_LATE, Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S
-from gateway.line.rtu.request import Alternates, Forms
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
@@ -47,15 +46,15 @@ class Line:
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
         deaf_after_s: float | None = None,
-        alternates_of: Alternates = lambda _: (),  # other forms of reads of units without polls
+        forms: Forms = ANYONE,  # of units without polls
     ) -> None:
         self.name = name
         self.timing = timing
         self._steps = 0  # attempts to open, and what earlier ports were good for
         self._opener = opener
         self._allowance_s = allowance_s
-        self._alternates_of = alternates_of
-        self._forms = Forms(LateReplies())
+        self._forms = forms
+        self._choice = FormChoice()  # what is outstanding outlives the port
         self._scheduler = Scheduler(polls, chance=random.Random(seed))
         self._trace = Trace(name)
         self.events = LineEvents(name, events, self._trace)
@@ -90,7 +89,7 @@ class Line:
             self._is_stopping = True
             if self._service is not None:
                 self._service.is_stopping = True
-            if self._service is None or not self._service.master.is_on_wire:
+            if self._service is None or not self._service.master.exchange.is_on_wire:
                 serving.cancel()
             await asyncio.wait([serving])
             raise
@@ -127,12 +126,12 @@ class Line:
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
         self._scheduler.polls.forget(unit)
-        self._forms.forget(unit)
+        self._choice.retry_refused(unit)
         self._statistics.forget(unit)
 
     def retry_refused(self, unit: int) -> None:
         """Ask again at once what a unit seemed to refuse, when another device answers there now."""
-        self._forms.late.retry_refused(unit)
+        self._choice.retry_refused(unit)
         self._wake()
 
     def statistics(self) -> dict[str, Any]:
@@ -147,7 +146,7 @@ class Line:
             now_s=self._time(),
             more_of=lambda unit: {
                 "state": self._scheduler.polls.unit(unit).state,
-                "late": self._forms.late.came_late[unit],
+                "late": self._choice.outstanding.came_late[unit],
             },
         )
         state = {
@@ -155,7 +154,7 @@ class Line:
             "stretch": round(self.stretch, 3),
             "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
         }
-        stray_bytes = self._earlier_stray_bytes + (self._service.master.stray_bytes if self._service else 0)
+        stray_bytes = self._earlier_stray_bytes + (self._service.master.strays.count if self._service else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
         uart = {} if errors is None else {"uart_errors": errors}
         return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **statistics}
@@ -207,7 +206,7 @@ class Line:
             self.timing,
             allowance_s=self._allowance_s,
             note_frame=self._trace.note,
-            forms=self._forms,
+            forms=self._choice,
         )
         service = self._service = self._service_on(master)
         self._scheduler.polls.begin(self._time())
@@ -227,7 +226,7 @@ class Line:
         finally:
             self._steps += service.steps
             self._service = None
-            self._earlier_stray_bytes += master.stray_bytes
+            self._earlier_stray_bytes += master.strays.count
             port.close()
             if not self._is_reopening:
                 self._end_jobs()
@@ -246,7 +245,7 @@ class Line:
             statistics=self._statistics,
             recovery=self._recovery,
             events=self.events,
-            alternates_of=self._alternates_of,
+            forms=self._forms,
         )
 
     def _wake(self) -> None:

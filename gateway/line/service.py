@@ -8,9 +8,8 @@ from dataclasses import replace
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
-from gateway.line.rtu.late_replies import COPY_S, LOOK_AGAIN_S, Agreed
+from gateway.line.rtu.forms import EncodedRequest, Forms
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.request import Alternates, EncodedRequest
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
@@ -35,7 +34,7 @@ class LineService:
         statistics: Statistics,
         recovery: PortRecovery,
         events: LineEvents,
-        alternates_of: Alternates,  # for units without polls
+        forms: Forms,  # of units without polls
     ) -> None:
         self.master = master
         self.is_stopping = False
@@ -44,7 +43,7 @@ class LineService:
         self._statistics = statistics
         self._recovery = recovery
         self._events = events
-        self._alternates_of = alternates_of
+        self._forms = forms
         self.steps = 0  # grows with each transaction and idle wake-up
         self._time = asyncio.get_running_loop().time
         self._slot: Slot | None = None  # chosen, not yet sent
@@ -104,27 +103,23 @@ class LineService:
         free_s = self._time()
         if self._recovery.is_time_to_ask(free_s):
             self.ask_all_anew()
-        quiet_s = master.quiet_from_s()
+        quiet_s = master.silence.quiet_from_s()
         self._choose()
-        noise = None if await master.hush(quiet_s) else await self._settle()
+        noise = None if await master.silence.hush(quiet_s) else await self._settle()
         slot = self._chosen()
         if slot is None:
             await self._wait_for_work(self._scheduler.next_due_s())
             return
-        encoded = slot.poll.encoded if slot.poll else EncodedRequest.of(slot.unit, slot.request)
-        form = self._form_of(slot, encoded)
-        if form is None and noise is None and self._time() <= slot.until_s:
-            self._scheduler.put_back(slot, master.late.free_from_s(slot.unit, slot.request, self._time()))
-            return
+        sent = self._form_of(slot)
         self._sent = slot
-        outcome = await self._take(slot, form or encoded, noise)
+        outcome = await self._take(slot, sent, noise)
         self.steps += 1
         try:
-            self._record(slot, form or encoded, outcome, took_s=self._time() - free_s)
+            self._record(slot, sent, outcome, took_s=self._time() - free_s)
         except Exception:
             self._end_jobs(slot)
             raise
-        if _may_act_late(slot, outcome) and master.reset():
+        if _may_act_late(slot, sent, outcome) and master.reset():
             raise PortResetError(self._port_name, RESET)
         was_deaf = self._recovery.is_deaf
         if slot.unit and self._recovery.record(outcome, self._time()):
@@ -150,26 +145,23 @@ class LineService:
     async def _settle(self) -> Garbled | None:
         """Wait until anything may be sent on a line that was not silent; Garbled when it does not become."""
         self._events.flush()  # this may take long
-        return await self.master.settle(is_for_stop=self._is_stop_waiting)
+        return await self.master.silence.settle(is_for_stop=self._is_stop_waiting)
 
     def _is_stop_waiting(self) -> bool:
         return self._has_stop or (self._slot is not None and self._slot.is_stop)
 
-    def _form_of(self, slot: Slot, encoded: EncodedRequest) -> EncodedRequest | None:
-        """Return the form in which a slot's request is sent; None while an earlier reply may pass."""
-        poll, unit = slot.poll, self._scheduler.polls.unit(slot.unit)
-        any_poll = poll or next((each.poll for each in unit.polls), None)
-        is_for_watchdog = self._scheduler.is_for_watchdog or (unit.limit_s > 0.0 and unit.is_silent)
-        return self.master.forms.choose(
-            encoded,
-            self._alternates_of if any_poll is None else any_poll.alternates_of,
-            self._time(),
-            is_decisive=poll is None or poll.is_urgent,
-            is_patient=poll is not None and not is_for_watchdog,
-            is_literal=bool(slot.jobs) and slot.jobs[0].is_literal,
-        )
+    def _form_of(self, slot: Slot) -> EncodedRequest:
+        """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""
+        poll = slot.poll
+        wanted = EncodedRequest.of(slot.unit, slot.request) if poll is None else poll.encoded
+        if slot.is_stop or self.master.forms.outstanding.is_in_step(slot.unit):
+            return wanted
+        if poll is None:
+            poll = next((each.poll for each in self._scheduler.polls.unit(slot.unit).polls), None)
+        forms = self._forms if poll is None else poll.forms
+        return self.master.forms.choose(wanted, forms, self._time(), is_poll=slot.poll is not None)
 
-    async def _take(self, slot: Slot, encoded: EncodedRequest, noise: Garbled | None) -> Outcome:
+    async def _take(self, slot: Slot, sent: EncodedRequest, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
 
         A stop goes out on any line, between or over what others send.
@@ -185,44 +177,31 @@ class LineService:
             self._gave_way = False
         try:
             if noise is not None:
-                await self.master.find_gap(GAP_WITHIN_S)
-            outcome = await self.master.exchange(
-                encoded,
+                await self.master.silence.find_gap(GAP_WITHIN_S)
+            outcome = await self.master.exchange.send(
+                sent,
                 response_time_s=slot.response_time_s,
                 until_s=until_s,
                 meanwhile=self._events.flush,
             )
             if slot.lane is Priority.STOP and outcome != Silent(TOO_LATE, is_sent=False):
-                self._statistics.note_stop(slot, self.master.written_s)
+                self._statistics.note_stop(slot, self.master.exchange.written_s)
         finally:
             if outcome is None:
                 for job in slot.jobs:
-                    self._events.job_done(job, Silent("port lost", is_sent=self.master.is_on_wire))
+                    self._events.job_done(job, Silent("port lost", is_sent=self.master.exchange.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
     def _record(self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float) -> None:
         """Record an outcome, and hand it over as events."""
         now_s = self._time()
-        if self.master.late.just_came:
-            self._note_late(now_s)
+        if self.master.strays.heard:
+            self._note_heard(now_s)
         is_given_up = bool(slot.jobs) and self._sent is None
         self._sent = None
         self._count(slot, sent, outcome, took_s=took_s, now_s=now_s)
-        agreed = (
-            self.master.agrees(sent, outcome) if isinstance(outcome, Answered) and sent.times > 1 else None
-        )
-        if agreed is Agreed.NO and not is_given_up:
-            self._scheduler.put_back(slot, now_s + (COPY_S if slot.poll is None else LOOK_AGAIN_S))
-            return
-        is_other_form_refused = isinstance(outcome, Refused) and outcome.is_lasting and sent.cut is not None
-        is_unsure = agreed is Agreed.NOT_YET
         verdict = self._scheduler.record(
-            slot,
-            outcome,
-            now_s,
-            is_open=is_unsure or is_other_form_refused,
-            is_unsure=is_unsure,
-            is_given_up=is_given_up,
+            slot, outcome, now_s, is_open=_is_open(sent, outcome), is_given_up=is_given_up
         )
         for fault in self.master.bus_faults.take_news():
             self._events.fault(fault)
@@ -232,19 +211,21 @@ class LineService:
             self._events.unit_changed(slot.unit, why, is_answering=verdict.is_answering)
         if not verdict.is_final:
             return
+        if sent.is_fence and slot.request.is_write:
+            outcome = Silent(TOO_LATE, is_sent=False)  # the write itself: its unit is not in step
         for job in slot.jobs:
             self._events.job_done(job, outcome)
         if slot.poll is not None:
             self._events.poll_done(slot.poll, outcome)
 
-    def _note_late(self, now_s: float) -> None:
+    def _note_heard(self, now_s: float) -> None:
         """Record which units have answered late: they are there."""
-        late = self.master.late
-        for unit in late.just_came:
+        heard = self.master.strays.heard
+        for unit in heard:
             self._scheduler.polls.unit(unit).note_late(now_s)
             self._statistics.note_late(unit)
             self._recovery.note_late()
-        late.just_came.clear()
+        heard.clear()
 
     def _count(
         self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float, now_s: float
@@ -253,15 +234,15 @@ class LineService:
         if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:
             self._statistics.note(slot, outcome, took_s=took_s, now_s=now_s)
             return
-        request_s = len(sent.adu) * self.master.character_s
-        since_request_s = max(now_s - self.master.written_s - request_s, 0.0)
+        request_s = len(sent.adu) * self.master.exchange.character_s
+        since_request_s = max(now_s - self.master.exchange.written_s - request_s, 0.0)
         reply_s = 0.0
         if isinstance(outcome, Answered):
             reply_s = since_request_s - outcome.response_time_s
         elif isinstance(outcome, Garbled):
-            reply_s = len(outcome.received) * self.master.character_s
+            reply_s = len(outcome.received) * self.master.exchange.character_s
         elif isinstance(outcome, Refused):
-            reply_s = _REFUSAL_SIZE * self.master.character_s
+            reply_s = _REFUSAL_SIZE * self.master.exchange.character_s
         self._statistics.note(
             slot,
             outcome,
@@ -296,7 +277,14 @@ class LineService:
             self._waker = None
 
 
-def _may_act_late(slot: Slot, outcome: Outcome) -> bool:
+def _is_open(sent: EncodedRequest, outcome: Outcome) -> bool:
+    """Return whether a slot's own request has to follow: a fence was answered, or another form refused."""
+    if isinstance(outcome, Answered):
+        return sent.is_fence
+    return isinstance(outcome, Refused) and (sent.is_fence or (outcome.is_lasting and not sent.is_own))
+
+
+def _may_act_late(slot: Slot, sent: EncodedRequest, outcome: Outcome) -> bool:
     """Return whether a write that must not act late was sent, and it is not known that it arrived."""
     is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
-    return is_unsure and any(job.must_not_act_late for job in slot.jobs)
+    return is_unsure and not sent.is_fence and any(job.must_not_act_late for job in slot.jobs)

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
-from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.response_times import UnitResponseTimes
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
-from gateway.line.rtu.reply_times import UnitResponseTimes
+from gateway.line.rtu.reply import whole_frame
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.system.stalls import DelayCounts
 

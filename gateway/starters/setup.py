@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from gateway.families import Identity, Profile, Variant, alternates, once_per_profile, reading
-from gateway.line import ALLOWANCE_S, Alternates, LineClient, Outcome, Poll, Priority
+from gateway.families import Identity, Profile, Variant, alternates, fences, once_per_profile, reading
+from gateway.line import ALLOWANCE_S, Forms, LineClient, Outcome, Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
@@ -66,7 +66,7 @@ class StarterSetup:
             deadline_s=self.watchdog_s,
             group=block.group,
             is_urgent=block.group == "status",
-            alternates_of=_alternates_of(self.profile),
+            forms=forms_of(self.profile),
         )
 
 
@@ -81,8 +81,9 @@ def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
 
 
 @once_per_profile
-def _alternates_of(profile: Profile) -> Alternates:
-    return partial(alternates, profile)
+def forms_of(profile: Profile) -> Forms:
+    """Return what else can be asked of the starters of a family, for their line."""
+    return Forms(partial(alternates, profile), fences(profile))
 
 
 def ask(
@@ -92,16 +93,14 @@ def ask(
     *,
     lane: Priority,
     until_s: float = inf,
-    is_literal: bool = False,
 ) -> Asked:
-    """Send a request to a starter, not later than `until_s`; what `is_literal` in no other form."""
+    """Send a request to a starter, not later than `until_s`."""
     return line.transact(
         setup.address,
         request,
         response_time_s=setup.response_time_of(request),
         lane=lane,
         until_s=until_s,
-        is_literal=is_literal,
     )
 
 

@@ -11,7 +11,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block, plan_blocks
-from gateway.line.rtu.late_replies import expected_shape
+from gateway.line.rtu.outstanding import expected_shape
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 

@@ -13,8 +13,8 @@ from gateway.errors import PortError, PortLostError
 from gateway.line.client import LineClient, post_here
 from gateway.line.events import LineEvent, PollResult, PortChanged, Trace, UnitChanged
 from gateway.line.line import Line
+from gateway.line.rtu.forms import ANYONE, Alternate, Forms
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.request import Alternate
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
@@ -269,6 +269,9 @@ def longer(request: Request) -> tuple[Alternate, ...]:
     )
 
 
+LONGER = Forms(longer, ANYONE.fences)
+
+
 def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count: int = 10) -> Poll:
     request = ReadHoldingRegisters(address, count)
     return Poll(
@@ -277,7 +280,7 @@ def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count:
         request,
         every_s,
         RESPONSE_TIME_S,
-        alternates_of=longer,
+        forms=LONGER,
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.line.line import REOPEN_MAX_S, REOPEN_MIN_S
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
-from gateway.line.rtu.transaction import STOP_PATIENCE_S
+from gateway.line.rtu.silence import STOP_PATIENCE_S
 from gateway.line.scheduler.requests import Job, Priority
 from gateway.line.service import GAP_WITHIN_S
 from gateway.modbus.reads import ReadHoldingRegisters

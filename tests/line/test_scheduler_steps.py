@@ -7,7 +7,7 @@ Given are polls: `a/2@60w10` is poll a of unit 2 with a period of 60 s and a wat
 | `3 a`, `3 -`, `3 ?` | a is chosen, and answered; nothing is due; anything is chosen, and answered |
 | `3 a silent`, `garbled`, `unsent`, `open`, `broadcast` | its outcome |
 | `3 a silent again`, `back`, `lost` | it is to be sent again; its unit is back, is lost |
-| `3 a held 4` | it is chosen and put back until then; `gone`: a is removed while it is under way |
+| `3 a held` | it is chosen and put back; `gone`: a is removed while it is under way |
 | `3 +x:stop/2` | job x of unit 2 comes; `~`: a read |
 | `3 every a 5`, `3 hurry a`, `3 hurry` (all), `3 add b`, `remove a`, `forget 1` | |
 | `3 begin`, `watchdog 1 8`, `3 expect 1 5` | |
@@ -102,7 +102,7 @@ class Steps:
         if "gone" in said:
             self.scheduler.polls.remove(expected)
         if slot is not None and "held" in said:
-            self.scheduler.put_back(slot, float(said[-1]))
+            self.scheduler.put_back(slot)
         elif slot is not None:
             outcome = next((OUTCOMES[word] for word in said if word in OUTCOMES), ANSWERED)
             verdict = self.scheduler.record(slot, outcome, now_s, is_open="open" in said)
@@ -143,17 +143,17 @@ POLLS = {
     ),
     "an open poll that is put back is asked once more, and a removed one is not": (
         "a b",
-        "0 a open again, 0 a held 0.3, 0 b, 0.2 -, 0.3 a, 0.3 -, 1 b open again, remove b, 2.1 a, 2.1 -",
+        "0 a open again, 0 a held, 0 a, 0 b, 0.3 -, 1 a, 1 b open again, remove b, 2.1 a, 2.1 -",
     ),
     "what was not sent for noise is not repeated at once": ("a", "0 a unsent, 0 -"),
-    "a removed poll that is put back stays removed": ("a", "0 a gone held 0.5, due inf"),
+    "a removed poll that is put back stays removed": ("a", "0 a gone held, due inf"),
     "a poll that is removed before its repetition is not repeated": (
         "a b",
         "0 a garbled again, remove a, 0.1 b",
     ),
     "what was expedited keeps its hurry when it is put back, and comes once": (
         "a@10 b@10",
-        "0 a, 0 b, 3 hurry b, 3 hurry b, 3 b held 3, 3 hurry a, 3 b, 3 a, 3 -",
+        "0 a, 0 b, 3 hurry b, 3 hurry b, 3 b held, 3 hurry a, 3 b, 3 a, 3 -",
     ),
 }
 
@@ -196,9 +196,9 @@ JOBS = {
         "0 +r:read_back~, 0 +o:read_back~, 0 r garbled again, 0 r garbled, 0 o",
     ),
     "a garbled write is never repeated": ("", "0 +w:command, 0 w garbled, 0 -"),
-    "what is put back until its unit may be asked lets others pass": (
+    "what is put back comes first among those of its kind": (
         "a b/2",
-        "0 a held 0.5, 0 +x:identity, 0 +y:identity/2, 0 b, 0 x held 0.5, 0 y, 0.1 -, 0.5 a, 0.5 x",
+        "0 a held, 0 +x:identity, 0 +y:identity/2, 0 a, 0 b, 0 x held, 0 x, 0 y, 0.1 -",
     ),
     "a stop that has waited for long is sent for later ones of its unit only": (
         "",
@@ -208,11 +208,6 @@ JOBS = {
     "of a shared stop each job can be withdrawn alone": (
         "",
         "0 +x:stop, 0.2 +y:stop, 0.2 +z:stop, withdraw x, withdraw z, clear y",
-    ),
-    "a follow-up whose unit may not be asked yet lets others pass": (
-        "a@0.2",
-        "0 a, 0 +h:follow_up~, 0 h held 0.5, 0 +o:follow_up/2~, 0.2 o, 0.2 a, 0.2 -,"
-        "remove a, due 0.5, 0.5 h, due inf",
     ),
 }
 
@@ -339,10 +334,7 @@ WATCHDOGS = {
         "a@1w10",
         "0 a silent, 1 a silent, 2 a silent, 3.25 a silent, due 4.5",
     ),
-    "a slot that is put back stays urgent unless the unit must be waited for": (
-        "a@60w10 b/2@60",
-        "0 a, 0 b, 5 a held 5, 5 a held 5.4, 5.3 -, 5.4 a",
-    ),
+    "a slot that is put back stays urgent": ("a@60w10 b/2@60", "0 a, 0 b, 5 a held, 5 a, 5.3 -"),
 }
 
 TABLES = {**POLLS, **JOBS, **SILENT_UNITS, **WATCHDOGS}

@@ -4,8 +4,8 @@ import random
 
 import pytest
 
+from gateway.line.response_times import ResponseTimes, quantile_s
 from gateway.line.rtu.outcome import Answered
-from gateway.line.rtu.reply_times import ResponseTimes, quantile_s
 from gateway.line.scheduler.requests import Slot
 from gateway.line.statistics import Statistics
 from tests.line.fakes import poll

@@ -6,9 +6,10 @@ import random
 import pytest
 
 from gateway.line.events import Trace
+from gateway.line.rtu.forms import EncodedRequest
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
-from gateway.line.rtu.request import EncodedRequest
-from gateway.line.rtu.transaction import BABBLE_LIMIT_S, RtuMaster
+from gateway.line.rtu.silence import BABBLE_LIMIT_S
+from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -80,7 +81,7 @@ def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance(
         (adu.encode(1, b"\x04" + READ.encode_reply((1, 2, 3, 4))[1:]), "function 4"),
         (adu.encode(1, b"\x84\x02"), "function 132"),
         (adu.encode(1, ReadHoldingRegisters(0, 3).encode_reply((1, 2, 3))), "not the reply"),
-        (adu.encode(1, b"\x03\x09" + bytes(8)), "not the reply"),  # says 9 bytes, has 8
+        (adu.encode(1, b"\x03\x09" + bytes(8)), "another length"),  # says 9 bytes, has 8
         (b"\x00\x03" + REPLY[2:], "CRC"),
     ],
 )
@@ -97,9 +98,9 @@ def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() ->
         line = master(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
         outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
         await asyncio.sleep(0.01)
-        await line.settle()
+        await line.silence.settle()
         assert port.last_byte_s > 0
-        return outcome, line.stray_bytes
+        return outcome, line.strays.count
 
     for size in (None, 1, 2):
         outcome, stray_bytes = run_virtually(scenario(size))
@@ -215,8 +216,8 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
         )
         await asyncio.sleep(0.1)
         encoded = EncodedRequest.of(1, READ)
-        outcome = await line.exchange(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
-        return outcome, line.is_on_wire, len(port.sent)
+        outcome = await line.exchange.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        return outcome, line.exchange.is_on_wire, len(port.sent)
 
     outcome, is_on_wire, count = run_virtually(scenario())
 

@@ -7,7 +7,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -16,13 +15,13 @@ from gateway.cli.command import Progress, place_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.load import load
 from gateway.errors import PortError
-from gateway.families import Read, alternates, reading
+from gateway.families import Read, reading
 from gateway.line import PortOpener, exclusive_line, new_precise_loop, request_wire_s
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bulk_read import BulkReading
 from gateway.starters.parameters.model import ParameterSet, entries_of
 from gateway.starters.parameters.offline_starter import OfflineStarter
-from gateway.starters.setup import StarterSetup
+from gateway.starters.setup import StarterSetup, forms_of
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.clock import Clock, SystemClock
 from gateway.system.instance_lock import may_use
@@ -71,7 +70,7 @@ class LiveStarter:
                 self.opener,
                 self.timing,
                 allowance_s=self.allowance_s,
-                alternates_of=partial(alternates, self.setup.profile),
+                forms=forms_of(self.setup.profile),
             ) as line:
                 bench = OfflineStarter(self.setup, line=line, clock=self.clock, watchdogs=watchdogs)
                 await bench.identify()

@@ -102,7 +102,7 @@ def worst_stop_latency_s(
     forms = {  # most starters of a line are asked alike
         (request, poll.response_time_s)
         for poll in polls
-        for request in (poll.request, *(other for other, _ in poll.alternates_of(poll.request)))
+        for request in (poll.request, *(other for other, _ in poll.forms.alternates_of(poll.request)))
     }
     waits_s = (
         longest_s(request, timing, response_time_s=response_time_s, allowance_s=allowance_s)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 from gateway.modbus.codes import ExceptionCode
@@ -61,7 +60,6 @@ class Garbled:
     received: bytes
     is_sent: bool = True
     is_over_babble: bool = False
-    acknowledges_since_s: float = -inf  # it acknowledges an equal write: this one, or one since then
 
 
 Outcome = Answered | Refused | Silent | Garbled

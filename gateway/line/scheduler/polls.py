@@ -185,15 +185,13 @@ class PollTable:
         again, entry.is_repetition = entry.is_repetition, False
         return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll, is_repetition=again)
 
-    def put_back(self, slot: Slot, until_s: float) -> None:
-        """Have a poll wait again, before all others; its unit may not be asked before `until_s`."""
+    def put_back(self, slot: Slot) -> None:
+        """Have a poll wait again, before all others."""
         entry = self.entry_of(slot.poll)
         if entry is not None:
-            unit, entry.is_repetition = entry.unit, slot.is_repetition
-            if unit.queue is not None:
-                unit.queue.put(unit, max(unit.release_s, until_s), unit.deadline_s)
-            if not unit.is_silent:
-                self._put(entry, max(slot.since_s, until_s), -inf)
+            entry.is_repetition = slot.is_repetition
+            if not entry.unit.is_silent:
+                self._put(entry, slot.since_s, -inf)
 
     def record(
         self,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
 
+from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.request import Alternate, EncodedRequest
 from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
 
@@ -39,8 +39,7 @@ class Poll:
     deadline_s: float | None = None  # its unit's watchdog: the longest time without a request; 0: it has none
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once
-    # Other reads that say the same as one of this unit; called on the line's loop.
-    alternates_of: Callable[[Request], tuple[Alternate, ...]] = field(default=lambda _: (), compare=False)
+    forms: Forms = field(default=ANYONE, compare=False)  # what else can be asked of this unit
     encoded: EncodedRequest = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -57,7 +56,6 @@ class Job:
     lane: Priority
     finish: Callable[[Outcome], None]
     until_s: float = inf  # on the line's clock: never sent later than this
-    is_literal: bool = False  # never sent in another form: what is asked is whether there is this one
 
     @property
     def must_not_act_late(self) -> bool:
@@ -77,7 +75,6 @@ class Slot:
     lane: Priority | None = None  # the jobs'
     jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
     is_repetition: bool = False  # the reply to the first attempt was corrupted
-    not_before_s: float = -inf  # the jobs' unit may not be asked before then
 
     @property
     def until_s(self) -> float:

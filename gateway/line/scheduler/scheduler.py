@@ -22,12 +22,10 @@ from dataclasses import replace
 from math import inf
 from operator import attrgetter
 
-from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.polls import PollTable
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot, Verdict
-from gateway.modbus.codes import EXCEPTION_BIT
 
 IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
 BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
@@ -75,29 +73,29 @@ class Scheduler:
         """
         self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
-            slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
+            slot = self.jobs.pop(Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
         else:
-            slot = self.jobs.pop(now_s, Priority.STOP)
+            slot = self.jobs.pop(Priority.STOP)
         if slot is not None:
             return slot
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
             if entry is None or now_s >= self.jobs.budget.room_at_s:
-                slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, *_OWN)
+                slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(*_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
         elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
-            slot = self.jobs.pop(now_s, *_COMMANDS) or self.jobs.pop(now_s, Priority.WATCHDOG)
+            slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(Priority.WATCHDOG)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(now_s, Priority.FOLLOW_UP)
+        return slot or self.jobs.pop(Priority.FOLLOW_UP)
 
-    def put_back(self, slot: Slot, until_s: float = -inf) -> None:
-        """Take back a slot that was not sent; its unit may not be asked before `until_s`."""
-        (self.jobs if slot.jobs else self.polls).put_back(slot, until_s)
+    def put_back(self, slot: Slot) -> None:
+        """Take back a slot that was not sent."""
+        (self.jobs if slot.jobs else self.polls).put_back(slot)
 
     def record(
         self,
@@ -106,13 +104,12 @@ class Scheduler:
         now_s: float,
         *,
         is_open: bool = False,
-        is_unsure: bool = False,
         is_given_up: bool = False,
     ) -> Verdict:
-        """Learn what became of a slot that was picked, and plan on.
+        """Record the outcome of a slot that was picked, and plan on.
 
-        An answer or a refusal is open when the request has to be sent again before it counts, and unsure when
-        it may be a late one: that says nothing of the unit. What its jobs have given up is not sent again.
+        An answer is open when it was another request's, which went before or instead of the slot's own: that
+        one follows. A slot that its jobs have given up is not sent again.
         """
         self._gives_way = self._gives_way and slot.lane is Priority.STOP
         if slot.lane is Priority.FOLLOW_UP:
@@ -123,8 +120,6 @@ class Scheduler:
             self._watchdogs_in_row += 1
         elif slot.lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
-        if is_unsure:
-            self.polls.unit(slot.unit).note_late(now_s)
         entry = self.polls.entry_of(slot.poll)
         is_known = entry is not None or slot.poll is None
         is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
@@ -140,17 +135,14 @@ class Scheduler:
             sent_s=self._picked_s,
             now_s=now_s,
             is_repeated=is_repeated,
-            is_sure=not is_unsure and (is_open or not is_repeated),
+            is_sure=is_open or not is_repeated,
         )
         return Verdict(is_known and not is_repeated, is_online)
 
 
 def _is_retried(slot: Slot, outcome: Garbled) -> bool:
     """Return whether a read is sent once more, as its reply was corrupted; the line repeats no write."""
-    if not outcome.is_sent or slot.is_repetition or slot.request.is_write:
-        return False
-    frame = whole_frame(outcome.received) if slot.jobs and slot.jobs[0].is_literal else None
-    return frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
+    return outcome.is_sent and not slot.is_repetition and not slot.request.is_write
 
 
 class JobQueue:
@@ -189,19 +181,17 @@ class JobQueue:
         slots, self._waiting = self._waiting, []
         return tuple(job for slot in slots for job in slot.jobs)
 
-    def put_back(self, slot: Slot, until_s: float) -> None:
-        """Return a slot to the head of its priority, from `until_s` on; others pass it meanwhile."""
-        insort_left(self._waiting, replace(slot, not_before_s=until_s), key=attrgetter("lane"))
+    def put_back(self, slot: Slot) -> None:
+        """Return a slot to the head of its priority."""
+        insort_left(self._waiting, slot, key=attrgetter("lane"))
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        return min([slot.not_before_s for slot in self._waiting], default=inf)
+        return -inf if self._waiting else inf
 
-    def pop(self, now_s: float, *lanes: Priority) -> Slot | None:
+    def pop(self, *lanes: Priority) -> Slot | None:
         """Take out the next job of these priorities; of all but stops now and then the oldest."""
-        ready = self._waiting and [
-            slot for slot in self._waiting if slot.lane in lanes and slot.not_before_s <= now_s
-        ]
+        ready = [slot for slot in self._waiting if slot.lane in lanes] if self._waiting else None
         if not ready:
             return None
         self._commands += lanes == _COMMANDS

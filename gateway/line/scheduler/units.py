@@ -17,8 +17,7 @@ import enum
 from dataclasses import dataclass, field
 from math import inf
 
-from gateway.line.rtu.bus_faults import whole_frame
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.line_time import Queued
 from gateway.line.scheduler.requests import Poll
 
@@ -94,9 +93,6 @@ class Unit(Queued):
             self.misses = min(self.misses, SILENT_AFTER)
         elif self.is_online and now_s < min(self.answered_s + LATE_FOR_S, self.late_s + FADING_S):
             self.misses = min(self.misses, OFFLINE_AFTER - 1)
-        frame = whole_frame(outcome.received) if isinstance(outcome, Garbled) else None
-        if frame is not None and frame.unit == self.number:  # a right one, which answers something else
-            self.note_late(now_s)
         return False
 
     def note_late(self, now_s: float) -> None:

@@ -72,13 +72,13 @@ class _StopOrder:
     def is_written(self) -> bool:
         return self.counts_from is not None
 
-    def note_written(self, acknowledged_since_s: float, *, next_reading: int) -> None:
+    def note_written(self, *, is_acknowledged: bool, next_reading: int) -> None:
         """Take note of a frame that left; until one is acknowledged an earlier start may yet act."""
         if self.is_taken:
             return
         if self.report is not None and not self.is_written:
             self.report.write()
-        self.is_taken = acknowledged_since_s >= self.came_s
+        self.is_taken = is_acknowledged
         if self.is_taken or self.counts_from is None:
             self.counts_from = next_reading
 
@@ -209,7 +209,7 @@ class Stopping:
             self._refusal = RefusedError(refusals[0].code)
             self._note_mask_refused(steps, asked)
         if self._is_mask_refused or any(_may_have_left(each) for each in asked):
-            self._note_written(number, min(map(_acknowledged_since_s, asked)))
+            self._note_written(number, is_acknowledged=all(map(_is_acknowledged, asked)))
         self._news.set()
         asyncio.get_running_loop().call_soon(self._send_if_due)  # once this frame is no longer under way
 
@@ -223,10 +223,10 @@ class Stopping:
         if self._is_mask_refused and self._procedure().steps != steps:
             self._plan(self._time())
 
-    def _note_written(self, number: int, acknowledged_since_s: float) -> None:
+    def _note_written(self, number: int, *, is_acknowledged: bool) -> None:
         for order in self._all():
             if order.frame <= number:
-                order.note_written(acknowledged_since_s, next_reading=self._readings + 1)
+                order.note_written(is_acknowledged=is_acknowledged, next_reading=self._readings + 1)
 
     def _procedure(self) -> Procedure:
         """Return what stops the starter."""
@@ -330,7 +330,7 @@ class Stopping:
 
     def _cut_all(self, reason: Reason) -> None:
         if self._under_way:
-            self._note_written(self._handed, -inf)  # it may have been on its way already
+            self._note_written(self._handed, is_acknowledged=False)  # it may have been on its way already
         self._end([(order, self._cut(order, reason)) for order in self._all()])
 
     def _unseen(self, order: _StopOrder) -> Final:
@@ -386,15 +386,8 @@ def _is_mask_refused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
     return isinstance(outcome, Refused) and outcome.code == ExceptionCode.ILLEGAL_FUNCTION
 
 
-def _acknowledged_since_s(asked: asyncio.Future[Outcome]) -> float:
-    """Return since when a write equal to this one was acknowledged: inf for itself, -inf for none."""
-    match None if asked.cancelled() else asked.result():
-        case Answered():
-            return inf
-        case Garbled(acknowledges_since_s=since_s):
-            return since_s
-        case _:
-            return -inf
+def _is_acknowledged(asked: asyncio.Future[Outcome]) -> bool:
+    return not asked.cancelled() and isinstance(asked.result(), Answered)
 
 
 def _points(values: dict[str, Any]) -> dict[str, Any]:

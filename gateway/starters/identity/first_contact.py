@@ -343,7 +343,6 @@ class FirstContact:
             question.request,
             lane=lane,
             until_s=now_s + DOUBT_WITHIN_S if question.is_for_doubt and not is_patient else inf,
-            is_literal=True,
         )
         now_s = asyncio.get_running_loop().time()
         if is_fc43:

@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 
 from gateway.families import Profile, Question, diagnosis
-from gateway.line import LATE_S, Answered, Garbled, Outcome, Refused, whole_frame
+from gateway.line import EXPIRES_S, Answered, Garbled, Outcome, Refused, whole_frame
 from gateway.modbus.codes import EXCEPTION_BIT
 
 Put = Callable[[Question], Awaitable[Outcome]]
@@ -49,12 +49,12 @@ class Recognition:
 
     def note_unanswered(self, question: Question, now_s: float) -> None:
         """Record that there was no answer to a question, of whatever device is there."""
-        owed_s = [at_s for at_s in self._unanswered_s.get(question, ()) if at_s > now_s - LATE_S]
+        owed_s = [at_s for at_s in self._unanswered_s.get(question, ()) if at_s > now_s - EXPIRES_S]
         self._unanswered_s[question] = [*owed_s, now_s]
 
     def owed(self, question: Question) -> int:
         """Return how many replies to a question may still come."""
-        since_s = asyncio.get_running_loop().time() - LATE_S
+        since_s = asyncio.get_running_loop().time() - EXPIRES_S
         return sum(at_s > since_s for at_s in self._unanswered_s.get(question, ()))
 
     async def is_completed_otherwise(self, put: Put) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 
-from gateway.line.rtu.late_replies import LATE_S
+from gateway.line import EXPIRES_S
 from tests.lab.torture.scenario import Place, Scenario
 from tests.lab.torture.waiting import until
 from tests.lab.torture.world import World
@@ -60,7 +60,7 @@ async def endless_break(w: World, seconds: int) -> None:
 
     It begins when no reply of the flood before is owed any more: each would make the return take longer.
     """
-    await asyncio.sleep(LATE_S)
+    await asyncio.sleep(EXPIRES_S)
     await _flooded(w, seconds, byte=0)
 
 

@@ -147,10 +147,10 @@ LOST = [
         then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
     ),
     row(
-        "a start that a starter never gets is written once, and is not confirmed",
+        "a start that a starter never gets is written once, is not confirmed, and is taken back",
         given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start"), 3.085: fault("silent", "pump", for_s=2.0)},
-        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", *(), since=3.085 + 30)]},
+        at={3.0: command("pump/alice/start"), 3.055: fault("silent", "pump", for_s=2.0)},
+        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", STOP_07)]},
     ),
 ]
 
@@ -193,6 +193,31 @@ LATE = [
             5.0: [late_by(1, 3.0), publish("command/pump/alice/stop", client="alice")],
         },
         then={14.9: result("stop written ok"), 20.0: result("stop unconfirmed not_seen")},
+    ),
+    row(
+        "a starter that was asked often while it was away is believed again at once",
+        given=TWO.replace("every_s = 1.0", "every_s = 1.0\nwatchdog_s = 3.0"),
+        at={5.0: fault("silent", "pump", for_s=30.0)},
+        then={
+            34.0: msg("starter/pump/availability", state="offline"),
+            38.0: [
+                msg("starter/pump/availability", state="online"),
+                msg("starter/pump/value/current", quality="good"),
+            ],
+        },
+    ),
+    row(
+        "of several late replies in one go each is dropped, and the next reply is believed",
+        given=SSW07,
+        at={10.0: late_by(1, 1.2)},
+        then={
+            20.0: [
+                never("starter/pump/availability", since=3.1, state="offline"),
+                true_values,
+                asked_within(3.0, "pump", since=3.1, until=20.0),
+            ],
+            65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] > 1 else "not several",
+        },
     ),
     row(
         "a reply that comes after its port was lost and opened again is no answer either",
@@ -471,10 +496,10 @@ TOGETHER = [
                 asked_within_sweeps(3.0, 1.0, since=3.1, until=45.0),
                 asked_within(most_s, since=3.1, until=45.0),
                 true_values,
+                never("gateway/event", code="address_conflict"),
                 never("gateway/event", code="watchdog_unkept"),
             ]
         },
-        marks=pytest.mark.xfail(strict=False, reason="L12: a starter in doubt rests for 10 to 30 s today"),
     )
     for seed in range(1, 11)
     for words, site, most_s in (

@@ -1,0 +1,59 @@
+"""What came on a line and was not waited for: late replies, frames of others, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gateway.line.rtu.bus_faults import BusFaults
+from gateway.line.rtu.outstanding import Outstanding
+from gateway.line.rtu.reply import frames
+from gateway.modbus.adu import BROADCAST
+
+_KEPT_BYTES = 4096  # what a port stores, so that all late replies in it are seen
+
+
+class Strays:
+    """Bytes that wait to be judged until the line is quiet, and what was recognised in earlier ones."""
+
+    def __init__(self, outstanding: Outstanding, bus_faults: BusFaults, time: Callable[[], float]) -> None:
+        self.count = 0  # bytes, since the port was opened
+        self.asked = BROADCAST  # the unit that was asked last
+        self.heard: list[int] = []  # units of which a listed reply came; the reader clears it
+        self._outstanding = outstanding
+        self._bus_faults = bus_faults
+        self._time = time
+        self._waiting = bytearray()
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def take(self, received: bytes) -> None:
+        """Count bytes; the last of them are judged later."""
+        self.count += len(received)
+        self._waiting += received
+        del self._waiting[:-_KEPT_BYTES]
+
+    def judge(self) -> None:
+        """Judge what waits: frames one by one, and what is none."""
+        received = bytes(self._waiting)
+        self._waiting.clear()
+        for piece, is_frame in frames(received):
+            if is_frame:
+                self.drop(piece)
+            else:
+                self._bus_faults.note_noise(len(piece), self._time())
+
+    def drop(self, frame: bytes) -> None:
+        """Judge a whole frame that is no answer."""
+        unit = frame[0]
+        is_listed = self._outstanding.drop(unit, frame[1:-2])
+        if is_listed:
+            self.heard.append(unit)
+        self._bus_faults.note_frame(frame, asked=self.asked, is_listed=is_listed, now_s=self._time())
+
+    def give_up(self, size: int) -> bytes:
+        """Forget what waits, on a line that is never quiet, and return the last of it."""
+        tail = bytes(self._waiting[-size:])
+        self._waiting.clear()
+        self._bus_faults.note_never_quiet(tail, self._time())
+        return tail
