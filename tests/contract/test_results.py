@@ -15,7 +15,7 @@ from gateway.contract.results import NOTES, RESULTS
 from gateway.contract.wording import names_in
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.starters.commands.starter_io import _EXCEPTIONS
+from gateway.starters.command.wire import _EXCEPTIONS
 from gateway.starters.identity.first_contact import IdentityStatus
 from tests.results_page import PAGE, page
 
@@ -33,7 +33,7 @@ CODES: dict[str, Collection[str]] = {
     "starters/identity/first_contact.py": {
         each.value for each in IdentityStatus if each is not IdentityStatus.MATCHING
     },
-    "starters/commands/starter_io.py": {*_EXCEPTIONS.values(), ResultCode.EXCEPTION},
+    "starters/command/wire.py": {*_EXCEPTIONS.values(), ResultCode.EXCEPTION},
 }
 CASES: dict[str, Collection[str]] = {"families/command/interlock.py": RULES.keys()}
 

@@ -29,8 +29,7 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.commands.submit import Commands
+from gateway.starters.command import Commands, Dispatcher
 from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights

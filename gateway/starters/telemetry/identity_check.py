@@ -9,13 +9,12 @@ What was read meanwhile is then decoded for the variant that answers.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Mapping
 
-from gateway.contract import CommandError, EventCode, ResultCode
+from gateway.contract import EventCode
 from gateway.families import Identity, diagnosis
-from gateway.line import Garbled, LineClient, Priority, Silent
-from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, not_matching, standing_of
+from gateway.line import Garbled, LineClient, Silent
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup
@@ -186,27 +185,6 @@ class Contact:
     def is_over(self) -> bool:
         """Return whether what is withheld may be released."""
         return self.withheld.is_open and self.is_answered
-
-    async def prove(self, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified.
-
-        What is unlike it is asked once more by all questions, before anything may be written.
-        """
-        setup = self._identity.setup
-        is_same = await self._first_contact.is_same(lane)
-        if is_same is None:
-            raise CommandError(ResultCode.NO_ANSWER, "identity")
-        if not is_same:
-            asked = asyncio.ensure_future(self._first_contact.asked_anew())
-            await asyncio.wait((asked,), timeout=PROVED_WITHIN_S)
-            if not asked.done():
-                asked.cancel()
-                raise CommandError(ResultCode.NO_ANSWER, "identity")
-            why = diagnosis.why_not(setup.profile, asked.result())
-            if why is not None:
-                raise not_matching(standing_of(setup, asked.result()), why)
-        if self._identity.standing is not IdentityStatus.MATCHING:
-            raise not_matching(self._identity.standing, self._identity.reason)
 
     def end_gap(self) -> None:
         """Record that a poll was answered after a gap: perhaps by another device."""

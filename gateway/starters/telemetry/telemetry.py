@@ -145,10 +145,6 @@ class StarterTelemetry:
         """Send the starter a request, not later than `until_s`."""
         return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
 
-    async def prove(self, *, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified."""
-        await self._contact.prove(lane)
-
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
         self._publish_info()

@@ -76,9 +76,6 @@ class StarterControlView(StarterAccess, Protocol):
     def status_period_s(self) -> float:
         """How long two readings of its status are apart at most."""
 
-    async def prove(self, *, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified."""
-
     def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Hand over settings that were just read: the watchdog's count for its line."""
 

@@ -1,4 +1,4 @@
-"""One command's way to its starter, which can be cut at any moment."""
+"""The way of one command, or stop, to its starter: requests and readings; it can be halted at any moment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gateway.families import Expect, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
-from gateway.starters.telemetry.view import StarterAccess
+from gateway.starters.command.starter_io import StarterWire
 
 T = TypeVar("T")
 
@@ -65,10 +65,10 @@ class RefusedError(GatewayError):
         super().__init__(self.reason.text)
 
 
-class StarterIo:
+class Wire:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterAccess, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
+    def __init__(self, starter: StarterWire, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: Reason | None = None
@@ -157,7 +157,7 @@ class StarterIo:
         await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
 
     async def wait_for(self, work: Coroutine[Any, Any, object]) -> None:
-        """Wait for something that has to be done before a write, unless halted."""
+        """Wait for something other than the starter, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
     async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
