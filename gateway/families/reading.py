@@ -171,7 +171,7 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
 
 
 def with_rows(profile: Profile, reads: Sequence[Read], codes: Iterable[str]) -> tuple[Read, ...]:
-    """Return reads that carry these rows, too, in the same requests as far as every register between is known."""
+    """Return reads that carry these rows, too, in one request where every register between is known."""
     found = list(reads)
     missing = [code for code in codes if not any(code in read.codes for read in reads)]
     for code in missing:

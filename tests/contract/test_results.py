@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from gateway.starters.identity.first_contact import IdentityStatus
 
 from gateway.contract import Note, Reason, ResultCode, meaning_of
 from gateway.contract.results import NOTES, RESULTS
@@ -16,7 +17,6 @@ from gateway.contract.wording import names_in
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.commands.starter_io import _EXCEPTIONS
-from gateway.starters.identity.first_contact import IdentityStatus
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"

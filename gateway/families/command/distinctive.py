@@ -19,7 +19,7 @@ def distinctive_rows(profile: Profile) -> tuple[str, ...]:
 
 
 def contradiction(profile: Profile, seen: Seen) -> str:
-    """Return in words which of the rows seen deny this family; empty when all of them were seen as they are."""
+    """Return in words which of the rows seen deny this family; empty when none of them does."""
     codes = distinctive_rows(profile)
     if not codes or device_of(profile).is_like(seen):
         return ""

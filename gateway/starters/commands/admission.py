@@ -21,7 +21,7 @@ from gateway.contract import (
 from gateway.families import Preparation, command, reading
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
-from gateway.starters.identity.first_contact import IdentityStatus, not_matching
+from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.rights import Rights

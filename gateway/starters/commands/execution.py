@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, TypeVar, assert_never
 
-from gateway.contract import CommandError, Note, Phase, Reason, ResultCode
+from gateway.contract import READ, CommandError, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Preparation, Procedure, TakeBack, WriteStep, command, decode, parameters
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
@@ -24,6 +24,7 @@ from gateway.starters.commands.starter_io import (
     Rows,
     StarterIo,
 )
+from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.view import StarterControlView
@@ -76,6 +77,9 @@ class CommandExecution:
     ) -> None:
         self.report = report
         self._starter = starter
+        self._is_read = report.request.verb == READ  # in whatever words, it does no harm
+        if not self._is_read:
+            preparation = command.with_distinctive_rows(starter.profile, preparation)
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
         self._gate = gate  # among the commands of its line, until its first write; None: it does not wait
@@ -192,31 +196,38 @@ class CommandExecution:
             return None  # some of it may have been read before the gateway stood still
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
-        if not codes <= recent.keys():
+        asked = codes.difference(command.distinctive_rows(self._starter.profile))  # these are not polled
+        if not asked <= recent.keys():
             return None
         try:
-            return self._judge({code: recent[code] for code in codes})
+            return self._judge({code: recent[code] for code in asked})
         except CommandError:
             return None
 
     def _judge(self, rows: Rows) -> Procedure:
         """Return the steps that follow from these rows; CommandError when a rule forbids them."""
         profile, request = self._starter.profile, self.report.request
+        if not self._is_read:
+            self._demand_identity(rows)
         command.demand(profile, self._preparation.requires, self._points(rows))
         if self._guard is not None:
             self._guard.check(self._points(rows))
         return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
-    async def _carry_out(self, procedure: Procedure) -> Final:
-        """Write each step once, each only after what the one before has to bring about.
+    def _demand_identity(self, rows: Rows) -> None:
+        """Demand that the device is the configured one, and that no distinctive row denies it."""
+        status, profile = self._starter.identity_standing, self._starter.profile
+        if status is not IdentityStatus.MATCHING:
+            raise not_matching(status, self._starter.identity_reason)
+        is_seen = all(code in rows for code in command.distinctive_rows(profile))
+        why = command.contradiction(profile, rows) if is_seen else ""
+        if why:
+            raise not_matching(IdentityStatus.MISMATCHED, why)
 
-        Who answers is asked before the first, and after each reading between them, which takes its time.
-        """
-        await self._prove()
+    async def _carry_out(self, procedure: Procedure) -> Final:
+        """Write each step once, each only after what the one before has to bring about."""
         self._procedure = procedure
         for place, step in enumerate(procedure.steps, 1):
-            if place > 1 and procedure.steps[place - 2].then is not None:
-                await self._prove()
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(step, is_last=is_last)
             if end is not None:
@@ -230,22 +241,7 @@ class CommandExecution:
             if procedure.take_back is not None:
                 return await self._taken_back(end, self.report.request.verb, procedure.take_back)
             return await self._abandoned(end.noted(*procedure.notes))
-        await self._prove_again()
         return self._confirmed(procedure, values)
-
-    async def _prove(self) -> None:
-        """Raise CommandError unless the device that was identified answers now."""
-        await self._insist(lambda: self._starter_io.wait_for(self._starter.prove(lane=self._lane)))
-
-    async def _prove_again(self) -> None:
-        """Raise CommandError when another device answers now: what was read back may be its own."""
-        try:
-            await self._starter_io.wait_for(self._starter.prove(lane=self._lane))
-        except OverdueError:
-            pass
-        except CommandError as error:
-            if error.code != ResultCode.NO_ANSWER:
-                raise
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
@@ -442,13 +438,19 @@ class CommandExecution:
     async def _is_released(self, verb: str, released: Expect) -> bool:
         """Take a start back in words that follow from what was just read, and return whether that shows."""
         until_s = self._starter_io.seen_s + DECIDES_FOR_S
+        if self._is_another:
+            return False
         try:
-            await self._prove_again()
             for request in self._released_by(verb):
                 await self._starter_io.write(request, lane=Priority.COMMAND, until_s=until_s)
         except (CommandError, OverdueError):
-            return False  # another device answers now: these are not its words; or the time is over
+            return False
         return await self._starter_io.see(released) is not None
+
+    @property
+    def _is_another(self) -> bool:
+        """Whether another family answers since a silence: what the procedure names are not its words."""
+        return self._starter.identity_standing is IdentityStatus.MISMATCHED
 
     def _released_by(self, verb: str) -> Sequence[Request]:
         return command.release(
@@ -469,15 +471,10 @@ class CommandExecution:
         requests = self._released_by(self.report.request.verb) if procedure.take_back else procedure.abandon
         if not requests:
             return True
+        if self._is_another:
+            return False
         wire = StarterIo(self._starter)  # what halts the command does not halt this
         wire.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
-        try:
-            await wire.wait_for(self._starter.prove(lane=Priority.COMMAND))
-        except CommandError as error:
-            if error.code != ResultCode.NO_ANSWER:
-                return False  # another device answers now: these are not its words
-        except OverdueError:
-            return False
         try:
             outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in requests]
         except OverdueError:
