@@ -30,9 +30,7 @@ class Question:
     tag: str  # fc43, register, slots, firmware, model, name
     request: Request
     is_always_there: bool = False  # the registers: a device without them is of another family
-    is_asked_once: bool = False  # its answer stands as long as it is online, a lasting refusal too
-    is_for_doubt: bool = False  # not in the first round: the other answers mostly settle it
-    is_distinctive: bool = False  # its answer shows another family where the polls might look plausible
+    is_for_doubt: bool = False  # only where FC43 was not answered at once
 
 
 @dataclass(frozen=True, slots=True)

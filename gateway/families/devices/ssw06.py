@@ -35,7 +35,7 @@ class Ssw06Device(Ssw07Device):
     def questions(self, profile: Profile) -> tuple[Question, ...]:
         """VB00, which every SSW-06 has, and FC43 [4.2.1, 5.4.7]."""
         model = ReadHoldingRegisters(MODEL_ADDRESS, 1)
-        register = Question("register", model, is_always_there=True, is_distinctive=True)
+        register = Question("register", model, is_always_there=True)
         return (register, *Device.questions(self, profile))
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:

@@ -9,7 +9,7 @@ from typing import Protocol
 from gateway.families import Identity, Profile, Variant
 from gateway.line import LineClient, Priority
 from gateway.modbus.pdu import Request
-from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.identity import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
 from gateway.starters.telemetry.reporting import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot

@@ -180,7 +180,7 @@ def not_acting(
     later: dict[float, list[Action]] | None = None,
     said: str = "unconfirmed not_seen",
 ) -> object:
-    """A start that does not act; what its end says within 3 s of its deadline, and what came of it by 18 s."""
+    """A start that does not act; what its end says within 3 s of its deadline, and what came of it."""
     return row(
         name,
         given=SITE,

@@ -23,7 +23,7 @@ from gateway.starters.command.report import CommandReport
 from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.steps import Step
 from gateway.starters.command.wire import Rows, Wire
-from gateway.starters.identity.first_contact import IdentityStatus, not_matching
+from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
 
 T = TypeVar("T")
@@ -90,12 +90,20 @@ class Judge:
         """Return the writes that follow from these rows; CommandError when a rule forbids them."""
         profile, request = self._starter.profile, self._report.request
         points = self._points(rows)
-        if request.verb != READ and (why := command.contradiction(profile, rows)):
-            raise not_matching(IdentityStatus.MISMATCHED, why)
+        if request.verb != READ:  # which does no harm, in whatever words
+            self._demand_identity(rows)
         command.demand(profile, self._preparation.requires, points)
         if self._guard is not None:
             self._guard.check(points)
         return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
+
+    def _demand_identity(self, rows: Rows) -> None:
+        """Demand that the device is the configured one, and that none of these rows denies it."""
+        status = self._starter.identity_standing
+        if status is not IdentityStatus.MATCHING:
+            raise not_matching(status, self._starter.identity_reason)
+        if why := command.contradiction(self._starter.profile, rows):
+            raise not_matching(IdentityStatus.MISMATCHED, why)
 
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""

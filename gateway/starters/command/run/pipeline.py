@@ -32,6 +32,7 @@ from gateway.starters.command.run.ends import Outlook
 from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.steps import Step
 from gateway.starters.command.wire import LAST_READING_S, HaltedError, OverdueError, RefusedError, Wire
+from gateway.starters.identity import IdentityStatus
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 
@@ -314,7 +315,12 @@ class CommandRun:
         at_rest = procedure.take_back.at_rest
         rows = command.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
-        return values is not None and not command.contradiction(profile, values)
+        return values is not None and not self._is_another and not command.contradiction(profile, values)
+
+    @property
+    def _is_another(self) -> bool:
+        """Return whether another family answers since a silence: the procedure is not in its words."""
+        return self._starter.identity_standing is IdentityStatus.MISMATCHED
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""
@@ -325,6 +331,8 @@ class CommandRun:
         procedure = self._outlook.procedure
         if procedure is None or not self.report.life.is_written:
             return True
+        if procedure.abandon and self._is_another:
+            return False
         wire = Wire(self._starter)  # what halts the command does not halt this
         wire.until_s = self.report.now_s() + TAKEN_BACK_WITHIN_S
         try:
