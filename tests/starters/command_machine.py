@@ -18,7 +18,7 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 from gateway.contract import Phase, rfc3339
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
-from tests.starters.world import NAMES, PAUSE_S, GatewayWorld
+from tests.starters.world import NAMES, PAUSE_S, START_PDU, GatewayWorld
 from tests.virtual_time import VirtualTimeLoop
 
 ONLINE_S = 2.0
@@ -149,6 +149,20 @@ class CommandMachine(RuleBasedStateMachine):
         if self.world.boot.token != boot:
             self.tokens.append(token)
         self.wait(0.3)
+
+    @rule(starter=starters, seconds=st.sampled_from([0.3, 1.0, 3.0, 10.0]))
+    def start_another_device_in_its_place(self, starter: str, seconds: float) -> None:
+        """Swap after a silence: an SSW-06, whose coil 100 means run too, gets no start from an SSW-07's."""
+        self.bring_to_rest(starter)
+        other = self.run(self.world.swap(starter))
+        self.wait(seconds)
+        id_, (proof, _) = self.new_id(), self.proof("token", 0.0)
+        self.sent.append((starter, "alice", id_))
+        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
+        self.wait(seconds)
+        self.run(self.world.swap_back(starter, other))
+        assert START_PDU not in [write.pdu for write in other.writes]
+        assert not other.motor.is_turning
 
     @rule(starter=starters, kind=st.sampled_from(["token", "token", "issued", "boot"]))
     def send_a_start_into_a_way_that_stalls(self, starter: str, kind: str) -> None:

@@ -11,10 +11,10 @@ from gateway.families import command, state_of
 from gateway.starters.command.report import Reporting, audit
 from gateway.starters.command.run.ends import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
 from gateway.starters.command.starter_io import StarterIo
-from gateway.starters.telemetry.transitions import UNKNOWN
 from gateway.store import Remembered
 
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
+UNKNOWN = "unknown"  # the state of a starter that has not been read
 STATUS_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.25
 

@@ -60,7 +60,7 @@ class UnderWay:
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        if name in self._stops:
+        if verb != READ and name in self._stops:  # a read changes nothing at the starter
             self._stops.pop(name).give_way()
         starter = self._starters[name]
         key = (starter.setup.line, verb in CAN_WAIT)  # the two do not wait for each other

@@ -26,21 +26,6 @@ EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in 
 Rows = dict[str, tuple[int, ...]]
 
 
-_EXCEPTIONS: Mapping[int, ResultCode] = {
-    ExceptionCode.ILLEGAL_FUNCTION: ResultCode.ILLEGAL_FUNCTION,
-    ExceptionCode.ILLEGAL_DATA_ADDRESS: ResultCode.ILLEGAL_DATA_ADDRESS,
-    ExceptionCode.ILLEGAL_DATA_VALUE: ResultCode.ILLEGAL_DATA_VALUE,
-    ExceptionCode.SERVER_DEVICE_FAILURE: ResultCode.SERVER_DEVICE_FAILURE,
-    ExceptionCode.ACKNOWLEDGE: ResultCode.ACKNOWLEDGE,
-    ExceptionCode.SERVER_DEVICE_BUSY: ResultCode.SERVER_DEVICE_BUSY,
-    ExceptionCode.MEMORY_PARITY_ERROR: ResultCode.MEMORY_PARITY_ERROR,
-    ExceptionCode.GATEWAY_PATH_UNAVAILABLE: ResultCode.GATEWAY_PATH_UNAVAILABLE,
-    ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND: (
-        ResultCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
-    ),
-}
-
-
 class HaltedError(GatewayError):
     """The command was cut short; `reason` says why."""
 
@@ -57,7 +42,7 @@ class RefusedError(GatewayError):
     """The starter refused a request with a Modbus exception."""
 
     def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
-        code, rows = _EXCEPTIONS.get(number, ResultCode.EXCEPTION), ", ".join(codes)
+        code, rows = exception_result(number), ", ".join(codes)
         if rows:
             self.reason = Reason(code, "read", number=number, rows=rows)
         else:
@@ -197,6 +182,12 @@ class Wire:
         if inner.cancelled():
             raise OverdueError if self._halted is None else HaltedError(self._halted)
         return inner.result()
+
+
+def exception_result(number: int) -> ResultCode:
+    """Return the result code that is named as this Modbus exception [APP 7]."""
+    name = ExceptionCode(number).name if number in list(ExceptionCode) else ""
+    return ResultCode.__members__.get(name, ResultCode.EXCEPTION)
 
 
 def _asked_s(answer: Answered) -> float:
