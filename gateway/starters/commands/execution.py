@@ -217,6 +217,8 @@ class CommandExecution:
     def _demand_identity(self, rows: Rows) -> None:
         """Demand that the device is the configured one, and that no distinctive row denies it."""
         status, profile = self._starter.identity_standing, self._starter.profile
+        if not self._starter.is_answering:
+            raise CommandError(ResultCode.OFFLINE, "starter")
         if status is not IdentityStatus.MATCHING:
             raise not_matching(status, self._starter.identity_reason)
         is_seen = all(code in rows for code in command.distinctive_rows(profile))

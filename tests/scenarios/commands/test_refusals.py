@@ -119,7 +119,7 @@ READINGS = [
                     args={"parameter": "C8.2.5.1", "value": 1}),
     by_the_readings("a watchdog that the line cannot keep", "belt set", "watchdog_unkept",
                     args={"parameter": "R41", "value": 1},
-                    site=line(baud=1200) + starter("belt", 4, "sst")),
+                    site=line(baud=2400) + starter("belt", 4, "sst")),
 ]  # fmt: skip
 
 
