@@ -166,6 +166,8 @@ def judged(
 
 def next_question(profile: Profile, answers: Answers, round_: int = TRIES) -> Question | None:
     """Return the first open question that this round (1 to `TRIES`) has not put yet; None ends the round."""
+    if identity_of(profile, answers).family_seen not in (None, profile.family):
+        return None  # another family: a stop is to speak its words at once
     for question in diagnosis.identify_requests(profile):
         is_superfluous = question.is_for_doubt and NAME in answers.said
         puts = len(answers.misses.get(question.tag, ())) + question.is_for_doubt  # not in the first round

@@ -98,7 +98,9 @@ class Judge:
         return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
     def _demand_identity(self, rows: Rows) -> None:
-        """Demand that the device is the configured one, and that none of these rows denies it."""
+        """Demand that the configured device answers, and that none of these rows denies it."""
+        if not self._starter.is_answering:
+            raise CommandError(ResultCode.OFFLINE, "starter")
         status = self._starter.identity_standing
         if status is not IdentityStatus.MATCHING:
             raise not_matching(status, self._starter.identity_reason)
