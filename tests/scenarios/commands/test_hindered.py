@@ -403,10 +403,13 @@ DECIDED = [
         then={8.0: [result("start rejected line_down"), frames("pump")]},
     ),
     row(
-        "a line that is never quiet between two writes leaves a command unconfirmed",
+        "a line that is never quiet from the second of four writes on leaves a command unconfirmed",
         given=SITE,
-        at={2.0: "pump trip E05", 4.0: do("pump reset"), 4.29: chatter(0.002, 20.0)},
-        then={14.0: [result("reset unconfirmed line_down"), frames("pump", RUN_OFF, JOG_OFF)]},
+        at={
+            2.0: "pump trip E05",
+            4.0: [answers("pump", after(JOG_OFF, chatter(0.002, 20.0))), do("pump reset")],
+        },
+        then={14.0: [result("reset unconfirmed no_answer"), frames("pump", RUN_OFF, JOG_OFF)]},
     ),
     row(
         "an SST that refuses a register is taken out of its configuration mode",
