@@ -23,6 +23,7 @@ from gateway.starters.setup import StarterSetup
 
 TRIES = 3  # a reply may be lost, and one that is lost often says nothing of the device
 NAME = "fc43"  # the tag of Read Device Identification
+_ABSENT = {ExceptionCode.ILLEGAL_FUNCTION, ExceptionCode.ILLEGAL_DATA_ADDRESS}
 
 
 class IdentityStatus(enum.Enum):
@@ -169,9 +170,12 @@ def next_question(profile: Profile, answers: Answers, round_: int = TRIES) -> Qu
     if identity_of(profile, answers).family_seen not in (None, profile.family):
         return None  # another family: a stop is to speak its words at once
     for question in diagnosis.identify_requests(profile):
+        misses = answers.misses.get(question.tag, ())
+        is_needed = question.is_always_there or question.tag == NAME
+        is_closed = question.tag in answers.said or (not is_needed and not _ABSENT.isdisjoint(misses))
         is_superfluous = question.is_for_doubt and NAME in answers.said
-        puts = len(answers.misses.get(question.tag, ())) + question.is_for_doubt  # not in the first round
-        if question.tag not in answers.said and puts < round_ and not is_superfluous:
+        puts = len(misses) + question.is_for_doubt  # not in the first round
+        if puts < round_ and not is_closed and not is_superfluous:
             return question
     return None
 
