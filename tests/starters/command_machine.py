@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from gateway.contract import Phase, rfc3339
+from gateway.sim.weg.command_sources import P_START_DELAY
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, START_PDU, GatewayWorld
@@ -212,6 +213,16 @@ class CommandMachine(RuleBasedStateMachine):
         self.stop(starter, "alice")
         self.wait(seconds)
         self.start(starter, 0.3)
+
+    @rule(starter=starters, seconds=st.sampled_from([1.0, 3.2, 5.0, 8.0]))
+    def start_a_starter_that_ignores_it(self, starter: str, seconds: float) -> None:
+        """In its time after a stop it ignores a start without a word: that is taken back (S2)."""
+        self.bring_to_rest(starter)
+        settings = self.world.units[starter].settings  # type: ignore[attr-defined]  # of every SSW-07
+        settings[P_START_DELAY] = 60
+        self.restart(starter, 3.0)
+        self.wait(seconds)
+        settings[P_START_DELAY] = 0
 
     @rule()
     def start_both_at_once_and_stop_them(self) -> None:
