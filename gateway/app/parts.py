@@ -32,8 +32,7 @@ from gateway.mqtt import Inbox, IncomingCommands
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
-from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.commands.submit import Commands
+from gateway.starters.command import Commands, Dispatcher
 from gateway.starters.policy.freshness import MAX_AHEAD_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices

@@ -18,7 +18,7 @@ from gateway.families.profile.decode import is_known
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
-from gateway.families.profile.schema import Limits, Profile, Variant
+from gateway.families.profile.schema import Limits, Profile, Variant, once_per_profile
 from gateway.families.profile.word_types import shown_within
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -168,6 +168,43 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
         (profile.parameters[code] for code in set(codes)), key=lambda row: (row.table, row.address, row.code)
     )
     return tuple(_read(run) for run in runs_of(rows, partial(_may_join, profile)))
+
+
+def with_rows(profile: Profile, reads: Sequence[Read], codes: Iterable[str]) -> tuple[Read, ...]:
+    """Return reads that carry these rows, too: in the same requests where all between can be read."""
+    found = list(reads)
+    missing = [code for code in codes if not any(code in read.codes for read in reads)]
+    for code in missing:
+        for place, read in enumerate(found):
+            rows = sorted((find(profile, each) for each in (*read.codes, code)), key=lambda row: row.address)
+            if _may_span(profile, rows):
+                found[place] = _read(rows)
+                break
+        else:
+            found.append(read_of(profile, code))
+    return tuple(found)
+
+
+def _may_span(profile: Profile, rows: Sequence[Parameter]) -> bool:
+    """Return whether one request may carry rows of one table: all registers between are in the manual."""
+    limits, first, last = profile.limits, rows[0], rows[-1]
+    end = last.address + last.words
+    longest = limits.read_bits if first.table.is_bits else limits.read_registers
+    if len({row.table for row in rows}) > 1 or end - first.address > longest:
+        return False
+    if not all(row.is_sure for row in rows):
+        return False
+    return all((first.table, address) in _registers(profile) for address in range(first.address, end))
+
+
+@once_per_profile
+def _registers(profile: Profile) -> frozenset[tuple[Table, int]]:
+    """Return every register and coil that a row of the manual covers."""
+    return frozenset(
+        (row.table, address)
+        for row in profile.parameters.values()
+        for address in range(row.address, row.address + row.words)
+    )
 
 
 def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:

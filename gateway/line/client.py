@@ -95,11 +95,6 @@ class LineClient:
         return self._statistics()
 
     @property
-    def unit_count(self) -> int:
-        """How many units have been asked on this line."""
-        return len(self.statistics()["units"])
-
-    @property
     def stretch(self) -> float:
         """The factor by which all periods are stretched at present, since the line has no time for all."""
         return self._line.stretch

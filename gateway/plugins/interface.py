@@ -11,8 +11,7 @@ from gateway.config.schema import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
 from gateway.line import LineClient
 from gateway.mqtt import Message
-from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.commands.submit import Commands
+from gateway.starters.command import Commands, Dispatcher
 from gateway.starters.policy.freshness import Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.telemetry.view import StarterControlView

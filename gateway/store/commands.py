@@ -8,7 +8,7 @@
 4. Until the table has been read it counts as away; also for a while after it was lost, because commands of
    before cannot be distinguished from new ones.
 
-`starters.commands.ledger` decides what is deleted, and when; there is no limit of age or number here.
+`starters.command.ledger` decides what is deleted, and when; there is no limit of age or number here.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from gateway.contract.results import NOTES, RESULTS
 from gateway.contract.wording import names_in
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.starters.commands.starter_io import _EXCEPTIONS
-from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.command.wire import exception_result
+from gateway.starters.identity.standing import _CODES
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
@@ -30,10 +30,8 @@ CODES: dict[str, Collection[str]] = {
         each.refusal for command in COMMANDS for each in command.ceilings.values()
     },
     "starters/policy/preconditions.py": {ResultCode.NOT_AS_EXPECTED, ResultCode.STATE_CHANGED},
-    "starters/identity/first_contact.py": {
-        each.value for each in IdentityStatus if each is not IdentityStatus.MATCHING
-    },
-    "starters/commands/starter_io.py": {*_EXCEPTIONS.values(), ResultCode.EXCEPTION},
+    "starters/identity/standing.py": set(_CODES.values()),
+    "starters/command/wire.py": {exception_result(number) for number in range(256)},
 }
 CASES: dict[str, Collection[str]] = {"families/command/interlock.py": RULES.keys()}
 

@@ -161,7 +161,7 @@ def result(words: str, starter: str = "+", client: str = "+") -> Expectation:
     return lambda plant: _unequal([words], plant.results(starter, client)[-1:])
 
 
-def event(code: str, topic: str = "gateway/event", **fields: Any) -> Expectation:
+def event(code: str | re.Pattern[str], topic: str = "gateway/event", **fields: Any) -> Expectation:
     """There was such an event of the gateway, or of a starter (`topic="starter/pump/event"`)."""
     return seen(topic, code=code, **fields)
 

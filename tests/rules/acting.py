@@ -89,7 +89,7 @@ class Actor:
         for read in reads:
             pdu = self.talk.pdu(read.request)
             if pdu is None or exception_code(read.request, pdu) is not None:
-                raise CommandError(ResultCode.NO_ANSWER, "identity")
+                raise CommandError(ResultCode.NO_ANSWER, "status", reason="no reply")
             rows |= rows_in(self.profile, read, read.request.decode_reply(pdu))
         self.rows |= rows
         return rows

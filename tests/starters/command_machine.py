@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from gateway.contract import Phase, rfc3339
+from gateway.sim.weg.command_sources import P_START_DELAY
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
-from tests.starters.world import NAMES, PAUSE_S, GatewayWorld
+from tests.starters.world import NAMES, PAUSE_S, START_PDU, GatewayWorld
 from tests.virtual_time import VirtualTimeLoop
 
 ONLINE_S = 2.0
@@ -150,6 +151,20 @@ class CommandMachine(RuleBasedStateMachine):
             self.tokens.append(token)
         self.wait(0.3)
 
+    @rule(starter=starters, seconds=st.sampled_from([0.3, 1.0, 3.0, 10.0]))
+    def start_another_device_in_its_place(self, starter: str, seconds: float) -> None:
+        """Swap after a silence: an SSW-06, whose coil 100 means run too, gets no start from an SSW-07's."""
+        self.bring_to_rest(starter)
+        other = self.run(self.world.swap(starter))
+        self.wait(seconds)
+        id_, (proof, _) = self.new_id(), self.proof("token", 0.0)
+        self.sent.append((starter, "alice", id_))
+        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
+        self.wait(seconds)
+        self.run(self.world.swap_back(starter, other))
+        assert START_PDU not in [write.pdu for write in other.writes]
+        assert not other.motor.is_turning
+
     @rule(starter=starters, kind=st.sampled_from(["token", "token", "issued", "boot"]))
     def send_a_start_into_a_way_that_stalls(self, starter: str, kind: str) -> None:
         """Whatever comes until it arrives happens meanwhile."""
@@ -198,6 +213,16 @@ class CommandMachine(RuleBasedStateMachine):
         self.stop(starter, "alice")
         self.wait(seconds)
         self.start(starter, 0.3)
+
+    @rule(starter=starters, seconds=st.sampled_from([1.0, 3.2, 5.0, 8.0]))
+    def start_a_starter_that_ignores_it(self, starter: str, seconds: float) -> None:
+        """In its time after a stop it ignores a start without a word: that is taken back (S2)."""
+        self.bring_to_rest(starter)
+        settings = self.world.units[starter].settings  # type: ignore[attr-defined]  # of every SSW-07
+        settings[P_START_DELAY] = 60
+        self.restart(starter, 3.0)
+        self.wait(seconds)
+        settings[P_START_DELAY] = 0
 
     @rule()
     def start_both_at_once_and_stop_them(self) -> None:

@@ -167,7 +167,6 @@ class FakeLineClient(LineClient):
     def expedite(self, key: str) -> None:
         assert key in self.polls
 
-    unit_count = 1
     stretch = 1.0
 
     def retry_refused(self, unit: int) -> None:

@@ -10,10 +10,9 @@ from typing import Any
 from gateway.contract import CommandRequest, Operator, RecordWriter
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.command import Dispatcher
 from gateway.starters.policy.rights import Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
@@ -39,10 +38,6 @@ def virtually(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., N
     return run
 
 
-async def is_proved(*, lane: Priority) -> None:
-    """Stand for the questions before a write."""
-
-
 class CommandRig:
     """An SSW-07 on a fake line, read by hand, with a dispatcher; alice may do everything.
 
@@ -58,7 +53,6 @@ class CommandRig:
         self.line = FakeLineClient(self.unit)
         self.setup = StarterSetup("pump-1", "pumps", 7, load_profile("ssw07"), Variant())
         self.telemetry = StarterTelemetry(self.setup, line=self.line, records=self.records)
-        self.telemetry.prove = is_proved  # type: ignore[method-assign]  # a command's own requests are counted
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
         self.dispatcher = Dispatcher(

@@ -29,8 +29,7 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Dispatcher
-from gateway.starters.commands.submit import Commands
+from gateway.starters.command import Commands, Dispatcher
 from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
@@ -53,6 +52,7 @@ PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
 READS = (1, 2, 3, 4)  # function codes
+SILENCE_S = 12.0  # so many polls are lost in it that a starter is offline
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
 
 
@@ -313,6 +313,23 @@ class GatewayWorld:
             self.bus.plug_in()
         else:
             self.bus.unplug()
+
+    async def swap(self, starter: str) -> SimulatedUnit:
+        """Put an SSW-06 in a starter's place, with a silence between; return it."""
+        other = make_unit("ssw06", self.units[starter].address)
+        await self._exchange(self.units[starter], other)
+        return other
+
+    async def swap_back(self, starter: str, other: SimulatedUnit) -> None:
+        """Put the right starter back in its place, with a silence between."""
+        await self._exchange(other, self.units[starter])
+
+    async def _exchange(self, before: SimulatedUnit, after: SimulatedUnit) -> None:
+        self.disturbances_s.append(self.clock.now_s())
+        self.bus.remove(before)
+        await asyncio.sleep(SILENCE_S)
+        self.bus.add(after)
+        self.disturbances_s.append(self.clock.now_s())
 
     def impair(self, starter: str, kind: str) -> None:
         address = self.units[starter].address

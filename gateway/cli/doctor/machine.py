@@ -12,7 +12,6 @@ from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.config.schema import Config
 from gateway.errors import StoreError
 from gateway.families import Weight
-from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
 from gateway.store import INTEND_WITHIN_S, STATE_FILE, backup, read_document
@@ -37,6 +36,7 @@ class DoctorFinding:
 
 
 SYSFS_TTY = Path("/sys/class/tty")
+SLOW_DISK_S = 0.25  # a start waits so long for the disk without a person noticing it
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
 
 

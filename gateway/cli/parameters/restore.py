@@ -26,7 +26,7 @@ from gateway.contract import CommandError, Note, ResultCode
 from gateway.errors import StoreError, UsageError
 from gateway.families import Identity, reading
 from gateway.line import new_precise_loop
-from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, mismatch_in
+from gateway.starters.identity import FINGERPRINTS, KNOWN, mismatch_in
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
 from gateway.contract import CommandError, Note, ResultCode
@@ -36,6 +38,7 @@ from gateway.families.profile.procedure import (
     WriteStep,
 )
 from gateway.families.profile.schema import Command, Profile, Variant
+from gateway.families.profile.state import moving
 from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
 
@@ -137,10 +140,8 @@ _VALUE = "value"
 
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
-_RELEASED_BY = {"start": "stop", "jog": "jog_off"}
-TAKEN_BACK = tuple(_RELEASED_BY)  # verbs
+TAKEN_BACK = ("start", "jog")  # verbs, and the entries that they stand for
 _AT_REST_WITHIN_S = 2.0  # lost replies are made up for
-_RELEASED_WITHIN_S = 0.5
 
 
 def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> tuple[bool, bool]:
@@ -204,27 +205,38 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
     )
     notes = (Note("family", note=command.note),) if command.note else ()
     procedure = Procedure(steps, verify=verification(profile, variant, verb, command), notes=notes)
-    if name not in _RELEASED_BY:
+    if name not in TAKEN_BACK:
         return procedure
-    return replace(procedure, take_back=_take_back(profile, variant, name))
+    return replace(procedure, take_back=_take_back(profile, variant))
 
 
-def _take_back(profile: Profile, variant: Variant, name: str) -> TakeBack | None:
-    at_rest = verification(profile, variant, "stop", profile.commands["stop"])
-    if at_rest is None:
-        return None
+def _take_back(profile: Profile, variant: Variant) -> TakeBack:
+    """Return when a start or a jog is seen not to act, and when it is seen to be taken back."""
+    names = [name for name in moving(profile) if _is_there(profile, variant, name)]
+    reads = reads_for(profile, rows_of_points(profile, names))
+    first, *others = (Expect(reads, name, (False,), _AT_REST_WITHIN_S) for name in names)
     row = run_row(profile, variant)
-    reads = reads_for(profile, (row, *rows_of_points(profile, ("remote",))))
-    is_remote = Expect(reads, "remote", (True,), _RELEASED_WITHIN_S)
-    released = Expect(
-        reads, row, ((0,),), _RELEASED_WITHIN_S, mask=command_bit(profile, name), also=(is_remote,)
+    bits = [command_bit(profile, name) for name in TAKEN_BACK if name in profile.commands]
+    shown = reads_for(profile, (row, *rows_of_points(profile, ("remote",))))
+    is_remote = Expect(shown, "remote", (True,), _AT_REST_WITHIN_S)
+    run_off = Expect(shown, row, ((0,),), _AT_REST_WITHIN_S, mask=reduce(or_, bits), also=(is_remote,))
+    return TakeBack(at_rest=replace(first, also=tuple(others)), released=run_off)
+
+
+def _is_there(profile: Profile, variant: Variant, name: str) -> bool:
+    return name in profile.points and is_known(profile.points[name].since_firmware, variant)
+
+
+def stop(profile: Profile, variant: Variant, *, seen: Seen, with_jog: bool) -> Procedure:
+    """Return what stops the motor, whatever is unknown; `with_jog`: and a jog that was not seen."""
+    procedure = build(profile, variant, "stop", {}, seen=seen)
+    if not with_jog:
+        return procedure
+    written = {step.request for step in procedure.steps}
+    jog_off = (each for each in run_command.jog_off(profile, variant, seen) if each not in written)
+    return replace(
+        procedure, steps=(*procedure.steps, *(WriteStep(each, may_be_refused=True) for each in jog_off))
     )
-    return TakeBack(replace(at_rest, within_s=_AT_REST_WITHIN_S), released)
-
-
-def release(profile: Profile, variant: Variant, verb: str, *, seen: Seen) -> tuple[Request, ...]:
-    """Return what takes a start or a jog back, from the rows known last."""
-    return tuple(_requests(profile, variant, _RELEASED_BY[verb], seen=seen))
 
 
 def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:

@@ -107,11 +107,12 @@ def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep,
     first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=run) for row in rows)
     *before, last = (_strict(profile, request, seen) for request in requests)
     steps = (*before, replace(last, then=replace(first, also=tuple(others))))
-    jog_off = _jog_off(profile, variant, seen)
-    return (*steps, *(WriteStep(request, may_be_refused=True) for request in jog_off))
+    taken_back = jog_off(profile, variant, seen)
+    return (*steps, *(WriteStep(request, may_be_refused=True) for request in taken_back))
 
 
-def _jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request]:
+def jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request]:
+    """Return what takes a jog back; nothing where the stop does so, or the starter has no jog."""
     command = profile.commands.get("jog_off")
     since = profile.commands["jog"].since_firmware if command is not None else ""
     if command is None or has_plain_word(command.writes) or not is_known(since, variant):

@@ -30,9 +30,7 @@ class Question:
     tag: str  # fc43, register, slots, firmware, model, name
     request: Request
     is_always_there: bool = False  # the registers: a device without them is of another family
-    is_asked_once: bool = False  # its answer stands as long as it is online, a lasting refusal too
-    is_for_doubt: bool = False  # not in the first round: the other answers mostly settle it
-    is_distinctive: bool = False  # its answer shows another family where the polls might look plausible
+    is_for_doubt: bool = False  # only where FC43 was not answered at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +57,7 @@ class Device:
     product: re.Pattern[str] | None = None
     is_current_named = True
     slot_rows: tuple[str, ...] = ()  # what slots 1 and 2 hold
+    distinctive_rows: tuple[str, ...] = ()  # they show another family where a status might look plausible
 
     # The rows that `start_findings` and `watchdogs` look at.
     start_rows: tuple[str, ...] = ()
@@ -76,6 +75,10 @@ class Device:
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """Return who the unit is, out of what FC43 made known of it and the other answers by their tags."""
         return seen
+
+    def is_like(self, seen: Seen) -> bool:
+        """Return whether the distinctive rows, all of which were seen, hold what this family has there."""
+        return True
 
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Return the active faults and alarms, faults first, each once: `fault`, its number, `alarm`.

@@ -21,6 +21,7 @@ from gateway.families.reading import holds, read_back, read_of, reads_for
 from gateway.modbus.reads import ReadInputRegisters
 from gateway.modbus.writes import WriteCoil
 
+_MODEL = "R0"
 _MODELS = {330: "SST330i", 360: "SST360i", 130: "SST130i"}  # register 0
 _MODE, _COMPLETE, _USB, _INPUTS, _READY = "COIL2", "COIL5", "COIL7", "COIL8", "COIL26"
 _ERRORS = range(10, 22)  # coils
@@ -32,6 +33,7 @@ _FLASH_WITHIN_S = 5.0  # until coil 5 shows that the configuration is in flash (
 class SstDevice(Device):
     """SST330i, SST360i, SST130i."""
 
+    distinctive_rows = (_MODEL,)
     start_rows = (_COMPLETE, _USB, _INPUTS, _READY)
     watchdog_rows = (_STOP_AFTER, _RESTART_AFTER)
 
@@ -56,6 +58,10 @@ class SstDevice(Device):
             serial=serial_of(registers[8:12]),
             reason=f"register 0 is {registers[0]}",
         )
+
+    def is_like(self, seen: Seen) -> bool:
+        """Register 0 is the number of a model."""
+        return seen[_MODEL][0] in _MODELS
 
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Coil 9 says that there is an error, coils 10-21 which one."""

@@ -29,12 +29,13 @@ class Ssw06Device(Ssw07Device):
 
     product = re.compile(r"SSW[- ]?0?6(?![0-9])", re.IGNORECASE)  # "SSW-06 820.0A" [5.4.7]
     relays = ("P277", "P278", "P279")
+    distinctive_rows = (_MODEL_ROW,)
     start_rows = (*Ssw07Device.source_rows, *relays, "P630", _SHOWN)
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
         """VB00, which every SSW-06 has, and FC43 [4.2.1, 5.4.7]."""
         model = ReadHoldingRegisters(MODEL_ADDRESS, 1)
-        register = Question("register", model, is_always_there=True, is_distinctive=True)
+        register = Question("register", model, is_always_there=True)
         return (register, *Device.questions(self, profile))
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
@@ -50,6 +51,10 @@ class Ssw06Device(Ssw07Device):
             family = None
             lacks = reading = f"{reading} and should be {SSW06_MODEL}"
         return denied_by_name(replace(seen, family_seen=family, reason=reading, lacks=lacks))
+
+    def is_like(self, seen: Seen) -> bool:
+        """VB00 is 15 on every SSW-06 [4.2.1]."""
+        return seen[_MODEL_ROW][0] == SSW06_MODEL
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
         """See `Ssw07Device`, and 4.3."""

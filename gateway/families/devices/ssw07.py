@@ -47,7 +47,7 @@ class Ssw07Device(Device):
         model = ReadHoldingRegisters(MODEL_ADDRESS, 1)
         return (
             Question("register", status, is_always_there=True),
-            Question("model", model, is_asked_once=True, is_for_doubt=True, is_distinctive=True),
+            Question("model", model, is_for_doubt=True),
             *super().questions(profile),
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -27,6 +27,7 @@ from gateway.families.devices.findings import (
     unread,
 )
 from gateway.families.profile.decode import alarm_code
+from gateway.families.profile.procedure import Seen
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -48,6 +49,7 @@ class Ssw900Device(Device):
     product = re.compile(r"SSW[- ]?900(?![0-9])", re.IGNORECASE)
     is_current_named = False
     slot_rows = ("S3.5.1", "S3.5.2")
+    distinctive_rows = slot_rows
     start_rows = ("C3.1", "C3.2", "C3.3", *slot_rows)
     source_rows = ("C3.2", "C3.3")
     watchdog_rows = ("C8.2.5.1", "C8.2.5.2", "C8.2.5.3")
@@ -69,7 +71,7 @@ class Ssw900Device(Device):
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """FC43 proves it, or two slots with plausible contents of which one is the RS-485 accessory."""
         slots = answers.get("slots") or ()
-        is_plausible = all(content in _SLOT_CONTENTS for content in slots) and _RS485 in slots
+        is_plausible = _are_slots(slots)
         is_named_otherwise = seen.family_seen not in (None, profile.family)
         if is_named_otherwise or not (seen.family_seen or is_plausible):
             return denied_by_name(seen) if slots else seen  # without them the name may be its own
@@ -85,6 +87,10 @@ class Ssw900Device(Device):
             accessories=tuple(profile.enums["S3.5.1"].get(content, str(content)) for content in slots),
             reason=f"{seen.reason}; slots 1 and 2 hold {slots}" if slots else seen.reason,
         )
+
+    def is_like(self, seen: Seen) -> bool:
+        """One of the slots holds the RS-485 accessory [table A.2]."""
+        return _are_slots([seen[code][0] for code in self.slot_rows])
 
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Bits 15 and 14 of S5.1.1 say that there is something, D1.1.1 and D2.1.1-D2.1.5 what [S5.1].
@@ -136,6 +142,11 @@ class Ssw900Device(Device):
         else:
             does, is_felt = _ALARM_ACTIONS[action], True
         return (Watchdog("C8.2.5.3", tenths / 10, does, is_felt),)
+
+
+def _are_slots(contents: Sequence[int]) -> bool:
+    """Return whether these can be the contents of an SSW900's slots; it answers by its RS-485 accessory."""
+    return all(content in _SLOT_CONTENTS for content in contents) and _RS485 in contents
 
 
 def _slot(slots: tuple[int, ...]) -> Literal[1, 2] | None:

@@ -68,10 +68,10 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class TakeBack:
-    """When a start that did not act is taken back, and how that shows; `build.release` is what is written."""
+    """When a start or a jog that did not act is taken back, by the starter's stop, and how that shows."""
 
     at_rest: Expect  # the motor stands: one that cannot be seen is left alone
-    released: Expect  # the command reads 0, in remote mode: in local mode a starter may ignore the write
+    released: Expect  # both commands read 0, in remote mode: in local mode a starter may ignore the write
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,13 @@
-"""Who a starter is: asked (`first_contact`), compared (`fingerprint`), known before (`registry`)."""
+"""Who a starter is: states and answers (`standing`), the asking (`contact`), who was known (`registry`)."""
+
+from gateway.starters.identity.contact import Contact, interview
+from gateway.starters.identity.fingerprint import IdentityMismatch
+from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, IdentityRegistry, mismatch_in
+from gateway.starters.identity.standing import (
+    Answers,
+    IdentityStatus,
+    Standing,
+    judged,
+    met,
+    not_matching,
+)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from math import inf
 
 from gateway.contract import CommandError, Record, RecordWriter, ResultCode
-from gateway.families import Identity, Profile, Question, Read, Variant, diagnosis
-from gateway.line import Answered, LineClient, Outcome, Priority, Refused
+from gateway.families import Identity, Profile, Question, Read, Variant
+from gateway.line import LineClient, Outcome, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.identity.first_contact import IdentityStatus, not_matching, standing_of
-from gateway.starters.identity.recognition import Recognition
+from gateway.starters.identity import Answers, IdentityStatus, Standing, interview, judged, met, not_matching
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.reporting import Emitter
@@ -21,7 +19,7 @@ from gateway.system.clock import Clock
 
 
 class OfflineStarter:
-    """A `StarterControlView` without polls, so that a command judges only what it has just read itself."""
+    """A `StarterIo` without polls: a command judges only what was just read for a command."""
 
     contradiction = ""  # a device that is not the configured one is given up when it is identified
 
@@ -38,11 +36,9 @@ class OfflineStarter:
         self.variant: Variant = setup.variant
         self.snapshot = Snapshot({})
         self.emitter = Emitter(setup.name, RecordWriter(_NoRecords(), clock))
-        self.identity = Identity(reason="not yet asked")
+        self._standing = Standing()
         self._watchdogs = watchdogs or KnownWatchdogs()
-        self._recognition = Recognition(setup.profile)
         self.is_answering = False
-        self.status_period_s = 0.0  # no poll vouches for anything
 
     @property
     def profile(self) -> Profile:
@@ -50,37 +46,36 @@ class OfflineStarter:
         return self.setup.profile
 
     @property
+    def identity(self) -> Identity:
+        """Return what the device said about itself."""
+        return self._standing.identity
+
+    @property
     def identity_standing(self) -> IdentityStatus:
         """Return whether the device has proved to be the configured family."""
-        return standing_of(self.setup, self.identity)
+        return self._standing.status
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return diagnosis.why_not(self.profile, self.identity) or ""
+        return self._standing.reason
 
     async def identify(self) -> None:
         """Identify the device; CommandError when none answers, or another than the configured one."""
-        outcomes = {q: await self._put(q) for q in diagnosis.identify_requests(self.profile)}
-        self.is_answering = any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
+        answers = Answers()
+        async for said in interview(self.profile, answers, self._put):
+            answers = said
+        self.is_answering = answers.is_there
         if not self.is_answering:
             name, address = self.setup.name, self.setup.address
             raise CommandError(ResultCode.OFFLINE, "address", starter=name, address=address)
-        self._recognition.note(outcomes)
-        answers = {q.tag: out.value if isinstance(out, Answered) else None for q, out in outcomes.items()}
-        self.identity = diagnosis.identify(self.profile, answers)
-        standing = self.identity_standing
-        if standing is not IdentityStatus.MATCHING:
-            raise not_matching(standing, self.identity_reason)
+        self._standing = judged(met(self._standing), self.setup, answers, None)
+        if self.identity_standing is not IdentityStatus.MATCHING:
+            raise not_matching(self.identity_standing, self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
 
-    async def prove(self, *, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified."""
-        if await self._recognition.is_same(partial(self._put, lane=lane)) is not True:
-            await self.identify()
-
-    async def _put(self, question: Question, *, lane: Priority = Priority.READ_BACK) -> Outcome:
-        return await self.ask(question.request, lane=lane)
+    async def _put(self, question: Question) -> Outcome:
+        return await self.ask(question.request)
 
     def ask(self, request: Request, *, lane: Priority = Priority.READ_BACK, until_s: float = inf) -> Asked:
         """Send a request."""

@@ -16,10 +16,10 @@ from gateway.contract import (
     ResultCode,
     ResultRecord,
 )
-from gateway.families import decode
-from gateway.starters.commands.execution import CommandExecution
-from gateway.starters.commands.ledger import Ledger
-from gateway.starters.commands.lifecycle import CommandReport, Reporting
+from gateway.families import command, decode
+from gateway.starters.command.ledger import Ledger
+from gateway.starters.command.report import CommandReport, Reporting
+from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, prepare_change
 from gateway.starters.policy.write_budget import WriteBudget
@@ -54,7 +54,7 @@ class Restore:
             ledger=Ledger(),
             write_budget=self._write_budget,
         )
-        self._execution: CommandExecution | None = None
+        self._command: CommandRun | None = None
         self._is_interrupted = False
 
     @property
@@ -65,8 +65,8 @@ class Restore:
     def interrupt(self) -> None:
         """Write nothing more, but leave the starter safe."""
         self._is_interrupted = True
-        if self._execution is not None:
-            self._execution.halt(Reason(ResultCode.INTERRUPTED))
+        if self._command is not None:
+            self._command.halt(Reason(ResultCode.INTERRUPTED))
 
     async def run(self, on_begin: Callable[[tuple[PlannedWrite, ...]], None]) -> RestoreEnd:
         """Write the changes in their order; `on_begin` gets each group before it is written."""
@@ -90,14 +90,16 @@ class Restore:
     async def _carry_out(self, group: tuple[PlannedWrite, ...]) -> ResultRecord:
         verb, args = _command(group)
         starter = self._starter
-        preparation = prepare_change(starter.profile, starter.variant, verb, args)
+        preparation = command.with_distinctive_rows(
+            starter.profile, prepare_change(starter.profile, starter.variant, verb, args)
+        )
         now_s = self._reporting.records.clock.now_s()
         request = CommandRequest(starter.setup.name, CLIENT, verb, uuid.uuid4().hex, args, received_s=now_s)
         report = CommandReport(request, self._reporting)
         report.accept()
-        self._execution = CommandExecution(report, starter, preparation)
-        await self._execution.run()
-        self._execution = None
+        self._command = CommandRun(report, starter, preparation)
+        await self._command.run()
+        self._command = None
         return self._finals.take()
 
 

@@ -12,7 +12,7 @@ from gateway.contract import (
     RecordWriter,
     StateRecord,
 )
-from gateway.starters.identity.registry import IdentityRegistry
+from gateway.starters.identity import IdentityRegistry
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
 from gateway.starters.policy.preconditions import Expectation, Guard
 from gateway.starters.policy.rights import Rights

@@ -83,9 +83,6 @@ def owner_of(lock: LockRecord) -> str:
 
 def reason_in(args: Mapping[str, Any], reason: str | None) -> str:
     """Return why someone locks: the argument `reason`, else the command's; CommandError without one."""
-    strange = sorted(set(args) - {"reason"})
-    if strange:
-        raise CommandError(ResultCode.BAD_ARGUMENTS, "only_reason", name=strange[0][:40])
     why = args.get("reason", reason)
     if not isinstance(why, str) or not why.strip():
         raise CommandError(ResultCode.BAD_ARGUMENTS, "reason_missing")

@@ -13,7 +13,7 @@ from gateway.errors import PortLostError
 from gateway.families import Profile, Read, Variant, diagnosis, once_per_profile, parameters, reading
 from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
-from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.supervised import SupervisedTask

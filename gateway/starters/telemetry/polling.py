@@ -176,10 +176,6 @@ class Polling:
             self._line.remove_poll(key)
         return polled.block.codes
 
-    def is_vital(self, block: reading.Block) -> bool:
-        """Return whether a block has a row that decides state, fault or watchdog."""
-        return not self._vital.isdisjoint(block.codes)
-
     def refused_vital(self) -> tuple[str, ...]:
         """Return the rows that decide state, fault or watchdog and are refused alone."""
         return tuple(

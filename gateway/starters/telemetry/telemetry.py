@@ -9,18 +9,16 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from gateway.contract import EventCode, RecordWriter, joined, phrase
+from gateway.contract import EventCode, RecordWriter, phrase
 from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.starters.identity.first_contact import IdentityStatus, standing_of
-from gateway.starters.identity.registry import IdentityRegistry
+from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
 from gateway.starters.telemetry.description import info_of
-from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
 from gateway.starters.telemetry.readings import Readings
@@ -74,10 +72,14 @@ class StarterTelemetry:
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
-        identities.when_accepted(setup.name, self._judge_values)
-        self._identity = IdentityCheck(setup, identities, self.emitter)
+        identities.when_accepted(setup.name, self._take_acceptance)
         self._contact = Contact(
-            self._identity, line, on_rows=self.note_settings, on_identity=self._take_identity
+            setup,
+            line,
+            registry=identities,
+            records=records,
+            on_rows=self.note_settings,
+            on_judged=self._take_identity,
         )
         self._info = ChangeDetector()  # what was published of it
         self.availability = Availability(self.emitter)
@@ -107,22 +109,22 @@ class StarterTelemetry:
     @property
     def identity(self) -> Identity:
         """Return what the device said about itself."""
-        return self._identity.seen
+        return self._contact.standing.identity
 
     @property
     def identity_standing(self) -> IdentityStatus:
         """Return whether the device has proved to be the configured family, as before."""
-        return self._identity.standing
+        return self._contact.standing.status
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return self._identity.reason
+        return self._contact.standing.reason
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        return self._identity.contradiction
+        return self._contact.standing.contradiction
 
     @property
     def status_period_s(self) -> float:
@@ -144,10 +146,6 @@ class StarterTelemetry:
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
         return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
-
-    async def prove(self, *, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified."""
-        await self._contact.prove(lane)
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
@@ -219,9 +217,8 @@ class StarterTelemetry:
                 self._take_answer(key, block, outcome)
             case Refused():
                 self._come_online()
-                self._take_refusal(key, block, outcome)
+                self._take_refusal(key, outcome)
             case Silent() | Garbled():
-                self._contact.note_unlike(outcome)
                 self._publish()  # time has passed: something may be overdue
             case _:
                 assert_never(outcome)
@@ -230,7 +227,9 @@ class StarterTelemetry:
         """Record that the starter began to answer or went silent."""
         if self._has_ended or not self.setup.is_enabled:  # a stop asks a disabled one, too
             return
-        if is_answering:
+        if is_answering and self.is_answering:
+            self._contact.renew()  # the port was opened again
+        elif is_answering:
             self._come_online()
         elif self.is_answering:
             self._go_offline(reason, frames)
@@ -252,7 +251,8 @@ class StarterTelemetry:
 
     def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if not self._setting_codes.isdisjoint(rows) and not self._identity.is_mismatched:
+        is_other = self.identity_standing is IdentityStatus.MISMATCHED
+        if not self._setting_codes.isdisjoint(rows) and not is_other:
             self.note_settings(rows)
 
     def _take_decoded(
@@ -264,9 +264,7 @@ class StarterTelemetry:
         self._come_online()
         time_s = self._clock.utc_s(at_s)
         applied: Collection[str] = ()
-        if self._contact.withheld.is_open:
-            self._contact.withheld.put(rows, at_s=at_s)
-        else:
+        if self._contact.standing.is_readable:
             applied = self._apply(rows, at_s, time_s, decoded)
         self._publish(time_s)
         if applied:
@@ -294,21 +292,17 @@ class StarterTelemetry:
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
         self._polling.note_answer(key, at_s=answer.at_s)
-        if self._contact.gap:
-            self._contact.end_gap()
         if self._refused:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)
         self._take_decoded(said.rows, answer.at_s, said.decoded)
 
-    def _take_refusal(self, key: str, block: reading.Block, refusal: Refused) -> None:
+    def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
         why = exception_name(refusal.code)
         if not refusal.is_lasting:
             self._publish()
             return
-        if self._polling.is_vital(block):
-            self._contact.doubt()
         unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
         self.snapshot.refuse(self._sources.fed_by(unknown))
         if unknown and self._polling.block(key) is None:
@@ -342,38 +336,31 @@ class StarterTelemetry:
         self._polling.note_silence()
         self._publish()
 
-    def _take_identity(self, identity: Identity) -> None:
-        is_new = False
-        before = self.identity
-        was_matching = standing_of(self.setup, before) is IdentityStatus.MATCHING
-        if self._identity.take(identity, is_settled=self._contact.is_settled):
-            if not was_matching:
-                self._polling.restore()  # another device may have refused what this one has
-                self.line.retry_refused(self.setup.address)
-            self._take_variant(merged(self.setup.variant, identity))
+    def _take_identity(self) -> None:
+        """Publish what follows from who answers, and read at once what counts from now on."""
+        is_family = self.identity_standing not in (IdentityStatus.UNKNOWN, IdentityStatus.MISMATCHED)
+        if is_family:
+            self._polling.restore()  # another device may have refused what this one has
+            self.line.retry_refused(self.setup.address)
+            self._take_variant(merged(self.setup.variant, self.identity))
             self._publish_info()
-            is_new = not was_matching or identity != before
-        elif was_matching and not self._contact.is_answered:
-            self._contact.withheld.withhold()  # it may be another, although nothing proves it
-            self.snapshot.mark_stale()
-            self._publish()
         self._judge_values()
-        if self._contact.is_over:
-            for at_s, rows in self._contact.withheld.release():
-                time_s = self._clock.utc_s(at_s)
-                self._apply(rows, at_s, time_s)
-                self._publish(time_s)
-            self._publish()
-        for call in self._on_identified if is_new else ():
+        self._polling.expedite()
+        self._publish()
+        for call in self._on_identified if is_family else ():
             call()
+
+    def _take_acceptance(self) -> None:
+        self._contact.accept()
+        self._judge_values()
 
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
-            reason, before = self.availability.lost_reason, self._identity.before_silence
-            gone = phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
-            return joined(gone, before and phrase(EventCode.WENT_SILENT, "earlier", contradiction=before))
-        return "it is being identified" if self._contact.withheld.is_open else self.snapshot.distrust_reason
+            reason = self.availability.lost_reason
+            return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
+        standing = self._contact.standing
+        return self.snapshot.distrust_reason if standing.is_readable else standing.reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
@@ -406,7 +393,6 @@ class StarterTelemetry:
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
-            self._contact.note_overdue()
         was_waiting, before = self._status.is_waiting, self._status.state
         utc_s = self._clock.utc_s() if time_s is None else time_s
         records = self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s, reason=self._why_unknown())

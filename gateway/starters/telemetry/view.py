@@ -9,7 +9,7 @@ from typing import Protocol
 from gateway.families import Identity, Profile, Variant
 from gateway.line import LineClient, Priority
 from gateway.modbus.pdu import Request
-from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.identity import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
 from gateway.starters.telemetry.reporting import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
@@ -75,9 +75,6 @@ class StarterControlView(StarterAccess, Protocol):
     @property
     def status_period_s(self) -> float:
         """How long two readings of its status are apart at most."""
-
-    async def prove(self, *, lane: Priority) -> None:
-        """Raise CommandError unless the device that answers now is the one that was identified."""
 
     def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Hand over settings that were just read: the watchdog's count for its line."""

@@ -165,7 +165,7 @@ ONCE = [
     row(
         "an end of the gateway cuts a start off before it is written",
         given=SITE,
-        at={3.0: do("pump start"), 3.05: "end"},
+        at={3.0: do("pump start"), 3.01: "end"},
         then={3.1: [results("start accepted ok", "start rejected shutting_down"), frames("pump")]},
     ),
     row(
@@ -199,7 +199,7 @@ NOT_SEEN = [
                     code="not_seen",
                     text=re.compile("run = 0 was written"),
                 ),
-                frames("pump", START, RUN_OFF),
+                frames("pump", START, RUN_OFF, JOG_OFF),
             ]
         },
     ),
@@ -209,7 +209,10 @@ NOT_SEEN = [
         sim={"fan": {**QUICK, "settings": {230: 0}}},
         at={3.0: do("fan start")},
         then={
-            10.0: [result("start unconfirmed not_seen"), frames("fan", "06 13 8b 01 01", "06 13 8b 01 00")]
+            10.0: [
+                result("start unconfirmed not_seen"),
+                frames("fan", "06 13 8b 01 01", "06 13 8b 01 00", "06 13 8b 04 00"),
+            ]
         },
     ),
     row(
@@ -278,7 +281,7 @@ NOT_SEEN = [
             f"a start that is refused with {code} and does not act is taken back and has failed",
             given=SITE,
             at={3.0: [refuses_writes("pump", code, 1.0), do("pump start")]},
-            then={10.0: [result(f"start {said}"), frames("pump", START, RUN_OFF)]},
+            then={10.0: [result(f"start {said}"), frames("pump", START, RUN_OFF, JOG_OFF)]},
         )
         for code, said in (
             (5, "unconfirmed not_seen"),

@@ -149,7 +149,7 @@ LOST = [
     row(
         "a start that a starter never gets is written once, is not confirmed, and is taken back",
         given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start"), 3.055: fault("silent", "pump", for_s=2.0)},
+        at={3.0: command("pump/alice/start"), 3.025: fault("silent", "pump", for_s=2.0)},
         then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", STOP_07)]},
     ),
 ]

@@ -325,7 +325,7 @@ STATISTICS = [
     row(
         "while a motor ramps it is asked faster, and the line's silences are observed",
         given=TWO,
-        at={5.0: "pump VB01 = 0x0103"},
+        at={5.0: "pump VB01 = 0x010B"},
         then={15.0: [asked_within(0.6, "pump", since=6.0, until=15.0), clean_line]},
     ),
     row(

@@ -137,7 +137,7 @@ ROWS = [
                     [
                         pdu
                         for at_s, pdu in plant.starter("fan").asked
-                        if pdu[:3] == b"\x03\x13\x89" and at_s > 20
+                        if pdu[:3] in (b"\x03\x13\x89", b"\x01\x00\x00") and at_s > 20  # VB01, or its coils
                     ]
                 )
                 >= 98

@@ -32,6 +32,13 @@ def swap(name: str, family: str, **options: Any) -> Action:
     return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family, **options))
 
 
+def named_as_another(name: str, there: str) -> Expectation:
+    """One event says so; an SST's refusals may come too late to be one (100 ms, not 20)."""
+    if there == "sst":
+        return event(re.compile("identity_mismatch|identity_unknown"), f"starter/{name}/event")
+    return seen(f"starter/{name}/event", times=1, code="identity_mismatch", severity="error")
+
+
 def _wrong_from_the_start(configured: str, there: str) -> Any:
     name, site = SITES[configured]
     return row(
@@ -41,7 +48,7 @@ def _wrong_from_the_start(configured: str, there: str) -> Any:
         at={45: command(f"{name}/alice/start")},
         then={
             44: [
-                event("identity_mismatch", f"starter/{name}/event", severity="error"),
+                named_as_another(name, there),
                 msg(f"starter/{name}/state", state="unknown", quality="bad", reason=...),
                 never(f"starter/{name}/value/current", quality="good"),
                 never(f"starter/{name}/value/running", quality="good"),
@@ -59,21 +66,20 @@ def _swapped(configured: str, there: str) -> Any:
         at={
             8: fault("silent", name),
             20: [swap(name, there), fault("heal", name)],
-            155: command(f"{name}/alice/start"),
-            160: fault("silent", name),
-            175: [swap(name, configured), fault("heal", name)],
+            190: command(f"{name}/alice/start"),
+            195: fault("silent", name),
+            210: [swap(name, configured), fault("heal", name)],
         },
         then={
-            154: [
-                event("identity_mismatch", f"starter/{name}/event", severity="error"),
+            189: [
+                named_as_another(name, there),
                 msg(f"starter/{name}/state", state="unknown"),
                 never(f"starter/{name}/value/current", since=20, quality="good"),
             ],
-            159: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
-            250: [
+            194: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
+            290: [
                 msg(f"starter/{name}/state", quality="good"),
                 msg(f"starter/{name}/value/running", value=False, quality="good"),
-                seen(f"starter/{name}/event", times=1, code="identity_mismatch"),
             ],
         },
     )
@@ -152,10 +158,11 @@ OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
     ("sst", {"serial_number": 1}, {"serial_number": 2}, "serial"),
 ]
 PAIRS = [(one, other) for one in SITES for other in SITES if one != other]
+NOT_TOLD_APART = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
 ROWS = [
     *(_wrong_from_the_start(*pair) for pair in PAIRS),
     *(_swapped(*pair) for pair in PAIRS),
-    *(_swapped_at_once(*pair) for pair in PAIRS),
+    *(_swapped_at_once(*pair) for pair in PAIRS if pair != NOT_TOLD_APART),
     *(_another_of_its_family(*each) for each in OTHERS),
     *(_without_fc43(each, is_silent_to_fc43(SITES[each][0]), "does not answer FC43") for each in SITES),
     *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
@@ -172,6 +179,43 @@ ROWS = [
             },
         )
         for family in ("ssw06", "ssw07")
+    ),
+    *(
+        row(
+            f"a device with the registers of an SSW-08 that {said} is read, but takes no command but a stop",
+            given=SSW07 + ALICE,
+            at={0: habit, 20: command("pump/alice/start"), 30: command("pump/alice/stop")},
+            then={
+                29: [
+                    event("identity_unknown", "starter/pump/event", severity="warning"),
+                    msg("starter/pump/value/current", quality="good"),
+                    result("start rejected identity_unknown"),
+                    nothing_written("pump"),
+                ],
+                45: result("stop confirmed ok"),
+            },
+        )
+        for habit, said in (
+            (is_silent_to_fc43("pump"), "ignores FC43"),
+            (fault("refuse", "pump", 1, (43,)), "refuses FC43"),
+        )
+    ),
+    *(
+        row(
+            f"an {there} behind a port that was opened again at once is named",
+            given=SITES[configured][1] + ALICE,
+            at={
+                8: ["line pumps unplug", swap(SITES[configured][0], there)],
+                8.2: "line pumps plug",
+            },
+            then={
+                60: [
+                    event("identity_mismatch", f"starter/{SITES[configured][0]}/event"),
+                    never(f"starter/{SITES[configured][0]}/value/running", since=9, quality="good"),
+                ]
+            },
+        )
+        for configured, there in (("ssw07", "ssw06"), ("ssw900", "ssw07"))
     ),
     row(
         "an SSW900 is known by its slots, whatever it calls itself",
@@ -335,14 +379,15 @@ ROWS = [
         },
     ),
     row(
-        "a starter that refuses to say its name is asked ever less often, and one event says so",
+        "a starter that refuses to say its name is asked three times, and again an hour later",
         given=SSW07,
-        at={0: fault("refuse", "pump", 1, (43,))},
+        at={0: fault("refuse", "pump", 1, (43,), for_s=60)},
         then={
-            100: [
-                asked_its_name("pump", 0.2, 2.3, 6.3, 14.4, 30.4, 62.5),
+            3600: [
+                asked_its_name("pump", 0.2, 2.3, 6.3),
                 seen("starter/pump/event", times=1, code="identity_unknown"),
-            ]
+            ],
+            3700: msg("starter/pump/info", model=re.compile("SSW-07")),
         },
     ),
     row(

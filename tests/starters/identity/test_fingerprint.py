@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.starters.identity.registry import (
+from gateway.starters.identity.fingerprint import (
     FIELDS,
     Fingerprint,
     completed,

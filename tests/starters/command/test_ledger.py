@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.contract import Phase, ResultRecord
-from gateway.starters.commands.ledger import LONGEST_S, Key, Ledger
+from gateway.starters.command.ledger import LONGEST_S, Key, Ledger
 
 PROOF_S = 62.0
 START, READ, STOP = "start confirmed", "read confirmed", "stop confirmed"

@@ -15,16 +15,14 @@ from gateway.contract import Note
 from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
 from gateway.modbus.pdu import Request
+from gateway.starters.command.starter_io import Emitter, Snapshot, StarterIo
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
-from gateway.starters.telemetry.view import StarterControlView
 
 
 class StopAddressee:
-    """A `StarterAccess` for a stop: as configured, until the device proves to be of another family."""
+    """A `StarterWire` for a stop: as configured, until the device proves to be of another family."""
 
-    def __init__(self, starter: StarterControlView) -> None:
+    def __init__(self, starter: StarterIo) -> None:
         self._starter = starter
         self._rows = Snapshot({})  # what was read in another family's words: not for publishing
 
@@ -40,18 +38,18 @@ class StopAddressee:
     @property
     def variant(self) -> Variant:
         """What is known of it: of another family only what it said itself."""
-        return merged(Variant(), self._starter.identity) if self._is_other else self._starter.variant
+        return merged(Variant(), self._starter.identity) if self.is_other else self._starter.variant
 
     @property
     def setup(self) -> StarterSetup:
         """The starter as configured, with the times of the family that is spoken to."""
         setup = self._starter.setup
-        return replace(setup, profile=self.profile) if self._is_other else setup
+        return replace(setup, profile=self.profile) if self.is_other else setup
 
     @property
     def snapshot(self) -> Snapshot:
         """What was read of it last, by the rows of the family that is spoken to."""
-        return self._rows if self._is_other else self._starter.snapshot
+        return self._rows if self.is_other else self._starter.snapshot
 
     @property
     def emitter(self) -> Emitter:
@@ -64,11 +62,12 @@ class StopAddressee:
 
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read; those of another family are not published."""
-        if self._is_other:
+        if self.is_other:
             self._rows.keep_rows(rows, at_s=at_s)
         else:
             self._starter.take_rows(rows, at_s=at_s)
 
     @property
-    def _is_other(self) -> bool:
+    def is_other(self) -> bool:
+        """Whether that is another family than configured."""
         return self.profile is not self._starter.profile

@@ -1,4 +1,4 @@
-"""One command from its acceptance to its one final result: which phase may follow which."""
+"""What is said of one command: its phases to its client, its decisions to the audit, all to the ledger."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
-from typing import Any
+from typing import Any, Protocol
 
 from gateway.contract import (
     STOP,
@@ -20,40 +20,10 @@ from gateway.contract import (
     ResultRecord,
     joined,
 )
-from gateway.starters.commands.ledger import Ledger
+from gateway.starters.command.ledger import Ledger
+from gateway.starters.command.steps import Life, Step
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.store import Journal, NoJournal
-
-NEXT: Mapping[Phase | None, frozenset[Phase]] = {
-    None: frozenset({Phase.ACCEPTED, Phase.REJECTED}),  # just received
-    Phase.ACCEPTED: frozenset(
-        # confirmed without a write: a read, a value that already stood there, a motor that stands still
-        {Phase.WRITTEN, Phase.CONFIRMED, Phase.REJECTED, Phase.FAILED}
-    ),
-    Phase.WRITTEN: frozenset({Phase.CONFIRMED, Phase.FAILED, Phase.UNCONFIRMED}),  # never "nothing written"
-    Phase.CONFIRMED: frozenset(),
-    Phase.REJECTED: frozenset(),
-    Phase.FAILED: frozenset(),
-    Phase.UNCONFIRMED: frozenset(),
-}
-
-
-class Lifecycle:
-    """One command's phase; a step that the table does not list is a bug and raises ValueError."""
-
-    def __init__(self) -> None:
-        self.phase: Phase | None = None  # before the first
-
-    @property
-    def is_written(self) -> bool:
-        """Return whether something has, or may have, reached the starter."""
-        return self.phase is Phase.WRITTEN
-
-    def advance(self, phase: Phase) -> None:
-        """Go on to `phase`."""
-        if phase not in NEXT[self.phase]:
-            raise ValueError(f"a command cannot go from {self.phase} to {phase}")
-        self.phase = phase
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +60,20 @@ class Reporting:
     journal: Journal = field(default_factory=NoJournal)
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
+    def now_s(self) -> float:
+        """Return the steady clock's time."""
+        return self.records.clock.now_s()
+
+
+class Group(Protocol):
+    """A command to several starters, of which this is one member's."""
+
+    def note_written(self) -> None:
+        """Record that something was written to a member."""
+
+    def note_end(self, name: str, end: Final) -> None:
+        """Record a member's end."""
+
 
 class CommandReport:
     """Reports the phases of one command: each result to its client, each decision to the audit."""
@@ -101,19 +85,21 @@ class CommandReport:
         *,
         is_repeat: bool = False,
         is_stored: bool = True,
+        group: Group | None = None,
     ) -> None:
         self.request = request
-        self.life = Lifecycle()
+        self.life = Life()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._reporting = reporting
         self._latest: ResultRecord | None = None  # as stored
         self._is_over = False  # its final result is published
         self._is_stored = is_stored  # by the ledger, under its id
+        self._group = group
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
-        return self._reporting.records.clock.now_s()
+        return self._reporting.now_s()
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
@@ -129,6 +115,7 @@ class CommandReport:
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
+        self.life.advance(Step.QUEUED)
         end = Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted"))
         self._report(end, is_stored=True)
         self._audit(end)
@@ -140,13 +127,20 @@ class CommandReport:
 
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
-        if not self.life.is_written:
-            self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")), is_stored=True)
+        if self.life.is_written:
+            return
+        self.life.advance(Step.VERIFYING)
+        self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")), is_stored=True)
+        if self._group is not None:
+            self._group.note_written()
 
     def finish(self, end: Final, *, is_stored: bool = True) -> None:
-        """Give the final result; without `is_stored` a repetition of the command is judged anew."""
+        """Give the final result; without `is_stored` a repetition of the command is judged again."""
+        self.life.end(end.phase)
         self._report(end, is_stored=is_stored)
         self._audit(end)
+        if self._group is not None:
+            self._group.note_end(self.request.starter, end)
 
     def refuse(self, end: Final) -> None:
         """Refuse a command that is not stored on disk; its id stays refused as long as the gateway runs.
@@ -180,7 +174,6 @@ class CommandReport:
         )
 
     def _report(self, end: Final, *, is_stored: bool) -> None:
-        self.life.advance(end.phase)
         request, reporting = self.request, self._reporting
         result = self.result(end)
         if not is_stored or not self._is_stored:

@@ -1,4 +1,4 @@
-"""One command's way to its starter, which can be cut at any moment."""
+"""The way of one command, or stop, to its starter: requests and readings; it can be halted at any moment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gateway.families import Expect, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
-from gateway.starters.telemetry.view import StarterAccess
+from gateway.starters.command.starter_io import StarterWire
 
 T = TypeVar("T")
 
@@ -24,21 +24,6 @@ LAST_READING_S = 0.5  # so long after a deadline the reading under way, or the s
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
 
 Rows = dict[str, tuple[int, ...]]
-
-
-_EXCEPTIONS: Mapping[int, ResultCode] = {
-    ExceptionCode.ILLEGAL_FUNCTION: ResultCode.ILLEGAL_FUNCTION,
-    ExceptionCode.ILLEGAL_DATA_ADDRESS: ResultCode.ILLEGAL_DATA_ADDRESS,
-    ExceptionCode.ILLEGAL_DATA_VALUE: ResultCode.ILLEGAL_DATA_VALUE,
-    ExceptionCode.SERVER_DEVICE_FAILURE: ResultCode.SERVER_DEVICE_FAILURE,
-    ExceptionCode.ACKNOWLEDGE: ResultCode.ACKNOWLEDGE,
-    ExceptionCode.SERVER_DEVICE_BUSY: ResultCode.SERVER_DEVICE_BUSY,
-    ExceptionCode.MEMORY_PARITY_ERROR: ResultCode.MEMORY_PARITY_ERROR,
-    ExceptionCode.GATEWAY_PATH_UNAVAILABLE: ResultCode.GATEWAY_PATH_UNAVAILABLE,
-    ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND: (
-        ResultCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
-    ),
-}
 
 
 class HaltedError(GatewayError):
@@ -57,7 +42,7 @@ class RefusedError(GatewayError):
     """The starter refused a request with a Modbus exception."""
 
     def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
-        code, rows = _EXCEPTIONS.get(number, ResultCode.EXCEPTION), ", ".join(codes)
+        code, rows = exception_result(number), ", ".join(codes)
         if rows:
             self.reason = Reason(code, "read", number=number, rows=rows)
         else:
@@ -65,10 +50,10 @@ class RefusedError(GatewayError):
         super().__init__(self.reason.text)
 
 
-class StarterIo:
+class Wire:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterAccess, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
+    def __init__(self, starter: StarterWire, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: Reason | None = None
@@ -157,7 +142,7 @@ class StarterIo:
         await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
 
     async def wait_for(self, work: Coroutine[Any, Any, object]) -> None:
-        """Wait for something that has to be done before a write, unless halted."""
+        """Wait for something other than the starter, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
     async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
@@ -197,6 +182,12 @@ class StarterIo:
         if inner.cancelled():
             raise OverdueError if self._halted is None else HaltedError(self._halted)
         return inner.result()
+
+
+def exception_result(number: int) -> ResultCode:
+    """Return the result code that is named as this Modbus exception [APP 7]."""
+    name = ExceptionCode(number).name if number in list(ExceptionCode) else ""
+    return ResultCode.__members__.get(name, ResultCode.EXCEPTION)
 
 
 def _asked_s(answer: Answered) -> float:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
-from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
+from gateway.contract import Note, Phase, Reason, ResultCode
+from gateway.starters.command.report import CommandReport, Final, Reporting
+
+MOST_NAMED = 5  # of the members that are not confirmed
 
 
 class GroupStop:
@@ -21,7 +23,7 @@ class GroupStop:
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
         request = replace(self._report.request, starter=name, correlation=None, ticket=0)
-        return _MemberReport(request, self._reporting, whole=self)
+        return CommandReport(request, self._reporting, is_stored=False, group=self)
 
     def note_written(self) -> None:
         """Record that something was written to a member."""
@@ -40,10 +42,10 @@ class GroupStop:
         others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
         if not others:
             return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "group", count=len(names)), values)
-        causes = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
-        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(names), causes=causes)
-        if len(others) > 5:
-            reason = reason.noted(Note("more_members", count=len(others) - 5))
+        named = [f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:MOST_NAMED]]
+        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(names), causes="; ".join(named))
+        if len(others) > MOST_NAMED:
+            reason = reason.noted(Note("more_members", count=len(others) - MOST_NAMED))
         return Final(self._phase(others), reason, values)
 
     def _phase(self, others: Collection[str]) -> Phase:
@@ -52,21 +54,3 @@ class GroupStop:
             return Phase.UNCONFIRMED
         phases = {self._ends[name].phase for name in others}
         return Phase.REJECTED if phases == {Phase.REJECTED} else Phase.FAILED
-
-
-class _MemberReport(CommandReport):
-    """One member's stop, which passes its progress on to the whole."""
-
-    def __init__(self, request: CommandRequest, reporting: Reporting, *, whole: GroupStop) -> None:
-        super().__init__(request, reporting, is_stored=False)
-        self._whole = whole
-
-    def write(self) -> None:
-        """Say that something went out to the starter."""
-        super().write()
-        self._whole.note_written()
-
-    def finish(self, end: Final, *, is_stored: bool = True) -> None:
-        """Give the final result."""
-        super().finish(end, is_stored=is_stored)
-        self._whole.note_end(self.request.starter, end)

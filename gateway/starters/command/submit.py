@@ -13,7 +13,7 @@ from dataclasses import replace
 from weakref import WeakValueDictionary
 
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
-from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.command.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
 from gateway.system.clock import Clock, ClockWatch
 from gateway.system.clock_steps import SETTLED_S

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode, ResultRecord
 from gateway.families import command, state_of
-from gateway.starters.commands.execution import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
-from gateway.starters.commands.lifecycle import Reporting, audit
-from gateway.starters.telemetry.transitions import UNKNOWN
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.command.report import Reporting, audit
+from gateway.starters.command.run.ends import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
+from gateway.starters.command.starter_io import StarterIo
 from gateway.store import Remembered
 
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
+UNKNOWN = "unknown"  # the state of a starter that has not been read
 STATUS_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.25
 
@@ -22,9 +22,7 @@ LOOK_EVERY_S = 0.25
 class Recovery:
     """One such command; until its end is published, the ledger answers a repetition with what is known."""
 
-    def __init__(
-        self, remembered: Remembered, starter: StarterControlView | None, reporting: Reporting
-    ) -> None:
+    def __init__(self, remembered: Remembered, starter: StarterIo | None, reporting: Reporting) -> None:
         self._remembered = remembered
         self._starter = starter  # None: it is configured no more
         self._reporting = reporting

@@ -1,0 +1,70 @@
+"""The steps of a command, from its arrival to its one end, and which may follow which. Pure.
+
+The published phases follow from the steps: `accepted` with QUEUED, `written` with VERIFYING, a final one with
+DONE. What has not reached VERIFYING has written nothing, so that it may be decided again, and be rejected.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+
+from gateway.contract import Phase
+
+
+class Step(enum.Enum):
+    """Where a command is."""
+
+    RECEIVED = "received"
+    QUEUED = "queued"  # accepted; it waits for its turn on the line, or needs none
+    READING = "reading"  # what decides is being read
+    DECIDED = "decided"  # two readings in a row lead to the same writes
+    WRITING = "writing"  # the first write is handed to the line
+    VERIFYING = "verifying"  # something has, or may have, reached the starter
+    DONE = "done"
+
+
+NEXT: Mapping[Step, frozenset[Step]] = {
+    Step.RECEIVED: frozenset({Step.QUEUED, Step.DONE}),
+    Step.QUEUED: frozenset({Step.READING, Step.VERIFYING, Step.DONE}),  # a stop reads nothing first
+    Step.READING: frozenset({Step.DECIDED, Step.DONE}),
+    Step.DECIDED: frozenset({Step.WRITING, Step.READING, Step.DONE}),  # what was read may have grown old
+    Step.WRITING: frozenset({Step.VERIFYING, Step.READING, Step.DONE}),  # it may not have been sent in time
+    Step.VERIFYING: frozenset({Step.DONE}),
+    Step.DONE: frozenset(),
+}
+
+_UNWRITTEN = frozenset({Phase.REJECTED, Phase.FAILED})
+ENDS: Mapping[Step, frozenset[Phase]] = {
+    Step.RECEIVED: frozenset({Phase.REJECTED}),
+    Step.QUEUED: _UNWRITTEN | {Phase.CONFIRMED},  # the gateway's own verbs
+    Step.READING: _UNWRITTEN,
+    Step.DECIDED: _UNWRITTEN | {Phase.CONFIRMED},  # a read, or a value that the starter held already
+    Step.WRITING: _UNWRITTEN,
+    Step.VERIFYING: frozenset({Phase.CONFIRMED, Phase.FAILED, Phase.UNCONFIRMED}),  # never "nothing written"
+    Step.DONE: frozenset(),
+}
+
+
+class Life:
+    """One command's step; one that the tables do not list is a bug and raises ValueError."""
+
+    def __init__(self) -> None:
+        self.step = Step.RECEIVED
+
+    @property
+    def is_written(self) -> bool:
+        """Return whether something has, or may have, reached the starter."""
+        return self.step is Step.VERIFYING
+
+    def advance(self, step: Step) -> None:
+        """Go on to another step."""
+        if step not in NEXT[self.step]:
+            raise ValueError(f"a command cannot go from {self.step.value} to {step.value}")
+        self.step = step
+
+    def end(self, phase: Phase) -> None:
+        """End with a final phase."""
+        if phase not in ENDS[self.step]:
+            raise ValueError(f"a command that is {self.step.value} cannot end {phase}")
+        self.advance(Step.DONE)

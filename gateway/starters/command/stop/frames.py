@@ -1,0 +1,202 @@
+"""The frames of one starter's stop: when one is sent, in which words, and what came of them.
+
+1. Each stop message has a frame of its own, handed to the line before anything else is done about it.
+   Beyond `OWN_FRAMES` of one starter, messages that come within 0.1 s share the next frame.
+2. A frame follows the one before after 0.5 s, whatever came of the read-backs, as long as one is needed.
+3. A command word is written whole only when it was read in the last `DECIDES_FOR_S`; else its bits of motion
+   are cleared by mask. A starter that does not know this function gets the word read last, however old.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, assert_never
+
+from gateway.contract import Note, Reason
+from gateway.families import Procedure, WriteStep, command
+from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
+from gateway.modbus.codes import ExceptionCode, Function
+from gateway.modbus.writes import MaskWriteRegister
+from gateway.starters.command.run.decision import DECIDES_FOR_S
+from gateway.starters.command.stop.addressee import StopAddressee
+from gateway.starters.command.wire import RefusedError, Wire
+from gateway.system.rate_limits import Bucket, Rate
+
+logger = logging.getLogger(__name__)
+
+REPEAT_S = 0.5
+OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
+SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
+
+Asked = Sequence[asyncio.Future[Outcome]]
+
+
+@dataclass(slots=True)
+class FrameFacts:
+    """What the frames of a stop met on their way."""
+
+    refusal: Reason | None = None  # the latest
+    is_answered: bool = False  # the starter answered anything at all
+    is_over_babble: bool = False  # a frame was sent although the line was not quiet
+    is_garbled: bool = False  # something came instead of an answer
+    families: list[str] = field(default_factory=list)  # in whose words they were sent
+
+    def note(self, outcomes: Sequence[Outcome]) -> None:
+        """Record what came of one frame."""
+        self.is_over_babble |= any(outcome.is_over_babble for outcome in outcomes)
+        self.is_garbled |= any(isinstance(outcome, Garbled) and outcome.is_sent for outcome in outcomes)
+        self.is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
+
+    @property
+    def babble(self) -> Note | None:
+        """Return what a result says of a line that was never quiet."""
+        return Note("over_babble") if self.is_over_babble else None
+
+
+class OnLeft(Protocol):
+    """Takes the number of a frame that may have reached the starter, and whether it was acknowledged."""
+
+    def __call__(self, number: int, *, is_acknowledged: bool) -> None:
+        """Record it."""
+
+
+class Frames:
+    """Sends the frames of one starter's stop.
+
+    `next_lane` says whether one more is needed, and how soon.
+    """
+
+    def __init__(
+        self,
+        starter: StopAddressee,
+        wire: Wire,
+        *,
+        next_lane: Callable[[], Priority | None],
+        on_left: OnLeft,
+    ) -> None:
+        self._starter = starter
+        self._wire = wire
+        self._next_lane = next_lane
+        self._on_left = on_left
+        self._time = asyncio.get_running_loop().time
+        self._own = Bucket(OWN_FRAMES)
+        self.with_jog = False  # jog = 0 is a part of each frame: a jog may stand that was not seen
+        self.wanted = 0  # the number of the frame that the latest message counts on
+        self.handed = 0  # frames handed to the line
+        self.facts = FrameFacts()
+        self.news = asyncio.Event()  # one of them has left
+        self._due_s = 0.0  # when the next frame is due
+        self._timer: asyncio.TimerHandle | None = None
+        self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
+        self._is_mask_refused = False  # the starter does not know the function that clears single bits
+
+    def ask(self) -> int:
+        """Have a frame sent for one more message; return its number."""
+        if self._own.take(self._time()):
+            self._send(Priority.STOP)
+        else:
+            self.wanted = self.handed + 1
+            self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
+        return self.wanted
+
+    def procedure(self) -> Procedure:
+        """Return what stops the starter."""
+        starter, seen = self._starter, self._starter.snapshot.rows
+        if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
+            fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
+            seen = fresh if fresh.keys() >= set(starter.profile.command_word) else {}
+        return command.stop(starter.profile, starter.variant, seen=seen, with_jog=self.with_jog)
+
+    def send_if_due(self) -> None:
+        """Send the next frame at its time, unless one is still under way or none is needed."""
+        lane = None if self._time() < self._due_s or self._under_way else self._next_lane()
+        if lane is not None:
+            self._send(lane)
+
+    def close(self) -> None:
+        """Send no frame any more; one that is under way may have left."""
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._under_way:
+            self._on_left(self.handed, is_acknowledged=False)
+
+    def _send(self, lane: Priority) -> None:
+        """Hand one frame to the line."""
+        self.handed += 1
+        self.wanted = max(self.wanted, self.handed)
+        self._plan(self._time() + REPEAT_S)
+        if self._starter.profile.family not in self.facts.families:
+            self.facts.families.append(self._starter.profile.family)
+        try:
+            steps = self.procedure().steps
+            asked = [self._wire.hand_over(step.request, lane=lane) for step in steps]
+        except Exception:  # whatever it is, the read-back meets it again and ends the commands
+            logger.exception("starter=%s stop not sent", self._starter.setup.name)
+            self.news.set()
+            return
+        frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
+        self._under_way.add(frame)
+        frame.add_done_callback(self._under_way.discard)
+
+    def _plan(self, due_s: float) -> None:
+        self._due_s = due_s
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_at(due_s, self.send_if_due)
+
+    async def _follow(self, number: int, steps: Sequence[WriteStep], asked: Asked) -> None:
+        """Record what came of a frame."""
+        await asyncio.wait(asked)
+        self.facts.note([each.result() for each in asked if not each.cancelled()])
+        counting = [each for step, each in zip(steps, asked, strict=True) if not _is_excused(step, each)]
+        for each in counting:
+            if not each.cancelled() and isinstance(outcome := each.result(), Refused):
+                self.facts.refusal = RefusedError(outcome.code).reason
+        self._note_mask_refused(steps, asked)
+        if self._is_mask_refused or any(_may_have_left(each) for each in counting):
+            self._on_left(number, is_acknowledged=all(map(_is_acknowledged, counting)))
+        self.news.set()
+        asyncio.get_running_loop().call_soon(self.send_if_due)  # once this frame is no longer under way
+
+    def _note_mask_refused(self, steps: Sequence[WriteStep], asked: Asked) -> None:
+        """Send the word read last at once, where there is one, to a starter without function 22."""
+        if self._is_mask_refused:
+            return
+        self._is_mask_refused = any(map(_is_mask_refused, steps, asked))
+        if self._is_mask_refused and self.procedure().steps != steps:
+            self._plan(self._time())
+
+
+def _is_excused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
+    """Return whether a write was refused that may be: a jog = 0 where no jog is set up."""
+    return step.may_be_refused and not asked.cancelled() and isinstance(asked.result(), Refused)
+
+
+def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
+    """Return whether a request may have reached its starter; what was cut short may have been on its way."""
+    if asked.cancelled():
+        return True
+    match asked.result():
+        case Refused():
+            return False
+        case Answered():
+            return True
+        case Silent(is_sent=is_sent) | Garbled(is_sent=is_sent):
+            return is_sent
+        case _ as outcome:
+            assert_never(outcome)
+
+
+def _is_mask_refused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
+    """Return whether a starter does not know the function that clears single bits."""
+    if asked.cancelled() or not isinstance(step.request, MaskWriteRegister):
+        return False
+    outcome = asked.result()
+    return isinstance(outcome, Refused) and outcome.code == ExceptionCode.ILLEGAL_FUNCTION
+
+
+def _is_acknowledged(asked: asyncio.Future[Outcome]) -> bool:
+    return not asked.cancelled() and isinstance(asked.result(), Answered)

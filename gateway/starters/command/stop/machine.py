@@ -1,0 +1,326 @@
+"""Stops one starter: frames before everything else, again and again, until read back or the time is up.
+
+1. Each stop message is an order with a frame of its own (`frames`), and joins the stop under way.
+2. A message is confirmed by two readings in a row that were asked for after the frame which counts for it:
+   its own, or the first after that which the starter acknowledged. An acknowledgement that may be of any of
+   several frames counts if all of these were written since the message came. Without one, frames follow until
+   the time is up; then the latest two readings since the first frame decide.
+3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
+4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
+   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
+   is an event and an entry of the audit.
+
+Of a group each member is stopped so on its own: `group`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode
+from gateway.families import Expect, Read
+from gateway.line import Priority
+from gateway.starters.command.report import CommandReport, Final
+from gateway.starters.command.run.ends import MAY_BE_TURNING
+from gateway.starters.command.starter_io import StarterIo
+from gateway.starters.command.stop.addressee import StopAddressee
+from gateway.starters.command.stop.frames import Frames
+from gateway.starters.command.wire import (
+    EQUAL_READINGS,
+    READ_BACK_PAUSE_S,
+    HaltedError,
+    OverdueError,
+    Rows,
+    Wire,
+)
+
+logger = logging.getLogger(__name__)
+
+DEADLINE_S = 10.0  # of each message
+UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
+LAST_READING_S = 5.0  # after that a reading which waits for a full line is waited for no longer
+SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
+
+
+@dataclass(slots=True, eq=False)
+class StopOrder:
+    """One stop message, or the gateway's own order to take a start back."""
+
+    frame: int  # the number of its own frame
+    came_s: float
+    report: CommandReport | None = None  # None: it gets no answer of its own
+    released: Expect | None = None  # of a start that is taken back: what must be read besides
+    on_end: Callable[[Final], None] | None = None  # of the gateway's own order
+    over: asyncio.Event = field(default_factory=asyncio.Event)
+    counts_from: float = inf  # the first reading that counts; inf: its frame has not left yet
+    is_taken: bool = False  # the starter acknowledged its frame, or a later one
+    good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
+    good_s: float = -inf  # when the last of them was there
+
+    @property
+    def until_s(self) -> float:
+        """Return when its time is up."""
+        return self.came_s + DEADLINE_S
+
+    @property
+    def is_written(self) -> bool:
+        """Return whether its frame may have reached the starter."""
+        return self.counts_from < inf
+
+    @property
+    def is_own(self) -> bool:
+        """Return whether the gateway gave it, not a client."""
+        return self.released is not None
+
+    def note_written(self, *, is_acknowledged: bool, next_reading: int) -> None:
+        """Record a frame that left; until one is acknowledged an earlier start may yet act."""
+        if self.is_taken:
+            return
+        if self.report is not None and not self.is_written:
+            self.report.write()
+        self.is_taken = is_acknowledged
+        if self.is_taken or not self.is_written:
+            self.counts_from = next_reading
+
+    def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
+        """Record a reading; return whether it shows what this order is for."""
+        is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
+        self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
+        self.good_s = now_s if is_shown else self.good_s
+        return is_shown
+
+    def is_seen(self, now_s: float) -> bool:
+        """Return whether two readings in a row show it, and count for it."""
+        counting = [each for each in self.good if each >= self.counts_from]
+        return len(counting) == EQUAL_READINGS and now_s - self.good_s <= SEEN_WITHIN_S
+
+    def is_shown(self) -> bool:
+        """Return whether it is seen now."""
+        return self.is_seen(asyncio.get_running_loop().time())
+
+    async def ended(self) -> None:
+        """Return once it has its end."""
+        await self.over.wait()
+
+
+class Stopping:
+    """One starter's stop under way; every stop message that comes meanwhile joins it."""
+
+    def __init__(self, starter: StarterIo) -> None:
+        self._starter = StopAddressee(starter)
+        self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
+        self.frames = Frames(self._starter, self._wire, next_lane=self._next_lane, on_left=self._note_written)
+        self._time = asyncio.get_running_loop().time
+        self._orders: list[StopOrder] = []
+        self._unanswered: StopOrder | None = None  # the latest message without an answer: it stands for all
+        self._readings = 0  # begun
+        self._unread = 0  # the latest of them in a row that were not answered
+        self._shown: dict[str, Any] = {}  # by the latest of them
+
+    def ask(self) -> None:
+        """Have a frame sent for one more message, and see it through; it may then join with its command."""
+        came_s = self._time()
+        self._unanswered = StopOrder(self.frames.ask(), came_s)
+
+    def join(self, report: CommandReport) -> None:
+        """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
+        came_s = self._time() if self._unanswered is None else self._unanswered.came_s
+        self._unanswered = None  # which stood for this message, and for those before that get no answer
+        self._orders.append(StopOrder(self.frames.wanted, came_s, report))
+        report.before = self._starter.snapshot.good_values()
+
+    def take_back(self, released: Expect, on_end: Callable[[Final], None]) -> StopOrder:
+        """Take back a start or a jog that was seen not to act: run = 0 and jog = 0 at once."""
+        self.frames.with_jog = True
+        came_s = self._time()
+        order = StopOrder(self.frames.ask(), came_s, released=released, on_end=on_end)
+        self._orders.append(order)
+        return order
+
+    def is_asked_for(self, request: CommandRequest) -> bool:
+        """Return whether the same client's stop, whose answer would be the same, has joined.
+
+        Only over MQTT do both read that answer on one topic: each request to the page has its own.
+        """
+        if request.id or request.correlation or request.source:
+            return False
+        joined = (order.report.request for order in self._orders if order.report)
+        return any((each.client, each.id) == (request.client, request.id) for each in joined)
+
+    @property
+    def count(self) -> int:
+        """Return how many stop commands have joined."""
+        return sum(not order.is_own for order in self._orders)
+
+    @property
+    def is_own(self) -> bool:
+        """Return whether it only takes a start back: a newer command may end it."""
+        return all(order.is_own for order in self._all())
+
+    def halt(self, reason: Reason) -> None:
+        """Let nothing more go out."""
+        self._wire.halt(reason)
+
+    def give_way(self) -> None:
+        """End without a word, and let nothing more go out: a newer command has been accepted."""
+        for order in self._orders:
+            order.over.set()
+        self._orders.clear()
+        self.halt(Reason(ResultCode.OK, "accepted"))
+
+    async def run(self) -> None:
+        """Stop the motor; never raises, and always ends every stop command that has joined."""
+        try:
+            await self._read_on()
+        except HaltedError as error:
+            self._cut_all(error.reason)
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
+            self._cut_all(Reason(ResultCode.INTERNAL))
+        finally:
+            self._wire.halt(Reason(ResultCode.SHUTTING_DOWN))
+            self.frames.close()
+
+    def _all(self) -> list[StopOrder]:
+        return self._orders if self._unanswered is None else [*self._orders, self._unanswered]
+
+    def _next_lane(self) -> Priority | None:
+        """Return how soon the next frame is to be sent; None: none is needed."""
+        orders = self._all()
+        if not orders:
+            return None
+        if self.frames.wanted > self.frames.handed or any(not order.is_written for order in orders):
+            return Priority.STOP
+        is_enough = all(order.good and order.is_taken for order in orders)
+        return None if is_enough else Priority.FOLLOW_UP
+
+    def _note_written(self, number: int, *, is_acknowledged: bool) -> None:
+        for order in self._all():
+            if order.frame <= number:
+                order.note_written(is_acknowledged=is_acknowledged, next_reading=self._readings + 1)
+
+    # The readings
+
+    async def _read_on(self) -> None:
+        """Read the starter back until every message has its end."""
+        while self._all():
+            if any(order.is_written for order in self._all()):
+                self._readings += 1
+                shown = await self._read_back()
+                await asyncio.sleep(0)  # the readings are published before the results that rest on them
+                self._end_what_is_over(shown)
+                self.frames.send_if_due()
+                await self._pause(READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S)
+            else:
+                await self._wait_for_a_frame()
+                self.frames.procedure()  # what cannot be built cannot be sent
+                self._end_what_is_over(())
+
+    async def _pause(self, seconds: float) -> None:
+        if self._all():
+            await self._wire.pause(seconds)
+
+    async def _wait_for_a_frame(self) -> None:
+        self.frames.news.clear()
+        over_s = min(order.until_s for order in self._all())
+        timer = asyncio.get_running_loop().call_at(over_s, self.frames.news.set)
+        try:
+            await self._wire.wait_for(_until(self.frames.news))
+        finally:
+            timer.cancel()
+
+    async def _read_back(self) -> Collection[StopOrder]:
+        """Read once; return the orders for which that shows what they are for."""
+        expect, number = self.frames.procedure().verify, self._readings
+        rows = None if expect is None else await self._read_in_time(expect.reads)
+        self._unread = self._unread + 1 if rows is None else 0
+        if expect is None or rows is None:
+            return ()
+        # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
+        released = [order.released for order in self._all() if order.released and not self._starter.is_other]
+        for each in released[:1]:
+            rows |= await self._read_in_time(each.reads) or {}
+        self.frames.facts.is_answered, now_s = True, self._time()
+        self._shown = self._wire.values(rows)
+        return [order for order in self._all() if order.note_reading(number, expect, self._shown, now_s)]
+
+    async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
+        """Return what is read back; None when the first of the messages is over for too long."""
+        self._wire.until_s = min(order.until_s for order in self._all()) + LAST_READING_S
+        try:
+            return await self._wire.read_back(reads)
+        except OverdueError:
+            return None
+        finally:
+            self._wire.until_s = inf
+
+    # The ends
+
+    def _end_what_is_over(self, shown: Collection[StopOrder]) -> None:
+        """End the messages that are read back, and those whose time is up unless a stop was just seen."""
+        ends: list[tuple[StopOrder, Final]] = []
+        now_s = self._time()
+        for order in self._all():
+            is_over = now_s >= order.until_s
+            if order.is_seen(now_s) and (order.is_taken or is_over):
+                reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
+                ends.append((order, Final(Phase.CONFIRMED, reason, after=_points(self._shown))))
+            elif is_over and order not in shown:
+                ends.append((order, self._unseen(order)))
+        self._end(ends)
+
+    def _end(self, ends: Collection[tuple[StopOrder, Final]]) -> None:
+        """Give messages their ends; one event is published for all that are not confirmed."""
+        note = self._starter.note(self.frames.facts.families)
+        ends = [(order, end.noted(note)) for order, end in ends]
+        for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
+            self._starter.emitter.event(
+                EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.code, outcome=end.text
+            )
+        for order, end in ends:
+            order.over.set()
+            if order is self._unanswered:
+                self._unanswered = None
+            else:
+                self._orders.remove(order)
+            if order.report is not None:
+                order.report.finish(end)
+            if order.on_end is not None:
+                order.on_end(end)
+
+    def _cut_all(self, reason: Reason) -> None:
+        self.frames.close()
+        self._end([(order, self._cut(order, reason)) for order in self._all()])
+
+    def _unseen(self, order: StopOrder) -> Final:
+        """Return the end of a stop whose time is up."""
+        facts = self.frames.facts
+        if order.is_written and not facts.is_answered and not facts.is_over_babble:
+            noise = Note("noise") if facts.is_garbled else None
+            reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
+            return Final(Phase.UNCONFIRMED, reason.noted(noise, MAY_BE_TURNING))
+        if order.is_written:
+            reason = Reason(ResultCode.NOT_SEEN, "release" if order.is_own else "stop", within_s=DEADLINE_S)
+            return Final(Phase.UNCONFIRMED, reason.noted(facts.babble, facts.refusal, MAY_BE_TURNING))
+        if facts.refusal is not None:
+            return Final(Phase.FAILED, facts.refusal.noted(MAY_BE_TURNING))
+        return self._cut(order, Reason(ResultCode.LINE_DOWN, "stop"))
+
+    def _cut(self, order: StopOrder, reason: Reason) -> Final:
+        if order.is_written:
+            return Final(Phase.UNCONFIRMED, reason.noted(Note("stop_written_before"), MAY_BE_TURNING))
+        phase = Phase.FAILED if reason.code == ResultCode.INTERNAL else Phase.REJECTED
+        return Final(phase, reason.noted(MAY_BE_TURNING))
+
+
+def _points(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if not isinstance(value, tuple)}
+
+
+async def _until(event: asyncio.Event) -> None:
+    await event.wait()

@@ -1,0 +1,183 @@
+"""What is under way: of each starter one command, and its stop, which goes before everything.
+
+A stop cuts the command of its starter. A start or jog that did not act is taken back by a stop that the
+gateway asks for: it makes no new token and cancels nothing, and it gives way to the next command.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Collection, Coroutine, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from math import inf
+from typing import Any, TypeVar
+
+from gateway.contract import READ, STOP, CommandError, CommandRequest, Phase, Reason, ResultCode
+from gateway.families import Preparation, Procedure
+from gateway.starters.command.admission import Load
+from gateway.starters.command.report import CommandReport, Final, Reporting, audit
+from gateway.starters.command.run.pipeline import CAN_WAIT, CommandRun
+from gateway.starters.command.starter_io import StarterIo
+from gateway.starters.command.stop.machine import StopOrder, Stopping
+from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
+from gateway.starters.policy.policy import GATEWAY
+from gateway.starters.policy.preconditions import Guard, is_forbidden
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+
+_Work = TypeVar("_Work", CommandRun, Stopping)
+
+AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
+
+
+class UnderWay:
+    """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
+
+    def __init__(
+        self, starters: Mapping[str, StarterIo], reporting: Reporting, watchdogs: KnownWatchdogs
+    ) -> None:
+        self._starters = starters
+        self._reporting = reporting
+        self._watchdogs = watchdogs
+        self._runs: dict[str, CommandRun] = {}
+        self._stops: dict[str, Stopping] = {}
+        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
+        self._turns: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._leaving: Collection[str] = ()  # starters whose configuration is about to change
+
+    def load(self, name: str) -> Load:
+        """Return what is under way for a starter and on its line."""
+        line = self._starters[name].setup.line
+        on_line = [run for run in self._runs.values() if run.line == line]
+        return Load(
+            is_busy=name in self._runs or self._is_stopped_by_client(name),
+            is_leaving=name in self._leaving,
+            on_line=len(on_line),
+            parameters_on_line=sum(run.can_wait for run in on_line),
+        )
+
+    def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
+        """Carry out an accepted command other than a stop."""
+        name, verb = report.request.starter, report.request.verb
+        if verb != READ and name in self._stops:  # a read changes nothing at the starter
+            self._stops.pop(name).give_way()
+        starter = self._starters[name]
+        key = (starter.setup.line, verb in CAN_WAIT)  # the two do not wait for each other
+        turn = self._turns.setdefault(key, asyncio.Semaphore(AT_ONCE))
+        run = self._runs[name] = CommandRun(
+            report,
+            starter,
+            preparation,
+            guard,
+            turn=None if verb == READ else turn,
+            watchdogs=self._watchdogs,
+            take_back=self._take_back,
+        )
+        self.spawn(_run_out(self._runs, name, run))
+
+    def stop(self, name: str, came_s: float) -> None:
+        """Cut what this starter is doing, and have a frame sent for one more stop message."""
+        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
+        run = self._runs.get(name)
+        if run is not None:
+            run.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
+        stopping = self._stopping(name)
+        if run is not None and run.report.request.verb == "jog":
+            stopping.frames.with_jog = True  # it may have been written, and not yet be seen
+        stopping.ask()
+
+    def stops(self, names: Iterable[str]) -> list[Stopping]:
+        """Return the stops of these starters that clients' messages may join."""
+        return [self._stops[name] for name in names if self._is_stopped_by_client(name)]
+
+    def join(self, name: str, report: CommandReport) -> None:
+        """Have an accepted stop answered, for which a frame was asked."""
+        self._stops[name].join(report)
+
+    def stopped_s(self) -> float:
+        """Return when the latest stop of any starter came, on the steady clock."""
+        return max(self._stopped_s.values(), default=-inf)
+
+    def demand_decided_after_stop(self, request: CommandRequest) -> None:
+        """Refuse what came before the latest stop of its starter; what may move the motor also when it
+        came later, but may have been decided upon before.
+        """
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s:
+            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
+        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
+            return
+        if request.decided_s is not None and request.decided_s < stopped_s:
+            if request.decided_by == BY_TOKEN:
+                raise CommandError(ResultCode.STOPPED_FIRST, "token")
+            raise CommandError(ResultCode.STOPPED_FIRST, "issued_at", ahead_s=MAX_AHEAD_S)
+
+    def cut_for_lock(self, name: str) -> None:
+        """Let a command that the lock forbids not be written any more; what is written is still read back."""
+        run = self._runs.get(name)
+        if run is None or run.report.life.is_written:
+            return
+        if is_forbidden(run.report.request.verb, run.report.request.args):
+            run.halt(Reason(ResultCode.LOCKED, "cut"))
+
+    async def settle(self, starters: Collection[str], *, within_s: float) -> None:
+        """Wait until these starters are under no command; they take none but stop until `reopen`."""
+        self._leaving = starters
+        with suppress(TimeoutError):
+            async with asyncio.timeout(within_s):
+                while any(name in self._runs or name in self._stops for name in starters):
+                    await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
+
+    def reopen(self) -> None:
+        """Take commands for every starter again."""
+        self._leaving = ()
+
+    async def close(self) -> None:
+        """Write nothing more, and wait for everything to end."""
+        reason = Reason(ResultCode.SHUTTING_DOWN)
+        for run in self._runs.values():
+            run.halt(reason)
+        for stopping in self._stops.values():
+            stopping.halt(reason)
+        if self._tasks:
+            await asyncio.wait(self._tasks)
+
+    def spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        """Carry something out in a task of its own, for whose end `close` waits."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)  # the loop itself keeps only a weak reference
+        task.add_done_callback(self._tasks.discard)
+
+    def _is_stopped_by_client(self, name: str) -> bool:
+        return name in self._stops and not self._stops[name].is_own
+
+    def _stopping(self, name: str) -> Stopping:
+        """Return the stop of a starter, which begins now unless it is under way."""
+        stopping = self._stops.get(name)
+        if stopping is None:
+            stopping = self._stops[name] = Stopping(self._starters[name])
+            self.spawn(_run_out(self._stops, name, stopping))
+        return stopping
+
+    def _take_back(self, report: CommandReport, procedure: Procedure) -> StopOrder:
+        """Have the starter's stop take a start back that was seen not to act; the audit says that it did."""
+        assert procedure.take_back is not None  # such procedures alone are taken back
+        request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
+        order = self._stopping(request.starter).take_back(
+            procedure.take_back.released, lambda end: self._audit(request, end)
+        )
+        self._audit(request, Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
+        return order
+
+    def _audit(self, request: CommandRequest, end: Final) -> None:
+        audit(request, self._reporting.records, decision=end.phase, code=end.code, after=end.after)
+
+
+async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
+    """Run what is under way for a starter to its end."""
+    try:
+        await work.run()
+    finally:
+        if under_way.get(name) is work:  # else it gave way
+            del under_way[name]

@@ -1,0 +1,171 @@
+"""The contact with one starter: its watchdog is read, then the device is asked who it is.
+
+A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4),
+so it must be known before the line has come round once. FC43 comes last: a device that does not know it may
+be silent for a while after it, so its tries are counted on over such a silence.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from math import inf
+
+from gateway.contract import CommandError, EventCode, RecordWriter
+from gateway.errors import PortLostError
+from gateway.families import Profile, Question, diagnosis, reading
+from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
+from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.identity.registry import IdentityRegistry
+from gateway.starters.identity.standing import (
+    NAME,
+    Answers,
+    IdentityStatus,
+    Standing,
+    identity_of,
+    judged,
+    met,
+    next_question,
+    silenced,
+)
+from gateway.starters.setup import StarterSetup, ask
+from gateway.system.supervised import SupervisedTask
+
+PAUSES_S = (0.0, 2.0, 4.0)  # before the rounds: two misses in a row would make a unit count as silent
+UNSENT_PAUSE_S = 2.0
+AGAIN_S, NAME_AGAIN_S = 60.0, 3600.0  # of a device that is not identified; of one that is read without a name
+FROM_NAME_S = 60.0  # a silence within so long after FC43 may be its effect
+
+Rows = Mapping[str, tuple[int, ...]]
+
+
+class Contact:
+    """Asks one starter; `on_rows` gets its watchdog's settings, `on_judged` is called once it is judged."""
+
+    def __init__(
+        self,
+        setup: StarterSetup,
+        line: LineClient,
+        *,
+        registry: IdentityRegistry,
+        records: RecordWriter,
+        on_rows: Callable[[Rows], None],
+        on_judged: Callable[[], None],
+    ) -> None:
+        self.standing = Standing()
+        self._setup = setup
+        self._line = line
+        self._registry = registry
+        self._records = records
+        self._on_rows = on_rows
+        self._on_judged = on_judged
+        self._task = SupervisedTask(f"first contact {setup.name}")
+        self.cancel, self.close = self._task.cancel, self._task.close
+        self._answers = Answers()
+        self._is_naming = False  # FC43 is under way
+        self._named_s = -inf  # when it was put last
+        self._announced: tuple[object, ...] = ()  # what the latest event was about, until the starter matches
+
+    def begin(self, *, is_known: bool) -> None:
+        """Ask from the beginning; a watchdog that is known waits until all starters have been asked once."""
+        self.standing = met(self.standing)
+        self._task.begin(partial(self._meet, Priority.IDENTITY if is_known else Priority.WATCHDOG))
+
+    def renew(self) -> None:
+        """Ask again: the port was opened again, and another device may answer now."""
+        if self.standing.status is not IdentityStatus.ASKING:
+            self._answers = Answers()
+            self.begin(is_known=True)
+
+    def note_silence(self) -> None:
+        """Record that the starter went silent, perhaps for its latest question; ask nothing any more."""
+        self.cancel()
+        if self._is_naming:
+            self._answers, self._is_naming = self._answers.missed(NAME), False
+        is_its_effect = asyncio.get_running_loop().time() < self._named_s + FROM_NAME_S
+        self._answers = self._answers.unnamed() if is_its_effect else Answers()
+        self._registry.forget(self._setup.name)
+        self.standing = silenced(self.standing)
+
+    def accept(self) -> None:
+        """Judge the device again: an operator has accepted it."""
+        if self.standing.status is IdentityStatus.CHANGED:
+            self._judge()
+            self._announce()
+
+    async def _meet(self, lane: Priority) -> None:
+        """Read the watchdog, then ask until the device is identified."""
+        profile = self._setup.profile
+        reads = reading.bulk_reads(profile, diagnosis.time_codes(profile))
+        with suppress(CommandError, PortLostError):  # it is read again with the other settings
+            asked = partial(ask, self._line, self._setup, lane=lane)
+            self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)
+        while True:
+            async for answers in interview(profile, self._answers, self._put):
+                self._answers = answers
+            self._judge()
+            self._announce()
+            self._on_judged()
+            if self.standing.status not in (IdentityStatus.UNKNOWN, IdentityStatus.MISMATCHED):
+                return
+            is_read = self.standing.status is IdentityStatus.UNKNOWN and self.standing.is_readable
+            await asyncio.sleep(NAME_AGAIN_S if is_read else AGAIN_S)
+            self._answers = Answers()
+
+    async def _put(self, question: Question) -> Outcome:
+        self._is_naming = question.tag == NAME
+        if self._is_naming:
+            self._named_s = asyncio.get_running_loop().time()
+        outcome = await ask(self._line, self._setup, question.request, lane=Priority.IDENTITY)
+        self._is_naming = False
+        return outcome
+
+    def _judge(self) -> None:
+        profile, identity = self._setup.profile, identity_of(self._setup.profile, self._answers)
+        is_family = diagnosis.matches(profile, identity)
+        mismatch = self._registry.judge(self._setup, identity) if is_family else None
+        self.standing = judged(self.standing, self._setup, self._answers, mismatch)
+
+    def _announce(self) -> None:
+        """Publish what holds the commands, unless the latest event was about the same."""
+        standing, seen = self.standing, self.standing.identity
+        if standing.status in (IdentityStatus.MATCHING, IdentityStatus.CHANGED):  # the registry publishes
+            self._announced = ()
+            return
+        news = (standing.status, seen.slot, seen.family_seen or seen.model)
+        if news == self._announced:
+            return
+        self._announced, profile = news, self._setup.profile
+        publish = partial(self._records.event, self._setup.name)
+        if standing.status is IdentityStatus.UNKNOWN:
+            publish(EventCode.IDENTITY_UNKNOWN, reason=standing.reason)
+        elif standing.status is IdentityStatus.OTHER_SLOT:
+            configured = self._setup.variant.slot
+            publish(EventCode.SLOT_MISMATCH, configured=configured, seen=seen.slot, reason=standing.reason)
+        else:
+            diagnosis.stop_profile(profile, seen)  # loaded now, so that a stop need not wait for it
+            publish(
+                EventCode.IDENTITY_MISMATCH,
+                expected=profile.family,
+                seen=seen.family_seen,
+                model=seen.model,
+                reason=standing.reason,
+            )
+
+
+async def interview(
+    profile: Profile, answers: Answers, put: Callable[[Question], Awaitable[Outcome]]
+) -> AsyncIterator[Answers]:
+    """Put the open questions in rounds until none is open; yield the answers after each of them."""
+    for round_, pause_s in enumerate(PAUSES_S, 1):
+        if next_question(profile, answers) is None:
+            return
+        await asyncio.sleep(pause_s)
+        while (question := next_question(profile, answers, round_)) is not None:
+            outcome = await put(question)
+            answers = answers.after(question.tag, outcome)
+            yield answers
+            if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:
+                await asyncio.sleep(UNSENT_PAUSE_S)
