@@ -70,7 +70,7 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
-        self._looked_s = clock.now_s()
+        self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
         self._is_full = False
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
@@ -85,7 +85,7 @@ class DiskSync:
         """Write everything again when the store has begun with a new file; read when it is open."""
         if news is News.LOST:
             self._backlog.lose_table()
-            self._looked_s = float("-inf")
+            self._due_s = float("-inf")
         self._work.set()
 
     def stage(self, message: Message) -> Work:
@@ -116,10 +116,10 @@ class DiskSync:
         """Keep the disk up to date, until cancelled."""
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            await is_set_within(self._work, max(self._looked_s + LOOK_S - self._clock.now_s(), 0.0))
+            is_woken = await is_set_within(self._work, max(self._due_s - self._clock.now_s(), 0.0))
             self._work.clear()
             async with self._stepping:
-                is_done = await self._step()
+                is_done = await self._step(is_due=not is_woken or self._clock.now_s() >= self._due_s)
             if not is_done:
                 await asyncio.sleep(RETRY_S)
 
@@ -151,7 +151,7 @@ class DiskSync:
         for key in call(keys):
             self._backlog.need(key)
 
-    async def _step(self) -> bool:
+    async def _step(self, *, is_due: bool) -> bool:
         """Do what is to be done, and return whether all of it could be."""
         self._outbox.hold_slow(self._clock.now_s())
         self._declare()
@@ -165,9 +165,9 @@ class DiskSync:
             self._wake()
             return False
         self._is_unreadable = False
-        if self._clock.now_s() - self._looked_s < LOOK_S:
+        if not is_due:
             return True
-        self._looked_s = self._clock.now_s()
+        self._due_s = self._clock.now_s() + LOOK_S
         try:
             await self._write()
         except StoreError as error:

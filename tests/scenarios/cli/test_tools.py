@@ -583,7 +583,7 @@ AUDIT = [
         row(
             f"what is no entry is shown as such: {text}",
             given=SSW07,
-            at={3.0: ["end", with_sql("INSERT INTO audit (line) VALUES (?)", text)]},
+            at={3.0: ["end", with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", text)]},
             then={3.0: cli("audit show CONFIG --last 1", out=f"?  {text!r}\n")},
         )
         for text in ("nonsense", "[]")
