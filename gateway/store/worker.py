@@ -159,9 +159,10 @@ class Store:
             try:
                 by_s = self._wake.get(timeout=None if pause_s == inf else pause_s)
             except queue.Empty:
-                if pause_s == rest_s:
-                    self._do([])
-                    self._tidy()
+                if pause_s < rest_s:
+                    break
+                self._do([])
+                self._tidy()
                 continue
             if by_s is None:
                 return True

@@ -200,7 +200,7 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
     )
     with closing(sqlite3.connect(state)) as connection, connection:
         lines = [(json.dumps(entry),) for entry in entries]
-        connection.executemany("INSERT INTO audit (line) VALUES (?)", lines)
+        connection.executemany("INSERT INTO audit (line, upto) VALUES (?, 0)", lines)
     path = folder / "site.toml"
     path.write_text(CONFIG.format(port=port))
     return path

@@ -61,7 +61,6 @@ class DiskSync:
         wake: Callable[[], None],
     ) -> None:
         self._outbox = outbox
-        self._backlog = outbox.backlog
         self._store = store
         self._table = table
         self._clock = clock
@@ -70,22 +69,22 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = self._is_unreadable = False
-        self._looked_s = clock.now_s()
+        self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
         self._is_full = False
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._asked_s: float | None = None  # since when the disk is at something
-        self._backlog.is_table_away = self._is_away
-        self._backlog.on_work = self._work.set
-        self._backlog.expect_table()
+        self._outbox.backlog.is_table_away = self._is_away
+        self._outbox.backlog.on_work = self._work.set
+        self._outbox.backlog.expect_table()
 
     def note_news(self, news: News, _text: str) -> None:
         """Write everything again when the store has begun with a new file; read when it is open."""
         if news is News.LOST:
-            self._backlog.lose_table()
-            self._looked_s = float("-inf")
+            self._outbox.backlog.lose_table()
+            self._due_s = float("-inf")
         self._work.set()
 
     def stage(self, message: Message) -> Work:
@@ -93,19 +92,19 @@ class DiskSync:
         row = self._outbox.stage(message, self._clock.now_s())
 
         def store(connection: Connection) -> None:
-            if self._backlog.is_to_be_stored(row):
+            if self._outbox.backlog.is_to_be_stored(row):
                 self._table.insert(connection, [row])
 
         return store
 
     def keep(self, message: Message) -> Future[None]:
         """Store a message that has a key; it is sent once the outbox has it, and stays until `let_go`."""
-        self._backlog.need(message.key)
+        self._outbox.backlog.need(message.key)
         return self._store.submit(self.stage(message), within_s=COMPANY_S)
 
     def let_go(self, key: str) -> None:
         """Let a message be deleted once the broker has it."""
-        self._backlog.let_go(key)
+        self._outbox.backlog.let_go(key)
 
     async def payloads(self, keys: Sequence[str]) -> dict[str, bytes]:
         """Return what was stored with these keys and is whole; StoreError."""
@@ -116,17 +115,17 @@ class DiskSync:
         """Keep the disk up to date, until cancelled."""
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            await is_set_within(self._work, max(self._looked_s + LOOK_S - self._clock.now_s(), 0.0))
+            is_woken = await is_set_within(self._work, max(self._due_s - self._clock.now_s(), 0.0))
             self._work.clear()
             async with self._stepping:
-                is_done = await self._step()
+                is_done = await self._step(is_due=not is_woken or self._clock.now_s() >= self._due_s)
             if not is_done:
                 await asyncio.sleep(RETRY_S)
 
     async def pace(self) -> None:
         """Publish the history a little at a time, until cancelled."""
         while True:
-            is_due = self._outbox.is_connected and self._backlog.has_history
+            is_due = self._outbox.is_connected and self._outbox.backlog.has_history
             self._outbox.grant_history(MAX_HISTORY_ITEMS if is_due else 0)
             if is_due:
                 self._wake()
@@ -149,9 +148,9 @@ class DiskSync:
     def _wait_no_longer(self, keys: Sequence[str] = ()) -> None:
         call, self.on_recalled = self.on_recalled, lambda _: ()
         for key in call(keys):
-            self._backlog.need(key)
+            self._outbox.backlog.need(key)
 
-    async def _step(self) -> bool:
+    async def _step(self, *, is_due: bool) -> bool:
         """Do what is to be done, and return whether all of it could be."""
         self._outbox.hold_slow(self._clock.now_s())
         self._declare()
@@ -165,9 +164,9 @@ class DiskSync:
             self._wake()
             return False
         self._is_unreadable = False
-        if self._clock.now_s() - self._looked_s < LOOK_S:
+        if not is_due:
             return True
-        self._looked_s = self._clock.now_s()
+        self._due_s = self._clock.now_s() + LOOK_S
         try:
             await self._write()
         except StoreError as error:
@@ -181,7 +180,7 @@ class DiskSync:
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
-        self._backlog.recall(totals, losses)
+        self._outbox.backlog.recall(totals, losses)
         self._wait_no_longer(keys)
         self._wake()
 
@@ -194,22 +193,22 @@ class DiskSync:
         while batch := self._next_batch():
             is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
             is_freeing = batch.deletes_only
-            within_s = BEHIND_S if is_freeing and self._backlog.is_empty else 0.0
+            within_s = BEHIND_S if is_freeing and self._outbox.backlog.is_empty else 0.0
             works = self._works(batch)
             try:
                 await self._do(*works, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
             except BaseException:
-                self._backlog.unwritten(batch)
+                self._outbox.backlog.unwritten(batch)
                 self._is_full = True
                 raise
             self._is_full = False
-            self._backlog.written(batch)
+            self._outbox.backlog.written(batch)
             if is_flushed:
                 self._flushed_s = self._clock.now_s()
 
     def _next_batch(self) -> Batch | None:
-        room = self._backlog.batch(deletes_only=True) if self._is_full else None
-        return room or self._backlog.batch()
+        room = self._outbox.backlog.batch(deletes_only=True) if self._is_full else None
+        return room or self._outbox.backlog.batch()
 
     def _works(self, batch: Batch) -> list[Work]:
         """Return what writes a batch, in pieces; what belongs together is in the first one."""
@@ -227,11 +226,11 @@ class DiskSync:
 
     async def _read(self) -> None:
         """Read rows back into memory, to be sent or given up."""
-        for rank, after in self._backlog.wanted(is_sending=self._outbox.is_connected):
+        for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
             work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
             page = await self._do(work, is_freeing=True)
             rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
-            self._backlog.page(rank, page._replace(rows=rows))
+            self._outbox.backlog.page(rank, page._replace(rows=rows))
             self._work.set()  # another page may be wanted
             self._wake()
 
@@ -264,6 +263,6 @@ class DiskSync:
         """Publish what was lost or refused, once there is a connection."""
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
-            for each in (self._backlog.losses, self._outbox.refusals):
+            for each in (self._outbox.backlog.losses, self._outbox.refusals):
                 if event := each.declare(now_s):
                     self._publish_event(event)

@@ -489,7 +489,7 @@ AUDIT = [
             f"what is no entry is shown as such: {text}",
             SSW07,
             cli("audit show CONFIG --last 1", out=f"?  {text!r}\n"),
-            then=[with_sql("INSERT INTO audit (line) VALUES (?)", text)],
+            then=[with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", text)],
         )
         for text in ("nonsense", "[]")
     ),
