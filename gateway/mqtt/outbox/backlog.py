@@ -221,6 +221,13 @@ class Backlog:
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
         return Batch(rows, lost, losses)
 
+    def lost_batch(self) -> Batch | None:
+        """Return some of what was lost, without anything new: a full disk can delete it; None for nothing."""
+        some = dict(islice(self._lost.items(), MOST_DELETED))
+        for id_ in some:
+            del self._lost[id_]
+        return Batch((), some, self.losses.unsaved()) if some else None
+
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
         self._writing = frozenset()

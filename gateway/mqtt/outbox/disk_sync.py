@@ -180,7 +180,7 @@ class DiskSync:
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self) -> None:
-        """Delete what was delivered, which makes room on a full disk, then write what waits for it."""
+        """Delete what was delivered, then write what waits; on a full disk only delete, which makes room."""
         while delivered := self._backlog.take_delivered():
             ids = [(rank, id_) for id_, rank in delivered.items()]
             try:
@@ -188,16 +188,24 @@ class DiskSync:
             except BaseException:
                 self._backlog.give_back_delivered(delivered)
                 raise
-        while (batch := self._backlog.batch()) is not None:
-            is_due = self._clock.now_s() - self._flushed_s > FLUSH_S
-            try:
-                await self._do(partial(self._written, batch), is_flushed=is_due or batch.is_flushed)
-            except BaseException:
-                self._backlog.unwritten(batch)
-                raise
-            self._backlog.written(batch)
-            if is_due or batch.is_flushed:
-                self._flushed_s = self._clock.now_s()
+        try:
+            while (batch := self._backlog.batch()) is not None:
+                await self._put(batch)
+        except StoreError:
+            while (batch := self._backlog.lost_batch()) is not None:
+                await self._put(batch, is_freeing=True)
+            raise
+
+    async def _put(self, batch: Batch, *, is_freeing: bool = False) -> None:
+        is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+        try:
+            await self._do(partial(self._written, batch), is_flushed=is_flushed, is_freeing=is_freeing)
+        except BaseException:
+            self._backlog.unwritten(batch)
+            raise
+        self._backlog.written(batch)
+        if is_flushed:
+            self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.lost.items()))
