@@ -43,7 +43,7 @@ class Batch(NamedTuple):
     @property
     def deletes_only(self) -> bool:
         """Return whether a full disk permits it."""
-        return not (self.rows or self.lost or self.losses is not None)
+        return not self.rows
 
     @property
     def is_flushed(self) -> bool:
@@ -205,12 +205,18 @@ class Backlog:
         """Return what is to be written next, None for nothing.
 
         All events and results are in it, so that what declares a loss is written with the loss.
-        `deletes_only`: the disk is full.
+        `deletes_only`: the disk is full, and what was lost makes room there, too.
         """
         delivered = self._deletable()
         for id_ in delivered:
             del self._delivered[id_]
-        if deletes_only or not (self._unwritten or self._lost or self.losses.is_unsaved):
+        if deletes_only:
+            lost = dict(islice(self._lost.items(), MOST_DELETED))
+            for id_ in lost:
+                del self._lost[id_]
+            losses = self.losses.unsaved() if lost else None
+            return Batch([], delivered, lost, losses) if delivered or lost else None
+        if not (self._unwritten or self._lost or self.losses.is_unsaved):
             return Batch(delivered=delivered) if delivered else None
         ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
         values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import random
+import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
+from contextlib import ExitStack, closing
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -15,8 +18,8 @@ import pytest
 
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import IN_TABLE, Outbox
-from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
-from tests.lab.torture.of_disk import damage
+from gateway.store import STATE_FILE, Connection, OutboxRow, OutboxTable, Rank, Store
+from tests.lab.torture.of_disk import damage, may_mount, small_disk
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -420,6 +423,37 @@ def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
         assert lives.missing_values() == set()
         assert lives.lost() == Counter()
         assert plant.last("gateway/outbox")["oldest_s"] < 1.0
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_what_was_lost_on_a_full_disk_leaves_it_when_the_broker_is_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if not may_mount():
+        pytest.skip("only root can mount a small disk")
+    monkeypatch.setattr("tests.lab.torture.of_disk.DISK_BYTES", 4 * 2**20)
+    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, memory=Bounds(60, 10**6)))
+    disk = ExitStack()
+
+    def mount(plant: RigPlant) -> None:
+        disk.enter_context(small_disk(plant.folder / "state"))
+
+    with RigPlant(SSW07, before=mount) as plant, disk:
+        state = plant.folder / "state"
+        plant.run(until=4.0)
+        lives = Lives(plant, random.Random(1))
+        lives.step("broker down")
+        room = os.statvfs(state)
+        (state / "ballast").write_bytes(bytes(room.f_bavail * room.f_frsize - 2**17))
+        for _ in range(100):
+            lives.step("broker down")
+        lives.end()
+        with closing(sqlite3.connect(state / STATE_FILE)) as connection:
+            left = connection.execute("SELECT count(*) FROM outbox").fetchone()
+
+        assert lives.lost()["value"] > 0
+        assert left == (0,)
+        plant.end()
 
 
 def test_with_a_broker_no_value_and_no_event_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
