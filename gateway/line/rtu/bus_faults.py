@@ -127,9 +127,16 @@ class BusFaults:
         if self._counted < NOISY_FROM or self._corrupted_of_all < NOISY_SHARE:
             return
         if len(corrupted) > 1 or is_only:
-            share, addresses = self._corrupted_of_all, len(self._corrupted)
-            fields = {"share": share, "corrupted": len(corrupted), "addresses": addresses}
-            self._report(BusFault(EventCode.LINE_NOISE, SOMEONE, fields=fields), now_s)
+            fault = BusFault(
+                EventCode.LINE_NOISE,
+                SOMEONE,
+                fields={
+                    "share": self._corrupted_of_all,
+                    "corrupted": len(corrupted),
+                    "addresses": len(self._corrupted),
+                },
+            )
+            self._report(fault, now_s)
 
     def _report(self, fault: BusFault, now_s: float) -> None:
         cause = (fault.code, fault.unit)

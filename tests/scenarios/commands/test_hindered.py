@@ -363,7 +363,7 @@ DECIDED = [
     row(
         "a start whose starter does not answer before its time is over is expired",
         given=SITE,
-        at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=1)]},
+        at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=0.2)]},
         then={5.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
@@ -405,8 +405,8 @@ DECIDED = [
     row(
         "a line that is never quiet from the second of four writes on leaves a command unconfirmed",
         given=SITE,
-        at={2.0: "pump trip E05", 4.0: do("pump reset"), 4.266: chatter(0.002, 20.0)},
-        then={14.0: [result("reset unconfirmed no_answer"), frames("pump", RUN_OFF, JOG_OFF)]},
+        at={2.0: "pump trip E05", 4.0: do("pump reset"), 4.266: chatter(0.001, 20.0, "55")},
+        then={14.0: [result("reset unconfirmed line_down"), frames("pump", RUN_OFF, JOG_OFF)]},
     ),
     row(
         "an SST that refuses a register is taken out of its configuration mode",
