@@ -163,9 +163,10 @@ class PollTable:
         """Return the next poll of the unit that was left for longest, when that is too long.
 
         Polls go by due time, and those of a full line that begins are all due: without this a unit would have
-        all of its polls in a row, and none until all others had theirs.
+        all of its polls in a row, and none until all others had theirs. A line with watchdogs has promised
+        more than that.
         """
-        while (unit := self._left_out.first(now_s)) is not None:
+        while not self.watchdogs.things and (unit := self._left_out.first(now_s)) is not None:
             waiting = [each for each in unit.polls if each.queue is not None and each.release_s <= now_s]
             if waiting:
                 return min(waiting, key=attrgetter("deadline_s"))
