@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from math import ceil, isinf
 from typing import Any, get_args
@@ -41,10 +41,6 @@ class LineCapacity:
     forecast: capacity.Forecast  # while starters are being identified, too
     starters: tuple[StarterCapacity, ...]  # the enabled ones
 
-    def without_polls(self) -> LineCapacity:
-        """Return the same without what is forecast of each poll: a megabyte with 247 starters."""
-        return replace(self, forecast=replace(self.forecast, polls=()))
-
 
 def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
     """Return what every line of a configuration will be like."""
@@ -72,7 +68,7 @@ def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []
     for index, line in enumerate(prospects):
-        units = {each.unit for each in capacity.missed_in(line.forecast)}
+        units = {each.unit for each in line.forecast.missed}
         missed = [each for each in line.starters if each.table.address in units]
         hint = hint_of(line.table) if missed else ""
         for starter in missed:

@@ -21,7 +21,7 @@ class Site:
     config: Config
     folder: Path  # the configuration's: relative paths begin there
     password: str | None = field(repr=False)
-    prospects: tuple[LineCapacity, ...]  # what its lines will be like, without their polls
+    prospects: tuple[LineCapacity, ...]  # what its lines will be like
     path: Path | None = None  # the configuration's file
     metrics_token: str | None = field(default=None, repr=False)
     sparkplug_password: str | None = field(default=None, repr=False)
@@ -30,7 +30,7 @@ class Site:
     def of(cls, config: Config, *, folder: Path, password: str | None, path: Path | None = None) -> Self:
         """Compute what follows from a configuration; some tenths of a second for hundreds of starters."""
         token = metrics_token(config, folder, {})
-        return cls(config, folder, password, _without_polls(prospects_of(config)), path, token, password)
+        return cls(config, folder, password, prospects_of(config), path, token, password)
 
     @classmethod
     def read(cls, path: Path, environ: Mapping[str, str]) -> Self:
@@ -49,7 +49,7 @@ class Site:
         password = mqtt_password(config, folder, environ)
         token = metrics_token(config, folder, environ)
         own = sparkplug_password(config, folder, password, environ)
-        return cls(config, folder, password, _without_polls(prospects), path, token, own)
+        return cls(config, folder, password, prospects, path, token, own)
 
     @property
     def computed(self) -> Mapping[str, Mapping[str, Any]]:
@@ -60,7 +60,3 @@ class Site:
     def state_dir(self) -> Path:
         """Return where the gateway stores what the next run needs."""
         return self.folder / self.config.gateway.state_dir
-
-
-def _without_polls(prospects: tuple[LineCapacity, ...]) -> tuple[LineCapacity, ...]:
-    return tuple(line.without_polls() for line in prospects)

@@ -237,8 +237,7 @@ def _overloads(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     for line in prospects:
         whole = line.forecast
         if whole.is_overloaded:
-            factor = max(each.period_s / each.poll.every_s for each in whole.polls if each.poll.every_s)
-            what = f"asked for {whole.load:.0%} of its time, periods become {factor:.1f} times as long"
+            what = f"asked for {whole.load:.0%} of its time, periods become {whole.factor:.1f} times as long"
             yield f"line {line.table.name}: {what} ({relief_of(line.table) or 'use more lines'})"
 
 
@@ -314,14 +313,5 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
             }
             for starter in line.starters
             for gaps in [gaps_of_starter(starter)]
-        ],
-        "polls": [
-            {
-                "poll": each.poll.key,
-                "every_s": each.poll.every_s,
-                "period_s": round(each.period_s, 4),
-                "cost_s": round(each.cost_s, 4),
-            }
-            for each in line.forecast.polls
         ],
     }

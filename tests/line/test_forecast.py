@@ -37,9 +37,9 @@ def test_all_periods_of_an_over_full_line_are_stretched_by_one_factor() -> None:
 
     seen = average_gaps(polls, 60.0)
     assert prospect.is_overloaded
-    for each in prospect.polls:
-        assert each.period_s == pytest.approx(prospect.load * each.poll.every_s)
-        assert seen[each.poll.key] == pytest.approx(each.period_s, rel=0.05)
+    assert prospect.factor == pytest.approx(prospect.load)
+    for each in polls:
+        assert seen[each.key] == pytest.approx(prospect.factor * each.every_s, rel=0.05)
 
 
 def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:

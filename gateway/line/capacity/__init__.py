@@ -6,14 +6,12 @@ Start at `line_forecast`.
 from gateway.line.capacity.deadline_check import (
     LONGEST_LIMIT_S,
     Limits,
-    Missed,
     missed_deadlines,
-    missed_in,
     newly_missed,
     shortest_limit_s,
     with_deadlines,
 )
-from gateway.line.capacity.line_forecast import Forecast, forecast
+from gateway.line.capacity.line_forecast import Forecast, Missed, forecast
 from gateway.line.capacity.outage import (
     FEEDS,
     LOOK_S,

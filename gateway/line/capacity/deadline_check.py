@@ -7,9 +7,9 @@ A watchdog is met when the longest time between two requests to its unit with co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from gateway.line.capacity.line_forecast import Forecast, forecast
+from gateway.line.capacity.line_forecast import Missed, forecast
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 
@@ -18,33 +18,12 @@ LONGEST_LIMIT_S = 1000  # beyond what any family's watchdog can be set to (P314,
 Limits = Mapping[int, float | None]  # by unit: the time of its watchdog in seconds; None or 0: it has none
 
 
-@dataclass(frozen=True, slots=True)
-class Missed:
-    """A watchdog that would act although everything works."""
-
-    unit: int
-    limit_s: float
-    gap_s: float  # infinite when the watchdogs together need more time than there is
-    load: float  # share of the line's time that the watchdogs need
-
-
-def missed_in(whole: Forecast) -> tuple[Missed, ...]:
-    """Return the watchdogs that a line would miss."""
-    limits_s = {each.poll.unit: each.poll.deadline_s for each in whole.polls if each.poll.deadline_s}
-    gaps_s = whole.watchdog_gaps_s
-    return tuple(
-        Missed(unit, limit_s, gaps_s[unit], whole.watchdog_load)
-        for unit, limit_s in limits_s.items()
-        if limit_s is not None and gaps_s[unit] > limit_s
-    )
-
-
 def missed_deadlines(
     polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, limits_s: Limits | None = None
 ) -> tuple[Missed, ...]:
     """Return the watchdogs that these polls would miss; `limits_s` go before the polls' own deadlines."""
     asked = polls if limits_s is None else with_deadlines(polls, limits_s)
-    return missed_in(forecast(asked, timing, allowance_s=allowance_s))
+    return forecast(asked, timing, allowance_s=allowance_s).missed
 
 
 def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:

@@ -33,12 +33,13 @@ _ENDLESS_S = 3600.0  # a wait that is longer has no end
 
 
 @dataclass(frozen=True, slots=True)
-class PollForecast:
-    """One poll's share of a line."""
+class Missed:
+    """A watchdog that would act although everything works."""
 
-    poll: Poll
-    cost_s: float  # of the line's time, silence included, when the unit takes as long as it may
-    period_s: float  # between two answers, on average; longer than the poll's own when the line is over-full
+    unit: int
+    limit_s: float
+    gap_s: float  # infinite when the watchdogs together need more time than there is
+    load: float  # share of the line's time that the watchdogs need
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +49,11 @@ class Forecast:
     load: float  # share of the line's time that the polls with a period ask for; above 1 they are stretched
     sweep_s: float  # to ask everything once
     stop_latency_s: float  # from a stop's submission to its first byte, at the worst
-    polls: tuple[PollForecast, ...]
+    factor: float  # by which all periods are stretched on a line without commands
     watchdog_load: float  # share of the line's time that the watchdogs need when no poll helps them
     watchdog_gaps_s: Mapping[int, float]  # by unit with a watchdog: the longest time between two requests
-    gaps_s: Mapping[int, float]  # by unit: an estimate of the same without commands
+    missed: tuple[Missed, ...]  # the watchdogs whose time is shorter than that
+    gaps_s: Mapping[int, float]  # by unit: an estimate of the same where nobody gives commands
 
     @property
     def is_overloaded(self) -> bool:
@@ -70,25 +72,34 @@ def forecast(
     costs_s = [_cost_s(poll, timing, allowance_s=0.0) for poll in polls]
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
     longest = worst_stop_latency_s(polls, timing, allowance_s=allowance_s)
-    periods_s = _periods_s(polls, costs_s)
+    factor = overload_factor(_load(polls, costs_s))
     watchdogs = _watchdogs(polls, late_s)
     demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in watchdogs.values())
     in_flood_s = _in_flood_s(polls, late_s, watchdogs.values(), longest)
-    watchdog_gaps_s = {
+    promised_s = {
         unit: min(asked_s + longest + demand.response_s(asked_s), in_flood_s[unit])
         for unit, (_, asked_s) in watchdogs.items()
     }
+    load = sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s)
+    free_s = sum(cost_s for cost_s, poll in zip(costs_s, polls, strict=True) if not poll.every_s)
+    round_s = min(free_s / (1.0 - load), FREE_PERIOD_S) if load < 1.0 else FREE_PERIOD_S
+    gaps_s = dict(promised_s)
+    for poll in polls:  # all others go first once
+        gap_s = factor * (poll.every_s or round_s) + sum(late_s)
+        gaps_s[poll.unit] = min(gap_s, gaps_s.get(poll.unit, inf))
     return Forecast(
-        load=sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s),
+        load=load,
         sweep_s=sum(costs_s),
         stop_latency_s=max(longest, worst_stop_latency_s(jobs, timing, allowance_s=allowance_s)),
-        polls=tuple(
-            PollForecast(poll, cost_s, period_s)
-            for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True)
-        ),
+        factor=factor,
         watchdog_load=demand.load,
-        watchdog_gaps_s=watchdog_gaps_s,
-        gaps_s=_gaps_s(polls, late_s, periods_s, watchdog_gaps_s),
+        watchdog_gaps_s=promised_s,
+        missed=tuple(
+            Missed(unit, asked_s / ASKED_AFTER, promised_s[unit], demand.load)
+            for unit, (_, asked_s) in watchdogs.items()
+            if promised_s[unit] > asked_s / ASKED_AFTER
+        ),
+        gaps_s=gaps_s,
     )
 
 
@@ -109,22 +120,6 @@ def worst_stop_latency_s(
         for request, response_time_s in forms
     )
     return max(waits_s, default=0.0) + timing.silence_s
-
-
-def _periods_s(polls: Sequence[Poll], costs_s: Sequence[float]) -> list[float]:
-    """Return the average period of every poll on a line without commands."""
-    factor = overload_factor(_load(polls, costs_s))
-    left = 1.0 - sum(
-        cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s
-    )
-    free_s = sum(cost_s for cost_s, poll in zip(costs_s, polls, strict=True) if not poll.every_s)
-    round_s = FREE_PERIOD_S * factor if factor > 1.0 else min(free_s / left, FREE_PERIOD_S) if free_s else 0.0
-    periods_s = [poll.every_s * factor if poll.every_s else round_s for poll in polls]
-    for unit, (_, asked_s) in _watchdogs(polls, costs_s).items():
-        at = next(at for at, poll in enumerate(polls) if poll.unit == unit)
-        if all(s > asked_s for poll, s in zip(polls, periods_s, strict=True) if poll.unit == unit):
-            periods_s[at] = asked_s
-    return periods_s
 
 
 def _watchdogs(polls: Sequence[Poll], costs_s: Sequence[float]) -> dict[int, tuple[float, float]]:
@@ -157,31 +152,7 @@ def _in_flood_s(
     return gaps_s
 
 
-def _gaps_s(
-    polls: Sequence[Poll],
-    costs_s: Sequence[float],
-    periods_s: Sequence[float],
-    promised_s: Mapping[int, float],
-) -> dict[int, float]:
-    """Return by unit the longest time between two requests by its fastest poll: all others go first once.
-
-    A poll without a period goes when no other is due: those may have been asked several times by then.
-    """
-    once_s = sum(costs_s)
-    regular = [(cost_s, poll.every_s) for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s]
-    free_s = once_s - sum(cost_s for cost_s, _ in regular)
-    factor = overload_factor(_load(polls, costs_s))
-    gaps_s = dict(promised_s)
-    for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True):
-        gap_s = period_s + once_s
-        if not poll.every_s:
-            due_s = FREE_PERIOD_S * factor + once_s
-            gap_s = max(gap_s, min(_lasts_s(cost_s + free_s, regular) - cost_s, due_s))
-        gaps_s[poll.unit] = min(gap_s, gaps_s.get(poll.unit, inf))
-    return gaps_s
-
-
-def _lasts_s(once_s: float, asked: Sequence[tuple[float, float]], *, share: float = 0.0) -> float:
+def _lasts_s(once_s: float, asked: Sequence[tuple[float, float]], *, share: float) -> float:
     """Return how long work lasts while requests (cost, period) and a share of the time go first."""
     time_s = 0.0
     while time_s < _ENDLESS_S:

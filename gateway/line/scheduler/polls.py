@@ -25,6 +25,7 @@ ASKED_AFTER = 0.5  # of the time that is left to a watchdog: the rest is for the
 
 _LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
 _FIRST_COST_S = 0.1  # of a poll that has none yet, for that bound; what is longer is learnt in a few rounds
+_PATIENCE_S = 1.0  # of a unit with a poll that is due, at least, before it goes first
 _AVERAGED_OVER_S = 10.0  # so far back goes the share of jobs and offline units
 _WORST_OVER_S = 60.0  # the longest time that a watchdog was left is that of the last so many seconds
 
@@ -162,9 +163,10 @@ class PollTable:
         """Return the next poll of the unit that was left for longest, when that is too long.
 
         Polls go by due time, and those of a full line that begins are all due: without this a unit would have
-        all of its polls in a row, and none until all others had theirs.
+        all of its polls in a row, and none until all others had theirs. A line with watchdogs has promised
+        more than that.
         """
-        while (unit := self._left_out.first(now_s)) is not None:
+        while not self.watchdogs.things and (unit := self._left_out.first(now_s)) is not None:
             waiting = [each for each in unit.polls if each.queue is not None and each.release_s <= now_s]
             if waiting:
                 return min(waiting, key=attrgetter("deadline_s"))
@@ -233,7 +235,7 @@ class PollTable:
         if entry is not None and is_done and not unit.is_silent:
             self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
         if is_answer and unit.polls and unit.queue is not self.watchdogs:
-            patience_s = len(self._units) * unit.polls[0].cost_s / 2
+            patience_s = max(len(self._units) * unit.polls[0].cost_s / 2, _PATIENCE_S)
             due_s = min(each.deadline_s for each in unit.polls)
             self._left_out.put(unit, max(sent_s, due_s) + patience_s, sent_s)
         return unit.news()

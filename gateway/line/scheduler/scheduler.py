@@ -67,9 +67,9 @@ class Scheduler:
            after commands and questions for watchdogs, in their share; after eight in a row 4 or 5 once.
         4. A job, when no poll is due or the jobs' share of line time is not used up: commands by priority,
            every fourth the oldest, then the gateway's own questions by priority.
-        5. A poll: of a unit that was left for half a sweep after one was due, the unit that was left for
-           longest first; else by due time, one that is repeated first. After a miss those of units that
-           answer, otherwise those of units that do not.
+        5. A poll by due time, one that is repeated first; where no unit has a watchdog, before those one of
+           the unit that was left for longest, half a sweep or more after one was due. After a miss those of
+           units that answer, otherwise those of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
