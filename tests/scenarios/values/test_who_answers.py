@@ -23,7 +23,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.values.words import is_silent_to_fc43, names_itself, nothing_written
+from tests.scenarios.values.words import is_deaf_after_fc43, is_silent_to_fc43, names_itself, nothing_written
 
 SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
 
@@ -131,6 +131,13 @@ def asked_its_name(name: str, *at_s: float) -> Expectation:
         return "" if found == pytest.approx(at_s, abs=0.5) else str(found)
 
     return check
+
+
+def times_asked_its_name(name: str, times: int) -> Expectation:
+    """FC43 was put so often."""
+    return lambda plant: (
+        "" if (n := sum(pdu[0] == 0x2B for _, pdu in plant.starter(name).asked)) == times else f"{n} times"
+    )
 
 
 def _without_fc43(family: str, habit: Action, said: str) -> ScenarioRow:
@@ -394,6 +401,19 @@ ROWS = [
         "one that is known is not asked its name again",
         given=SSW07,
         then={40: asked_its_name("pump", 0.2)},
+    ),
+    row(
+        "one that goes offline after each question for its name is asked three times, and is then read",
+        given=SSW07,
+        at={0: is_deaf_after_fc43("pump", 15.0)},
+        then={
+            300: [
+                seen("starter/pump/availability", times=3, state="offline", reason=re.compile("no reply")),
+                times_asked_its_name("pump", 3),
+                msg("starter/pump/state", quality="good"),
+                msg("starter/pump/availability", state="online"),
+            ]
+        },
     ),
     row(
         "one that does not answer and is known by its registers is asked three times",
