@@ -165,11 +165,11 @@ OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
     ("sst", {"serial_number": 1}, {"serial_number": 2}, "serial"),
 ]
 PAIRS = [(one, other) for one in SITES for other in SITES if one != other]
-NOT_TOLD_APART = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
+ALIKE = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
 ROWS = [
     *(_wrong_from_the_start(*pair) for pair in PAIRS),
     *(_swapped(*pair) for pair in PAIRS),
-    *(_swapped_at_once(*pair) for pair in PAIRS if pair != NOT_TOLD_APART),
+    *(_swapped_at_once(*pair) for pair in PAIRS if pair != ALIKE),
     *(_another_of_its_family(*each) for each in OTHERS),
     *(_without_fc43(each, is_silent_to_fc43(SITES[each][0]), "does not answer FC43") for each in SITES),
     *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
