@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from gateway.starters.identity.first_contact import IdentityStatus
 
 from gateway.contract import Note, Reason, ResultCode, meaning_of
 from gateway.contract.results import NOTES, RESULTS
@@ -17,6 +16,7 @@ from gateway.contract.wording import names_in
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.commands.starter_io import _EXCEPTIONS
+from gateway.starters.identity.standing import _CODES
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
@@ -30,9 +30,7 @@ CODES: dict[str, Collection[str]] = {
         each.refusal for command in COMMANDS for each in command.ceilings.values()
     },
     "starters/policy/preconditions.py": {ResultCode.NOT_AS_EXPECTED, ResultCode.STATE_CHANGED},
-    "starters/identity/first_contact.py": {
-        each.value for each in IdentityStatus if each is not IdentityStatus.MATCHING
-    },
+    "starters/identity/standing.py": _CODES.values(),
     "starters/commands/starter_io.py": {*_EXCEPTIONS.values(), ResultCode.EXCEPTION},
 }
 CASES: dict[str, Collection[str]] = {"families/command/interlock.py": RULES.keys()}
