@@ -15,7 +15,7 @@ from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.submit import Commands
 from gateway.starters.policy.freshness import Tokens
 from gateway.starters.policy.policy import Policy
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter

@@ -25,7 +25,7 @@ from gateway.starters.identity.first_contact import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.rights import Rights
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.store import Journal
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped

@@ -42,7 +42,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.store import Journal, NoJournal, Remembered
 
 logger = logging.getLogger(__name__)

@@ -24,9 +24,9 @@ from gateway.starters.commands.starter_io import (
     Rows,
     StarterIo,
 )
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.preconditions import Guard
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 
 logger = logging.getLogger(__name__)
 

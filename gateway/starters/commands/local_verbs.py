@@ -31,7 +31,7 @@ from gateway.starters.identity.registry import IdentityMismatch
 from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.preconditions import NOTICE, owner_of, reason_in, refusal
 from gateway.starters.policy.selection import VALID_S, Selection
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.system.clock import Clock
 
 SAVED_WITHIN_S = 2.0

@@ -10,8 +10,8 @@ from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, Res
 from gateway.families import command, state_of
 from gateway.starters.commands.execution import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import Reporting, audit
-from gateway.starters.telemetry.transitions import UNKNOWN
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.state import UNKNOWN
+from gateway.starters.view import StarterControlView
 from gateway.store import Remembered
 
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them

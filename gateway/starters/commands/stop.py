@@ -40,7 +40,7 @@ from gateway.starters.commands.starter_io import (
     StarterIo,
 )
 from gateway.starters.commands.stop_family import StopAddressee
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)

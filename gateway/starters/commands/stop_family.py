@@ -16,9 +16,8 @@ from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.state import Emitter, Snapshot
+from gateway.starters.view import StarterControlView
 
 
 class StopAddressee:

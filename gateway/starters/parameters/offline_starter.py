@@ -13,10 +13,9 @@ from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, not_matching, standing_of
 from gateway.starters.identity.recognition import Recognition
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.starters.state import Emitter, Snapshot
 from gateway.system.clock import Clock
 
 

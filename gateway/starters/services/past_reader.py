@@ -20,7 +20,7 @@ from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.services.parameter_monitor import LONGEST_BLOCK
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from gateway.errors import PortLostError
 from gateway.families import Finding, Weight, diagnosis, reading
 from gateway.line import Priority
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterControlView
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 

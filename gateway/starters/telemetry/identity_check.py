@@ -19,7 +19,7 @@ from gateway.starters.identity.first_contact import FirstContact, IdentityStatus
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.reporting import Emitter
+from gateway.starters.state import Emitter
 
 PROVED_WITHIN_S = 5.0  # where it is not clear at once
 GAP_POLLS = 2  # without a reply, after which another device may answer

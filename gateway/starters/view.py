@@ -11,8 +11,7 @@ from gateway.line import LineClient, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.starters.state import Emitter, Snapshot
 
 
 class StarterAccess(Protocol):
