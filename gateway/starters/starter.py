@@ -40,6 +40,7 @@ from gateway.starters.state import (
     Snapshot,
     advance,
     bad,
+    good_values,
     read,
     sources_of,
     stale,
@@ -302,8 +303,7 @@ class StarterTelemetry:
         if self._distrust:
             new = bad(new, new, self._distrust)
         self._look(new, time_s=time_s)
-        values = {name: each.value for name, each in new.items() if each.is_good}
-        self.on_readings(Readings(at_s, time_s, self.state, values))
+        self.on_readings(Readings(at_s, time_s, self.state, good_values(new)))
 
     def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
         """Look at all that is known now, with new readings, and publish what is due.

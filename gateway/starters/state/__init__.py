@@ -18,7 +18,7 @@ from gateway.starters.state.emitter import Emitter, LockOf
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
 from gateway.starters.state.published_faults import PublishedFaults
 from gateway.starters.state.publisher import Publisher
-from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, read, stale
+from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
 from gateway.starters.state.snapshot import Snapshot
 from gateway.starters.state.starter_state import UNKNOWN, News, StarterState, advance, unread
 
@@ -44,6 +44,7 @@ __all__ = [
     "Value",
     "advance",
     "bad",
+    "good_values",
     "read",
     "sources_of",
     "stale",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from gateway.contract import (
     ValueRecord,
 )
 from gateway.starters.state.alarms import AlarmStatus
-from gateway.starters.state.readings import Points, good_values
+from gateway.starters.state.readings import Points
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happenings, Status
 
@@ -88,15 +88,15 @@ class Emitter:
                 )
             )
 
-    def happenings(self, happenings: Happenings) -> None:
-        """Publish alarms that came or went, and events with the values of the seconds before them."""
+    def happenings(self, happenings: Happenings, points: Iterable[str]) -> None:
+        """Publish alarms that came or went, and events with the values of these points before them."""
         for happening in happenings:
             if isinstance(happening, AlarmStatus):
                 self._alarm(happening)
                 continue
             event, first = happening.event, happening.first
             if first is not None:
-                event = replace(event, data={**event.data, "before": _before(first)})
+                event = replace(event, data={**event.data, "before": _before(first, points)})
             self.put(self._records.dated(self.starter, event, time_s=happening.time_s))
 
     def _alarm(self, known: AlarmStatus) -> None:
@@ -116,7 +116,12 @@ class Emitter:
         )
 
 
-def _before(first: FirstSeen) -> list[dict[str, Any]]:
+def _before(first: FirstSeen, points: Iterable[str]) -> list[dict[str, Any]]:
     """Return the values that were good before an event, the oldest first."""
-    moments = [(first.now_s - moment.at_s, good_values(moment.points)) for moment in first.moments]
-    return [{"seconds_before": round(age_s, 3), "values": values} for age_s, values in moments if values]
+    names = tuple(points)
+    found: list[dict[str, Any]] = []
+    for moment in first.moments:
+        good = {name: value for name, value in zip(names, moment.values, strict=True) if value is not None}
+        if good:
+            found.append({"seconds_before": round(first.now_s - moment.at_s, 3), "values": good})
+    return found

@@ -54,12 +54,12 @@ class Publisher:
         """
         self.publish_status(state, now_s=now_s, reason=reason)
         if happenings:
-            self._emitter.happenings(happenings)
+            self._emitter.happenings(happenings, state.points)
         self.publish_values(state, now_s=now_s)
         told = state.told_faults
         if told is not None:
             self._faults.note(self._emitter.starter, told)
-        self._timer.at(min(self._published.next_due_s, look_s))
+        self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> None:
         """Publish the state if that is due."""

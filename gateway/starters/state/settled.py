@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gateway.starters.state.readings import Points, Value
+from gateway.starters.state.readings import Value
 
 STARTED = frozenset({"starting", "running"})
 
@@ -18,10 +18,10 @@ _NOTHING = object()
 
 
 class Moment(NamedTuple):
-    """All readings as they were when a new status came; `at_s` is the status's, on the steady clock."""
+    """What all points said when a new status came; `at_s` is the status's, on the steady clock."""
 
     at_s: float
-    points: Points
+    values: tuple[Value, ...]  # in the order of the state's points; None: not good
 
 
 class FirstSeen(NamedTuple):

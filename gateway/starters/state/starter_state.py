@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 from gateway.contract import Event, EventCode, Quality, event_of, phrase
@@ -91,6 +92,12 @@ class StarterState(NamedTuple):
         return bool(self.settled.waiting) or (self.trip is not None and not self.trip.is_told)
 
     @property
+    def due_s(self) -> float:
+        """Return when to look again if nothing is read until then: a trip is told by then."""
+        is_open = self.trip is not None and self.trip.is_sure and not self.trip.is_told
+        return self.trip.first.at_s + NUMBER_WITHIN_S if self.trip is not None and is_open else inf
+
+    @property
     def told_faults(self) -> tuple[str, ...] | None:
         """Return the codes of the standing fault whose event was published; None while that is open."""
         if self.status.word == UNKNOWN or (self.trip is not None and not self.trip.is_told):
@@ -127,9 +134,10 @@ def advance(before: StarterState, news: News, profile: Profile) -> tuple[Starter
     """Return the state after news, and what has happened. Without news that decides this costs little."""
     points, version, versions, is_decisive = _merged(before, news.points)
     moments = before.moments
-    status = news.points.get(FAULT)
-    if status is not None and status.is_good and status.at_s is not None:
-        moments = (*moments[1 - MOMENTS_BEFORE :], Moment(status.at_s, before.points))
+    status, good = news.points.get(FAULT), Quality.GOOD
+    if status is not None and status.quality is good and status.at_s is not None:
+        values = [each.value if each.quality is good else None for each in before.points.values()]
+        moments = (*moments[1 - MOMENTS_BEFORE :], Moment(status.at_s, tuple(values)))
     after = before._replace(points=points, version=version, versions=versions, moments=moments)
     if not is_decisive and not before.is_awaiting:
         return after, ()
@@ -142,7 +150,7 @@ def _merged(before: StarterState, new: Points) -> tuple[Points, int, dict[str, i
     is_decisive = False
     for name, reading in new.items():
         old = before.points[name]
-        is_same = old.value == reading.value and type(old.value) is type(reading.value)
+        is_same = old.value is reading.value or _is_equal(old.value, reading.value)
         if (
             is_same
             and old.quality is reading.quality
@@ -161,6 +169,11 @@ def _merged(before: StarterState, new: Points) -> tuple[Points, int, dict[str, i
         versions.pop(name, None)
         versions[name] = version
     return points, version, versions, is_decisive
+
+
+def _is_equal(one: Value, other: Value) -> bool:
+    """Return whether two values are the same: 1, 1.0 and true are not."""
+    return one == other and type(one) is type(other)
 
 
 def _judged(state: StarterState, news: News, profile: Profile) -> tuple[StarterState, Happenings]:

@@ -180,7 +180,7 @@ def test_an_event_carries_the_values_before_its_first_reading() -> None:
     assert started.first is not None
     before = started.first.moments[-1]
     assert before.at_s == 2
-    assert before.points["running"].value is False
+    assert dict(zip(state.points, before.values, strict=True))["running"] is False
 
 
 @pytest.mark.parametrize(
