@@ -201,11 +201,11 @@ def _judged(state: StarterState, news: News, profile: Profile) -> tuple[StarterS
             Happening(event, time_s) for event in events_of([each for each in came if not each.is_fault])
         ]
     trip = None if is_over else trip
-    if not settled.is_waiting_for(profile.alarm_points):
+    if not settled.is_waiting_for(profile.alarm_points):  # else it is open which alarms there are
         book, more = _booked(book, settled.values, trip, profile, time_s=time_s)
         changed += more
         events += [Happening(event, time_s) for event in events_of(more)]
-    if trip is None:
+    if trip is None:  # else the next move follows the end of the fault
         motion, moves = _moved(motion, settled, new.get(STATE), time_s)
         events += moves
     after = state._replace(
@@ -321,7 +321,7 @@ def _tripped(
 def _moved(
     motion: Motion, settled: Settled, first: FirstSeen | None, time_s: float
 ) -> tuple[Motion, list[Happening]]:
-    """Return the start or stop by which the motor came into its settled state, of which `first` is."""
+    """Return the start or stop that brought the motor into its settled state; `first` is its first reading."""
     now = settled.values.get(STATE)
     if now is None or STATE in settled.waiting or now == motion.state:
         return motion, []
