@@ -30,9 +30,8 @@ from gateway.line import (
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
-from gateway.starters.telemetry.reporting import REFRESH_S
-from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.starters.starter import StarterTelemetry
+from gateway.starters.state import REFRESH_S, Readings
 
 
 def _ignore(_name: str, _readings: Readings) -> None:

@@ -14,7 +14,7 @@ from gateway.mqtt import Message
 from gateway.starters.command import Commands, Dispatcher
 from gateway.starters.policy.freshness import Tokens
 from gateway.starters.policy.policy import Policy
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterIo
 from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
@@ -70,7 +70,7 @@ class PluginSite(Protocol):
         """Of Sparkplug's broker."""
 
 
-class ShownStarter(StarterControlView, Protocol):
+class ShownStarter(StarterIo, Protocol):
     """One starter, as plugins see it."""
 
     @property

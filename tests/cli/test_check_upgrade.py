@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.starters.telemetry.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
+from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
 from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE
 

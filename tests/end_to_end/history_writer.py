@@ -17,7 +17,7 @@ from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.starters.policy.freshness import RunToken
 from gateway.starters.policy.policy import Policy
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, OutboxTable, Store
 from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock

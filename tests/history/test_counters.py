@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gateway.contract import read_stored, stored
 from gateway.plugins.history.counters import MotorCounters, Totals, band_of, counted
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 
 
 def readings(at_s: float, **values: Any) -> Readings:

@@ -16,7 +16,7 @@ from gateway.config.schema import Config
 from gateway.families.devices.device import Identity
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.site_facts import SiteFacts, facts_of
-from gateway.starters.telemetry.description import info_of
+from gateway.starters.description import info_of
 
 STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
 TABLE = '[homeassistant]\noperator = "home-assistant"\ncommands = true\n'

@@ -6,7 +6,7 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.plugins.metrics.catalogue import MOTOR_POINTS, SPECS
-from gateway.starters.telemetry.decoding import unit_of
+from gateway.starters.state import unit_of
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -15,7 +15,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.starters.command import Dispatcher
 from gateway.starters.policy.rights import Rights
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.starters.starter import StarterTelemetry
 from tests.starters.fakes import (
     AT_SPEED,
     READY,

@@ -35,7 +35,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup, polls_of
-from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.starters.starter import StarterTelemetry
 from gateway.store import Documents, Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading

@@ -19,10 +19,10 @@ from gateway.families import Read, reading
 from gateway.line import PortOpener, exclusive_line, new_precise_loop, request_wire_s
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bulk_read import BulkReading
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.parameters.model import ParameterSet, entries_of
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup, forms_of
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.clock import Clock, SystemClock
 from gateway.system.instance_lock import may_use
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import HistoryRow, HistoryStore
 from gateway.system.supervised import on_this_loop
 

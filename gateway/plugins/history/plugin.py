@@ -38,7 +38,7 @@ from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters.policy.policy import Policy
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import RETRY_S, HistoryRow, HistoryStore, News
 from gateway.system.rate_limits import ChangeDetector
 

@@ -31,7 +31,7 @@ from gateway.plugins.history.start_recorder import (
     StartRecorder,
 )
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import HistoryRow
 
 log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from gateway.contract import EventCode, EventRecord, Record, TripRecord
 from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import HistoryRow
 
 KIND = "trip"  # of the rows on disk

@@ -31,7 +31,7 @@ from gateway.starters.own_points import PublicationPace, Value, own_points
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.start_rules import NO_RULES
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.readings import Readings
+from gateway.starters.state import Readings
 from gateway.store import HistoryRow
 
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes

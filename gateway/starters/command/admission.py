@@ -18,11 +18,11 @@ from gateway.contract import (
 from gateway.families import Preparation, command, reading
 from gateway.starters.command.report import Reporting
 from gateway.starters.command.run.pipeline import CAN_WAIT
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.rights import Rights
+from gateway.starters.view import StarterIo
 
 
 @dataclass(frozen=True, slots=True)

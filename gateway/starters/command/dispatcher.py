@@ -24,12 +24,12 @@ from gateway.starters.command.overload import OverloadRefusals
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
 from gateway.starters.command.recovery import Recovery
 from gateway.starters.command.report import CommandReport, Final, Reporting, audit
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.stop.group import GroupStop
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
+from gateway.starters.view import StarterIo
 from gateway.store import Journal, NoJournal, Remembered
 
 NOT_TAKEN = (  # without the ledger, what it has may say something else

@@ -28,11 +28,11 @@ from gateway.contract import (
 from gateway.families import command, state_of
 from gateway.starters.command.admission import Admission
 from gateway.starters.command.report import CommandReport, Final
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.identity import IdentityMismatch
 from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.preconditions import NOTICE, owner_of, reason_in, refusal
 from gateway.starters.policy.selection import VALID_S, Selection
+from gateway.starters.view import StarterIo
 from gateway.system.clock import Clock
 
 SAVED_WITHIN_S = 2.0

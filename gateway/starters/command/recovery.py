@@ -10,7 +10,7 @@ from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, Res
 from gateway.families import command, state_of
 from gateway.starters.command.report import Reporting, audit
 from gateway.starters.command.run.ends import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
-from gateway.starters.command.starter_io import StarterIo
+from gateway.starters.view import StarterIo
 from gateway.store import Remembered
 
 STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them

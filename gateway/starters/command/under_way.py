@@ -18,12 +18,12 @@ from gateway.families import Preparation, Procedure
 from gateway.starters.command.admission import Load
 from gateway.starters.command.report import CommandReport, Final, Reporting, audit
 from gateway.starters.command.run.pipeline import CAN_WAIT, CommandRun
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.stop.machine import StopOrder, Stopping
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY
 from gateway.starters.policy.preconditions import Guard, is_forbidden
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.view import StarterIo
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
 

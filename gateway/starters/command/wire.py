@@ -14,7 +14,7 @@ from gateway.families import Expect, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
-from gateway.starters.command.starter_io import StarterWire
+from gateway.starters.view import StarterWire
 
 T = TypeVar("T")
 

@@ -11,10 +11,9 @@ from gateway.line import LineClient, Outcome, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity import Answers, IdentityStatus, Standing, interview, judged, met, not_matching
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.starters.state import Emitter, Snapshot
 from gateway.system.clock import Clock
 
 

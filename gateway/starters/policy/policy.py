@@ -13,14 +13,14 @@ from gateway.contract import (
     StateRecord,
 )
 from gateway.starters.identity import IdentityRegistry
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
 from gateway.starters.policy.preconditions import Expectation, Guard
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook
 from gateway.starters.policy.write_budget import WRITES, WriteBudget
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.transitions import PublishedFaults
+from gateway.starters.state import PublishedFaults
 from gateway.store import Documents
 
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more

@@ -20,7 +20,7 @@ from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.services.parameter_monitor import LONGEST_BLOCK
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.view import StarterIo
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ class PastListener(Protocol):
 class PastReader:
     """Reads one starter; everything on the app's loop."""
 
-    def __init__(self, starter: StarterControlView, listener: PastListener) -> None:
+    def __init__(self, starter: StarterIo, listener: PastListener) -> None:
         self._starter = starter
         self._listener = listener
         self._fault = SupervisedTask(f"fault data {starter.setup.name}")

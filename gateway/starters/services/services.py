@@ -11,7 +11,7 @@ from gateway.families import diagnosis
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
-from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.starters.starter import StarterTelemetry
 
 
 @dataclass(slots=True)

@@ -18,7 +18,7 @@ from gateway.modbus.server import decode_request
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.own_points import own_points
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.decoding import PointSources
+from gateway.starters.state import PointSources
 
 # What the gateway adds: no starter has these.
 OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}

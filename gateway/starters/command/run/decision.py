@@ -20,11 +20,11 @@ from gateway.contract import READ, CommandError, ResultCode
 from gateway.families import Preparation, Procedure, command
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.steps import Step
 from gateway.starters.command.wire import Rows, Wire
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
+from gateway.starters.view import StarterIo
 
 T = TypeVar("T")
 

@@ -29,12 +29,12 @@ from gateway.starters.command.report import CommandReport, Final
 from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import Decision, Judge
 from gateway.starters.command.run.ends import Outlook
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.steps import Step
 from gateway.starters.command.wire import LAST_READING_S, HaltedError, OverdueError, RefusedError, Wire
 from gateway.starters.identity import IdentityStatus
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.preconditions import Guard
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.view import StarterIo
 
 logger = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ from gateway.contract import Note
 from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
 from gateway.modbus.pdu import Request
-from gateway.starters.command.starter_io import Emitter, Snapshot, StarterIo
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
+from gateway.starters.view import Emitter, Snapshot, StarterIo
 
 
 class StopAddressee:

@@ -27,7 +27,6 @@ from gateway.families import Expect, Read
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport, Final
 from gateway.starters.command.run.ends import MAY_BE_TURNING
-from gateway.starters.command.starter_io import StarterIo
 from gateway.starters.command.stop.addressee import StopAddressee
 from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
@@ -38,6 +37,7 @@ from gateway.starters.command.wire import (
     Rows,
     Wire,
 )
+from gateway.starters.view import StarterIo
 
 logger = logging.getLogger(__name__)
 

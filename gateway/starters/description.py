@@ -9,7 +9,7 @@ from gateway.contract import OWN_VERBS, InfoRecord
 from gateway.families import Identity, Profile, Variant, command, meaning_of, once_per_profile, printed_name
 from gateway.starters.own_points import own_points
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.decoding import type_of, unit_of
+from gateway.starters.state import type_of, unit_of
 
 
 def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRecord:

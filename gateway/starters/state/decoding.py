@@ -1,4 +1,4 @@
-"""From rows to points, and a cache of answers that say what the ones before said."""
+"""From rows to points: which rows a point is decoded from, of which kind it is, what replies say."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
 _MOST_CACHED = 64
+
+Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+
+
+class DecodedPoints(NamedTuple):
+    """The points that were decoded from rows, and those for which a row was missing."""
+
+    points: Mapping[str, decode.Decoded]
+    missing: tuple[str, ...]
 
 
 class PointSources:
@@ -34,13 +43,11 @@ class PointSources:
             self._fed_by[wanted] = fed
         return fed
 
-    def are_enough(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
+    def are_enough(self, rows: Rows) -> bool:
         """Return whether the points that these rows feed depend on no others."""
         return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
 
-    def decode(
-        self, variant: Variant, rows: Mapping[str, tuple[int, ...]], *, known: Mapping[str, tuple[int, ...]]
-    ) -> DecodedPoints:
+    def decode(self, variant: Variant, rows: Rows, *, known: Rows) -> DecodedPoints:
         """Return the points that depend on freshly read rows, decoded from these and from `known` ones."""
         fed = self.fed_by(rows)
         others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
@@ -53,6 +60,35 @@ class PointSources:
 def sources_of(profile: Profile) -> PointSources:
     """Return the sources of a family's points, the same ones for all its starters."""
     return PointSources(profile)
+
+
+class Answer(NamedTuple):
+    """Raw words by code, and what they say; None when that depends on other rows too."""
+
+    rows: Rows
+    decoded: DecodedPoints | None
+
+
+class AnswerCache:
+    """Reads the answers of one starter; most say the same as the last one to the same poll."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._sources = sources_of(profile)
+        self._latest: dict[
+            str, tuple[reading.Block, Variant, Sequence[Any], Answer]
+        ] = {}  # by the poll's key
+
+    def read(self, key: str, block: reading.Block, variant: Variant, value: Sequence[Any]) -> Answer:
+        """Return what an answer says."""
+        latest = self._latest.get(key)
+        if latest is not None and latest[0] is block and latest[1] is variant and latest[2] == value:
+            return latest[3]
+        rows = block.rows_in(self._profile, value)
+        is_enough = self._sources.are_enough(rows)
+        answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
+        self._latest[key] = block, variant, value, answer
+        return answer
 
 
 def is_flag(profile: Profile, name: str) -> bool:
@@ -96,44 +132,3 @@ def type_of(profile: Profile, name: str) -> str:
     if row.type in TEXT_TYPES:
         return "string"
     return "float" if row.decimals or row.unit else "integer"
-
-
-class DecodedPoints(NamedTuple):
-    """The points that were decoded from rows, and those for which a row was missing."""
-
-    points: Mapping[str, decode.Decoded]
-    missing: tuple[str, ...]
-
-
-class Answer(NamedTuple):
-    """Raw words by code, and what they say; None when that depends on other rows too."""
-
-    rows: Mapping[str, tuple[int, ...]]
-    decoded: DecodedPoints | None
-
-
-class _Memory(NamedTuple):
-    block: reading.Block
-    variant: Variant
-    value: Sequence[Any]
-    answer: Answer
-
-
-class AnswerCache:
-    """Reads the answers of one starter, poll by poll."""
-
-    def __init__(self, profile: Profile, sources: PointSources) -> None:
-        self._profile = profile
-        self._sources = sources
-        self._memories: dict[str, _Memory] = {}  # by the poll's key
-
-    def read(self, key: str, block: reading.Block, variant: Variant, value: Sequence[Any]) -> Answer:
-        """Return what an answer says."""
-        known = self._memories.get(key)
-        if known and known.block is block and known.variant is variant and known.value == value:
-            return known.answer
-        rows = block.rows_in(self._profile, value)
-        is_enough = self._sources.are_enough(rows)
-        answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
-        self._memories[key] = _Memory(block, variant, value, answer)
-        return answer

@@ -1,4 +1,4 @@
-"""A starter, as far as a command needs it: the one place where commands and telemetry meet."""
+"""What a command needs of a starter."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from gateway.line import LineClient, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
-from gateway.starters.telemetry.reporting import Emitter
-from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.starters.state import Emitter, Snapshot
 
 
 class StarterWire(Protocol):
@@ -38,7 +37,7 @@ class StarterWire(Protocol):
 
 
 class StarterIo(StarterWire, Protocol):
-    """One starter, as commands see it; `StarterTelemetry` is one."""
+    """One starter, as the dispatcher sees it; `StarterTelemetry` is one."""
 
     @property
     def line(self) -> LineClient:

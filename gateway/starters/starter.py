@@ -1,11 +1,14 @@
-"""One starter as it is read: from the line's outcomes to records."""
+"""One starter as it is read: from the line's outcomes to its state, and to what is published of it.
+
+What is decided is decided by pure functions (`state`); here is the loop around them.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import assert_never
 
@@ -14,26 +17,34 @@ from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
+from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
+from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
+from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.availability import Availability
-from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
-from gateway.starters.telemetry.description import info_of
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
-from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
-from gateway.starters.telemetry.readings import Readings
-from gateway.starters.telemetry.reporting import (
+from gateway.starters.state import (
     REFRESH_S,
     SOONEST_S,
+    AnswerCache,
+    Availability,
+    DecodedPoints,
     Emitter,
     LockOf,
-    Report,
-    TickTimer,
+    News,
+    Points,
+    PublishedFaults,
+    Publisher,
+    Readings,
+    Rows,
+    Snapshot,
+    advance,
+    bad,
+    good_values,
+    read,
+    sources_of,
+    stale,
+    unread,
 )
-from gateway.starters.telemetry.snapshot import Snapshot
-from gateway.starters.telemetry.status import Status, status_codes
-from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.system.rate_limits import ChangeDetector
 
 logger = logging.getLogger(__name__)
 
@@ -55,20 +66,26 @@ class StarterTelemetry:
         lock_of: LockOf = lambda _: None,
         refresh_s: float = REFRESH_S,
     ) -> None:
-        profile = setup.profile
+        faults = published_faults or PublishedFaults()
         self.setup = setup
         self.line = line
         self.variant = setup.variant
-        self.snapshot = Snapshot(units_of(profile))
+        self.snapshot = Snapshot({})
+        self.snapshot.state = unread(setup.profile, faults.of(setup.name))
         self.emitter = Emitter(setup.name, records, lock_of=lock_of)
+        self.availability = Availability(self.emitter)
+        self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._clock = records.clock
-        self._sources = sources_of(profile)
-        self._answers = AnswerCache(profile, self._sources)
+        self._answers = AnswerCache(setup.profile)
         self._polling = Polling(setup, line)
-        self._status_codes = status_codes(profile)
-        self._status = Status(profile, self.emitter, published_faults)
-        self._report = Report(self.snapshot.readings, deadbands_of(profile), refresh_s=refresh_s)
-        self._setting_codes = setting_codes(profile)
+        self._publisher = Publisher(
+            self.emitter,
+            setup.profile,
+            clock=records.clock,
+            faults=faults,
+            refresh_s=refresh_s,
+            look=self._look,
+        )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
@@ -81,15 +98,7 @@ class StarterTelemetry:
             on_rows=self.note_settings,
             on_judged=self._take_identity,
         )
-        self._info = ChangeDetector()  # what was published of it
-        self.availability = Availability(self.emitter)
-        self._has_ended = False
-        self._loss = PollLoss()
-        self._refused: tuple[str, ...] = ()  # rows that decide something, as published last
         self._on_identified: list[Callable[[], None]] = []
-        self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
-        self._waker = TickTimer(records.clock, self._publish)
-        self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property
     def profile(self) -> Profile:
@@ -104,27 +113,7 @@ class StarterTelemetry:
     @property
     def state(self) -> str:
         """Return the state as of the latest reading; unknown while the starter does not answer."""
-        return self._status.state
-
-    @property
-    def identity(self) -> Identity:
-        """Return what the device said about itself."""
-        return self._contact.standing.identity
-
-    @property
-    def identity_standing(self) -> IdentityStatus:
-        """Return whether the device has proved to be the configured family, as before."""
-        return self._contact.standing.status
-
-    @property
-    def identity_reason(self) -> str:
-        """Return in words why the identity is not matching; empty when it is."""
-        return self._contact.standing.reason
-
-    @property
-    def contradiction(self) -> str:
-        """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        return self._contact.standing.contradiction
+        return self.snapshot.state.status.word
 
     @property
     def status_period_s(self) -> float:
@@ -149,9 +138,9 @@ class StarterTelemetry:
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
-        self._publish_info()
+        self._publisher.info(info_of(self.setup, self.variant, self.identity))
         self.availability.start(is_enabled=self.setup.is_enabled)
-        self._publish()
+        self._look()
 
     def set_every(self, every_s: float) -> None:
         """Apply another period for the status and the electrical values."""
@@ -161,20 +150,19 @@ class StarterTelemetry:
 
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again after another time, from now on."""
-        self._report.set_refresh(refresh_s)
-        self._publish()
+        self._publisher.set_refresh(refresh_s)
+        self._look()
 
     def republish_state(self) -> None:
         """Publish the state again, because the starter's lock has changed."""
-        if not self._has_ended and self._status.expire():
-            self._publish()
+        if not self._publisher.is_closed and self._publisher.expire():
+            self._look()
 
     def retire(self) -> None:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
-        self._has_ended = True
+        self._publisher.close()
         self._on_identified.clear()
         self._contact.cancel()
-        self._waker.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
         self._watchdogs.remove(self.setup.name)
@@ -184,32 +172,32 @@ class StarterTelemetry:
 
         `publish_stale_values` must follow: it can wait until this has been published of all starters.
         """
-        self._has_ended = True
+        self._publisher.close()
         self._contact.cancel()
-        self._waker.cancel()
         self.availability.end(reason)
-        self.snapshot.mark_stale()
-        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
-        self.emitter.put(*self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s))
+        points, now_s = self.snapshot.readings, self._clock.now_s()
+        news = News(stale(points, points), now_s, self._clock.utc_s())
+        self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
+        self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
     def publish_stale_values(self) -> None:
         """Publish all values as stale, at once."""
-        now_s = self._clock.now_s()
-        self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
-        self.emitter.values(self._report.take_due(now_s + SOONEST_S))
+        self._publisher.publish_values(self.snapshot.state, now_s=self._clock.now_s() + SOONEST_S)
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._contact.close()
-        self._waker.cancel()
+        self._publisher.close()
+
+    # What comes from the line
 
     def on_poll(self, key: str, outcome: Outcome) -> None:
-        """Record what became of a poll; one that was withdrawn meanwhile is ignored."""
+        """Record the outcome of a poll; one that was withdrawn meanwhile is ignored."""
         block = self._polling.block(key)
-        if block is None or self._has_ended:
+        if block is None or self._publisher.is_closed:
             return
         if self.availability.is_online:
-            poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
+            poor = self._polling.losses.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
                 self.set_trouble(LOSS_TOPIC, poor)
         match outcome:
@@ -219,13 +207,13 @@ class StarterTelemetry:
                 self._come_online()
                 self._take_refusal(key, outcome)
             case Silent() | Garbled():
-                self._publish()  # time has passed: something may be overdue
+                self._look()  # time has passed: something may be overdue
             case _:
                 assert_never(outcome)
 
     def on_unit(self, *, is_answering: bool, reason: str, frames: tuple[str, ...] = ()) -> None:
         """Record that the starter began to answer or went silent."""
-        if self._has_ended or not self.setup.is_enabled:  # a stop asks a disabled one, too
+        if self._publisher.is_closed or not self.setup.is_enabled:  # a stop asks a disabled one, too
             return
         if is_answering and self.is_answering:
             self._contact.renew()  # the port was opened again
@@ -236,89 +224,45 @@ class StarterTelemetry:
         else:
             self.availability.note_never_answered(reason)
 
-    def settings_recalled(self) -> Mapping[str, tuple[int, ...]]:
+    def settings_recalled(self) -> Rows:
         """Return the settings of its watchdog as an earlier run has left them."""
         return self._watchdogs.rows(self.setup.name)
 
-    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+    def note_settings(self, rows: Rows) -> None:
         """Record settings that were just read: the watchdog's count for the line."""
         self._watchdogs.note(self.setup.name, rows)
 
-    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+    def take_rows(self, rows: Rows, *, at_s: float) -> None:
         """Record rows that were just read for a command; it goes on before they are decoded and published."""
-        self._record(rows, at_s=at_s)
+        self._keep_rows(rows, at_s=at_s)
         asyncio.get_running_loop().call_soon(self._take_decoded, rows, at_s)
 
-    def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+    def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
         is_other = self.identity_standing is IdentityStatus.MISMATCHED
-        if not self._setting_codes.isdisjoint(rows) and not is_other:
+        if not setting_codes(self.profile).isdisjoint(rows) and not is_other:
             self.note_settings(rows)
-
-    def _take_decoded(
-        self, rows: Mapping[str, tuple[int, ...]], at_s: float, decoded: DecodedPoints | None = None
-    ) -> None:
-        """Decode rows that were recorded, unless that is done, and publish what they say."""
-        if self._polling.is_withdrawn or self._has_ended:
-            return  # only a stop asks such a starter, and needs its rows
-        self._come_online()
-        time_s = self._clock.utc_s(at_s)
-        applied: Collection[str] = ()
-        if self._contact.standing.is_readable:
-            applied = self._apply(rows, at_s, time_s, decoded)
-        self._publish(time_s)
-        if applied:
-            values = self.snapshot.good_values_of(applied, at_s=at_s)
-            self.on_readings(Readings(at_s, time_s, self._status.state, values))
-
-    def _apply(
-        self,
-        rows: Mapping[str, tuple[int, ...]],
-        at_s: float,
-        time_s: float,
-        decoded: DecodedPoints | None = None,
-    ) -> Collection[str]:
-        """Record what rows say, read at `at_s` (`time_s` UTC), and return of which points."""
-        if decoded is None:
-            known = self.snapshot.rows_since(at_s - self._polling.patience_s)
-            decoded = self._sources.decode(self.variant, rows, known=known)
-        if not self._status_codes.isdisjoint(rows):
-            self._status.remember(self.snapshot, now_s=at_s)
-        self.snapshot.apply(decoded.points, at_s=at_s, time_s=time_s)
-        if decoded.missing:
-            self.snapshot.refuse(decoded.missing)
-        return decoded.points.keys()
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
         if self._contact.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=answer.at_s)
-        if self._refused:
-            self._look_at_refusals()
-        self._record(said.rows, at_s=answer.at_s)
+        if self.availability.trouble(REFUSED_TOPIC):
+            self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+        self._keep_rows(said.rows, at_s=answer.at_s)
         self._take_decoded(said.rows, answer.at_s, said.decoded)
 
     def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
-        why = exception_name(refusal.code)
         if not refusal.is_lasting:
-            self._publish()
+            self._look()
             return
-        unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
-        self.snapshot.refuse(self._sources.fed_by(unknown))
+        unknown = self._polling.note_refusal(key, refusal.code, at_s=refusal.at_s)
         if unknown and self._polling.block(key) is None:
-            logger.info("%s refuses %s (%s)", self._where, *unknown, why)
-        self._look_at_refusals(why)
-        self._publish()
-
-    def _look_at_refusals(self, why: str = "") -> None:
-        """Publish which of the rows that decide state, fault or watchdog are refused."""
-        codes = self._polling.refused_vital()
-        before = self.availability.trouble(REFUSED_TOPIC)
-        if codes or before:
-            reason = before if codes == self._refused else ""
-            self._refused = codes
-            self.set_trouble(REFUSED_TOPIC, (reason or _refusal(codes, why)) if codes else "")
+            where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
+            logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
+        self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+        self._look(bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
     def _come_online(self) -> None:
         if self.availability.is_online:
@@ -330,12 +274,79 @@ class StarterTelemetry:
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self._contact.note_silence()
-        self._refused = ()
-        self._loss.clear()
         self.availability.go_offline(reason, frames)
-        self.snapshot.mark_stale()
         self._polling.note_silence()
-        self._publish()
+        self._look(stale(self.snapshot.readings, self.snapshot.readings))
+
+    # The state and what follows from it
+
+    def _take_decoded(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
+        """Decode rows that were recorded, unless that is done, and publish what they say."""
+        if self._polling.is_withdrawn or self._publisher.is_closed:
+            return  # only a stop asks such a starter, and needs its rows
+        self._come_online()
+        if self._contact.standing.is_readable:
+            self._take_rows_now(rows, at_s, decoded)
+        else:
+            self._look(time_s=self._clock.utc_s(at_s))
+
+    def _take_rows_now(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
+        """Take what rows say into the state, publish it, and hand its good values to the recorders."""
+        points = self.snapshot.readings
+        time_s = self._clock.utc_s(at_s)
+        if decoded is None:
+            known = self.snapshot.rows_since(at_s - self._polling.patience_s)
+            decoded = sources_of(self.profile).decode(self.variant, rows, known=known)
+        new = read(points, decoded.points, at_s=at_s, time_s=time_s)
+        if decoded.missing:
+            new = {**bad(points, decoded.missing), **new}
+        if self._distrust:
+            new = bad(new, new, self._distrust)
+        self._look(new, time_s=time_s)
+        self.on_readings(Readings(at_s, time_s, self.state, good_values(new)))
+
+    def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
+        """Look at all that is known now, with new readings, and publish what is due.
+
+        `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
+        """
+        now_s = self._clock.now_s()
+        overdue = self._polling.take_overdue(now_s)
+        if overdue:
+            points = self.snapshot.readings
+            new = {**stale(points, sources_of(self.profile).fed_by(overdue)), **(new or {})}
+        before = self.snapshot.state
+        utc_s = self._clock.utc_s() if time_s is None else time_s
+        state, happenings = advance(before, News(new or {}, now_s, utc_s), self.profile)
+        self.snapshot.state = state
+        if state.settled.waiting and not before.settled.waiting:
+            self._polling.expedite("status")  # it is an event once it is read again
+        self._polling.follow(state.status.word)
+        self._publisher.publish(
+            state, happenings, now_s=now_s, reason=self._why_unknown(), look_s=self._polling.next_overdue_s
+        )
+
+    # Who answers: what the identity's machine is asked, and what follows from its answers
+
+    @property
+    def identity(self) -> Identity:
+        """Return what the device said about itself."""
+        return self._contact.standing.identity
+
+    @property
+    def identity_standing(self) -> IdentityStatus:
+        """Return whether the device has proved to be the configured family, as before."""
+        return self._contact.standing.status
+
+    @property
+    def identity_reason(self) -> str:
+        """Return in words why the identity is not matching; empty when it is."""
+        return self._contact.standing.reason
+
+    @property
+    def contradiction(self) -> str:
+        """Return in what the device contradicts the configuration, so that its values mean nothing."""
+        return self._contact.standing.contradiction
 
     def _take_identity(self) -> None:
         """Publish what follows from who answers, and read at once what counts from now on."""
@@ -344,10 +355,10 @@ class StarterTelemetry:
             self._polling.restore()  # another device may have refused what this one has
             self.line.retry_refused(self.setup.address)
             self._take_variant(merged(self.setup.variant, self.identity))
-            self._publish_info()
+            self._publisher.info(info_of(self.setup, self.variant, self.identity))
         self._judge_values()
         self._polling.expedite()
-        self._publish()
+        self._look()
         for call in self._on_identified if is_family else ():
             call()
 
@@ -361,56 +372,25 @@ class StarterTelemetry:
             reason = self.availability.lost_reason
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
         standing = self._contact.standing
-        return self.snapshot.distrust_reason if standing.is_readable else standing.reason
+        return self._distrust if standing.is_readable else standing.reason
+
+    @property
+    def _distrust(self) -> str:
+        """Return why every value is bad, as it was judged last; empty: it is not."""
+        return next(iter(self.snapshot.readings.values())).reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
-        reason = self.contradiction
-        is_new = self.snapshot.distrust(reason)
+        points, reason = self.snapshot.readings, self.contradiction
         self.set_trouble(IDENTITY_TOPIC, phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else "")
-        if not is_new:
+        if reason == self._distrust:
             return
         if not reason:
             self._polling.expedite()
-        self._publish()
+        self._look(bad(points, points, reason))
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:
             self.variant = variant
             self._polling.replan(variant)
             self._polling.expedite()  # some rows mean something else now
-
-    def _publish_info(self) -> None:
-        info = info_of(self.setup, self.variant, self.identity)
-        if self._info.is_new(info):
-            self.emitter.put(info)
-
-    def _publish(self, time_s: float | None = None) -> None:
-        """Look at all that is known now, pace the polls by it, and publish what is due after that.
-
-        `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
-        """
-        now_s = self._clock.now_s()
-        overdue = self._polling.take_overdue(now_s)
-        if overdue:
-            self.snapshot.mark_stale(self._sources.fed_by(overdue))
-        was_waiting, before = self._status.is_waiting, self._status.state
-        utc_s = self._clock.utc_s() if time_s is None else time_s
-        records = self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s, reason=self._why_unknown())
-        if self._status.is_waiting and not was_waiting:
-            self._polling.expedite_group("status")  # what has changed is an event once it is read again
-        self._polling.follow(self._status.state, before=before)
-        if records:
-            self.emitter.put(*records)
-        self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
-        self.emitter.values(self._report.take_due(now_s))
-        overdue_s = self._polling.next_overdue_s()
-        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
-
-
-def _refusal(codes: Sequence[str], why: str) -> str:
-    """Return which rows a starter refuses, and why as far as that is known."""
-    named = ", ".join(codes)
-    if not why:
-        return phrase(EventCode.DEGRADED, "rows_refused", codes=named, seconds=LONGEST_PAUSE_S)
-    return phrase(EventCode.DEGRADED, "rows_refused_for", codes=named, why=why, seconds=LONGEST_PAUSE_S)

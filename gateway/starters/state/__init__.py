@@ -1,0 +1,54 @@
+"""One starter as a state: what is known of it, what has happened, what is published and when.
+
+Start at `starter_state`: `advance` is the one function that decides. `publication` says when something goes
+out; `snapshot`, `publisher` and `emitter` are what `gateway.starters.starter` holds around the two.
+"""
+
+from gateway.starters.state.availability import Availability
+from gateway.starters.state.decoding import (
+    AnswerCache,
+    DecodedPoints,
+    PointSources,
+    Rows,
+    sources_of,
+    type_of,
+    unit_of,
+)
+from gateway.starters.state.emitter import Emitter, LockOf
+from gateway.starters.state.publication import REFRESH_S, SOONEST_S
+from gateway.starters.state.published_faults import PublishedFaults
+from gateway.starters.state.publisher import Publisher
+from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
+from gateway.starters.state.snapshot import Snapshot
+from gateway.starters.state.starter_state import UNKNOWN, News, StarterState, advance, unread
+
+__all__ = [
+    "REFRESH_S",
+    "SOONEST_S",
+    "UNKNOWN",
+    "AnswerCache",
+    "Availability",
+    "DecodedPoints",
+    "Emitter",
+    "LockOf",
+    "News",
+    "PointSources",
+    "Points",
+    "PublishedFaults",
+    "Publisher",
+    "Reading",
+    "Readings",
+    "Rows",
+    "Snapshot",
+    "StarterState",
+    "Value",
+    "advance",
+    "bad",
+    "good_values",
+    "read",
+    "sources_of",
+    "stale",
+    "type_of",
+    "unit_of",
+    "unread",
+]

@@ -1,0 +1,99 @@
+"""Publishes one starter when that is due, and has it looked at again when the next thing is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from gateway.contract import InfoRecord
+from gateway.families import Profile, once_per_profile
+from gateway.starters.state.decoding import deadbands_of, flags_of
+from gateway.starters.state.emitter import Emitter
+from gateway.starters.state.publication import REFRESH_S, Published, due_status, due_values
+from gateway.starters.state.published_faults import PublishedFaults
+from gateway.starters.state.starter_state import Happenings, StarterState
+from gateway.starters.state.tick_timer import TickTimer
+from gateway.system.clock import Clock
+
+
+class Publisher:
+    """Of one starter; `look` is called when it is time to look again."""
+
+    def __init__(
+        self,
+        emitter: Emitter,
+        profile: Profile,
+        *,
+        clock: Clock,
+        faults: PublishedFaults,
+        refresh_s: float = REFRESH_S,
+        look: Callable[[], None],
+    ) -> None:
+        self._refresh_s = refresh_s  # after which unchanged values are published again
+        self.is_closed = False
+        self._emitter = emitter
+        self._deadbands = deadbands_of(profile)
+        self._status_flags = _status_flags(profile)
+        self._faults = faults
+        self._published = Published()
+        self._info: InfoRecord | None = None
+        self._timer = TickTimer(clock, look)
+
+    def info(self, info: InfoRecord) -> None:
+        """Publish what the starter is, when that is news."""
+        if info != self._info:
+            self._info = info
+            self._emitter.put(info)
+
+    def publish(
+        self, state: StarterState, happenings: Happenings, *, now_s: float, reason: str, look_s: float
+    ) -> None:
+        """Publish what is due of a state and what has happened; look again at `look_s` at the latest.
+
+        `reason` says why nothing is said of a starter.
+        """
+        self.publish_status(state, now_s=now_s, reason=reason)
+        if happenings:
+            self._emitter.happenings(happenings, state.points)
+        self.publish_values(state, now_s=now_s)
+        told = state.told_faults
+        if told is not None:
+            self._faults.note(self._emitter.starter, told)
+        self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
+
+    def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> None:
+        """Publish the state if that is due."""
+        self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
+        if is_due:
+            times = [state.points[name].time_s for name in self._status_flags]
+            time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest
+            self._emitter.state(state.status, time_s=time_s, reason=reason)
+
+    def publish_values(self, state: StarterState, *, now_s: float) -> None:
+        """Publish the values that are due."""
+        self._published, values = due_values(
+            self._published, state, self._deadbands, now_s=now_s, refresh_s=self._refresh_s
+        )
+        if values:
+            self._emitter.values(values)
+
+    def expire(self) -> bool:
+        """Have the state published again by the next look; return whether it ever was."""
+        self._published = self._published._replace(status_s=-inf)
+        return self._published.status is not None
+
+    def set_refresh(self, refresh_s: float) -> None:
+        """Publish unchanged values again this long after they were sent, from now on."""
+        self._refresh_s = refresh_s
+        self._published = self._published._replace(refresh_at_s=-inf)  # counted again by the next look
+
+    def close(self) -> None:
+        """Look no more by itself."""
+        self.is_closed = True
+        self._timer.cancel()
+
+
+@once_per_profile
+def _status_flags(profile: Profile) -> tuple[str, ...]:
+    """Return the booleans of the status, by which the state is dated."""
+    return tuple(name for name in flags_of(profile) if profile.points[name].group == "status")

@@ -1,0 +1,201 @@
+"""What follows from one reading after another: tables of words read, and of events with their times."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.state.decoding import sources_of
+from gateway.starters.state.readings import read, stale
+from gateway.starters.state.starter_state import Happening, News, StarterState, advance, unread
+
+REST, RUN, TRIP = "VB01=4102", "VB01=5123", "VB01=8100"
+LOCAL, RAMP = "VB01=4002", "VB01=410B"
+Step = tuple[float, str]
+
+
+def told(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[StarterState, list[str]]:
+    """Return the state after these readings (hexadecimal words) and what has happened.
+
+    Without words time passes; `lost`: nothing is good any more.
+    """
+    profile, said = load_profile(family), list[str]()
+    for at_s, words in steps:
+        rows = {
+            code: (int(word, 16),)
+            for code, word in (each.split("=") for each in words.split() if "=" in each)
+        }
+        points = sources_of(profile).decode(Variant(), rows, known={}).points
+        new = read(state.points, points, at_s=at_s, time_s=at_s)
+        if words == "lost":
+            new = stale(state.points, state.points)
+        state, happenings = advance(state, News(new, at_s, at_s), profile)
+        for each in happenings:
+            if isinstance(each, Happening):
+                said.append(f"{each.time_s:g} {each.event.text}")
+            else:
+                said.append(f"{each.alarm.code} {'on' if each.is_active else 'off'}")
+    return state, said
+
+
+def after(*steps: Step, family: str = "ssw07") -> list[str]:
+    return told(unread(load_profile(family)), *steps, family=family)[1]
+
+
+BEGUN: tuple[Step, ...] = ((0, f"{REST} P014=0"), (1, f"{REST} P014=0"))
+OVERLOAD = "fault E05 Motor overload"
+
+MOTION = [
+    ((), []),
+    (((2, RUN),), []),  # a single reading is no event
+    (((2, RUN), (3, RUN)), ["2 the motor has started (previous state: ready)"]),
+    (((2, RUN), (2, RUN)), []),  # nor is one that is looked at twice
+    (((2, RUN), (3, REST), (4, RUN)), []),
+    (((2, RAMP), (3, RUN)), ["2 the motor has started (previous state: ready)"]),  # both are on
+    (
+        ((2, RUN), (3, RUN), (12, REST), (13, REST)),
+        ["2 the motor has started (previous state: ready)", "12 the motor has stopped"],
+    ),
+    (((2, LOCAL), (3, LOCAL)), ["2 the starter was switched to local operation"]),
+    (((2, "lost"), (30, RUN), (31, RUN)), ["30 the motor has started (previous state: ready)"]),
+    (((2, "lost"), (30, REST), (31, REST)), []),
+]
+
+TRIPS = [
+    (((2, TRIP), (2.1, REST), (5, "")), []),  # nobody has read it twice
+    (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (2.4, "P014=5")), ["e05 on", f"2 {OVERLOAD}"]),
+    (((2, TRIP), (2.1, "P014=5"), (2.2, "P014=5"), (2.3, TRIP)), ["e05 on", f"2 {OVERLOAD}"]),
+    (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (3.9, "")), []),  # its number has been read once
+    (((2, TRIP), (2.1, TRIP), (4, "")), ["fault on", "2 fault, its number is not known"]),
+    (((2, TRIP), (2.1, TRIP), (2.2, "lost"), (4, "")), ["2 fault with an unknown number"]),
+    (
+        ((2, TRIP), (2.1, TRIP), (3, REST), (3.1, REST)),  # gone before its number came
+        [
+            "fault on",
+            "fault off",
+            "2 fault, its number is not known",
+            "3 cleared: Fault, its number is not known",
+        ],
+    ),
+    (
+        ((2, TRIP), (2.1, TRIP), (4, ""), (5, "P014=5"), (5.2, "P014=5")),  # its number comes late
+        ["fault on", "2 fault, its number is not known", "e05 on", "fault off", f"5 {OVERLOAD}"],
+    ),
+    (
+        (
+            (2, f"{TRIP} P014=5"),
+            (3, f"{TRIP} P014=5"),
+            (4, f"{TRIP} P014=0"),
+            (5, f"{TRIP} P014=0"),
+            (9, TRIP),
+        ),
+        ["e05 on", f"2 {OVERLOAD}"],  # it keeps its number
+    ),
+    (
+        ((2, f"{TRIP} P014=5"), (3, f"{TRIP} P014=5"), (4, f"{REST} P014=0"), (5, REST), (6, "P014=0")),
+        ["e05 on", f"2 {OVERLOAD}", "e05 off", "4 cleared: E05 Motor overload"],
+    ),
+    (
+        ((2, f"{TRIP} P014=5"), (3, f"{TRIP} P014=5"), (4, "lost"), (90, TRIP), (91, TRIP), (91.1, "P014=5")),
+        ["e05 on", f"2 {OVERLOAD}"],  # it has been there all the time
+    ),
+    (
+        ((2, f"{RUN}"), (3, f"{RUN}"), (8, f"{TRIP} P014=5"), (9, f"{TRIP} P014=5"), (10, REST), (11, REST)),
+        [
+            "2 the motor has started (previous state: ready)",
+            "e05 on",
+            f"8 {OVERLOAD}",
+            "e05 off",
+            "10 cleared: E05 Motor overload",
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("steps", "said"), MOTION + TRIPS)
+def test_events_follow_from_two_readings_in_a_row(steps: tuple[Step, ...], said: list[str]) -> None:
+    assert after(*BEGUN, *steps) == said
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        (((0, RUN), (1, RUN)), []),
+        (((0, REST), (1, RUN), (2, RUN)), ["1 the motor has started (previous state: ready)"]),
+        (
+            ((0, f"{TRIP} P014=5"), (1, f"{TRIP} P014=5")),
+            ["e05 on", f"0 {OVERLOAD}, present at the first reading"],
+        ),
+        (((0, f"{REST} P014=5"), (1, f"{REST} P014=5")), []),  # the number of the last fault, long over
+    ],
+)
+def test_the_first_readings_say_what_is_there(steps: tuple[Step, ...], said: list[str]) -> None:
+    assert after(*steps) == said
+
+
+@pytest.mark.parametrize(("known", "events"), [(("e05",), 0), (("e42",), 1), ((), 1)])
+def test_a_fault_that_an_earlier_run_has_published_is_an_alarm_but_no_event(
+    known: tuple[str, ...], events: int
+) -> None:
+    state = unread(load_profile("ssw07"), known)
+
+    state, said = told(state, (0, f"{TRIP} P014=5"), (1, f"{TRIP} P014=5"))
+
+    assert len([each for each in said if OVERLOAD in each]) == events
+    assert "e05 on" in said
+    assert state.told_faults == ("e05",)
+
+
+def test_the_faults_that_were_told_are_open_while_a_trip_waits_or_nothing_is_known() -> None:
+    state = unread(load_profile("ssw07"))
+    found = [state.told_faults]
+    for step in (*BEGUN, (2.0, TRIP), (2.1, TRIP), (4.0, ""), (5.0, "lost"), (6.0, REST), (7.0, REST)):
+        state, _ = told(state, step)
+        found.append(state.told_faults)
+
+    assert found == [None, (), (), None, None, ("fault",), None, ("fault",), ()]
+
+
+def test_the_state_shows_the_number_of_the_present_fault_only() -> None:
+    state = unread(load_profile("ssw07"))
+    numbers = []
+    for step in (*BEGUN, (1.5, "P014=7"), (2.0, TRIP), (2.2, "P014=5"), (3.0, REST)):
+        state, _ = told(state, step)
+        numbers.append(state.status.number)
+
+    assert numbers == [None, None, None, None, 5, None]
+
+
+def test_an_event_carries_the_values_before_its_first_reading() -> None:
+    profile = load_profile("ssw07")
+    state, _ = told(unread(profile), *BEGUN, (2, RUN))
+    state, happenings = advance(state, News({}, 3, 3), profile)
+    assert happenings == ()
+
+    points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}, known={}).points
+    _, (started,) = advance(state, News(read(state.points, points, at_s=4, time_s=4), 4, 4), profile)
+
+    assert isinstance(started, Happening)
+    assert started.first is not None
+    before = started.first.moments[-1]
+    assert before.at_s == 2
+    assert dict(zip(state.points, before.values, strict=True))["running"] is False
+
+
+@pytest.mark.parametrize(
+    ("words", "newer"),
+    [
+        (REST, []),
+        (RUN, ["running", "full_voltage", "bypass_closed"]),
+        ("P003=64", ["current"]),
+        ("lost", ["current", "running"]),
+    ],
+)
+def test_a_consumer_asks_for_the_points_that_are_newer_than_its_version(words: str, newer: list[str]) -> None:
+    state, _ = told(unread(load_profile("ssw07")), *BEGUN, (1.2, "P003=0"))
+
+    later, _ = told(state, (2, words))
+
+    assert set(newer) <= set(later.newer_than(state.version))
+    assert bool(newer) is (later.version > state.version)
