@@ -145,7 +145,7 @@ class CommandTable(Journal):
         else:
             row = _row(key, result, may_be_written=result.verb == STOP)
             work = partial(_put, row=row, also=self.row_of(result) if is_final else None)
-            if then is not None:
+            if then is not None or is_final:  # a crash must not find a stop that has ended under way
                 self._put(key, work, _Waiting(then, is_limited=is_final))
             else:
                 self._put_behind(key, work)

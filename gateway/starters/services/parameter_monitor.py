@@ -15,7 +15,7 @@ from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.view import StarterIo
+from gateway.starters.view import PolledStarter
 from gateway.system.supervised import SupervisedTask
 
 
@@ -112,7 +112,7 @@ class ParameterMonitor:
 
     def __init__(
         self,
-        starter: StarterIo,
+        starter: PolledStarter,
         *,
         on_change: Callable[[], None] = lambda: None,
         every_s: float = EVERY_S,

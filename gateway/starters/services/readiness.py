@@ -14,7 +14,7 @@ from gateway.errors import PortLostError
 from gateway.families import Finding, Weight, diagnosis, reading
 from gateway.line import Priority
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.view import StarterIo
+from gateway.starters.view import PolledStarter
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
@@ -29,7 +29,7 @@ _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Wei
 class ReadinessService:
     """Reads one starter's settings on each `begin`; publishes the findings only when they have changed."""
 
-    def __init__(self, starter: StarterIo) -> None:
+    def __init__(self, starter: PolledStarter) -> None:
         self._starter = starter
         self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], object] = lambda _: None  # gets what was read
         self._task = SupervisedTask(f"readiness {starter.setup.name}")
