@@ -63,7 +63,7 @@ class Ledger:
         return None if entry is None else entry.result
 
     def is_published(self, client: str, id_: str | None) -> bool:
-        """Return whether the latest result may be told: until it is on the disk, a crash may take it back."""
+        """Return whether the latest result is public: until it is on the disk, a crash may take it back."""
         entry = self._entry((client, id_)) if id_ else None
         return entry is None or entry.is_published
 
