@@ -167,7 +167,7 @@ slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root
 peers: $(STAMP)-bench mosquitto ## the same faults for this gateway, modpoll and an ordinary script: ten minutes
 	$(BIN)/python -m tests.lab.peers $(OPTIONS)
 
-late-replies: $(STAMP) ## ten million requests whose replies come late, lost, spoilt or refused; ten minutes
+late-replies: $(STAMP) ## ten million requests whose replies come late, lost, garbled or refused; ten minutes
 	$(BIN)/python -m tests.line.outstanding_model 10000000
 
 clean: ## remove what the targets made

@@ -402,7 +402,7 @@ REFUSED = [
 
 TOGETHER = [
     row(
-        f"where {share:.0%} each are late, lost, cut, spoilt and refused nobody starves, {words}",
+        f"where {share:.0%} each are late, lost, cut, garbled and refused no starter starves, {words}",
         given=site,
         at={3.1: impaired(Mixed(share))},
         then={

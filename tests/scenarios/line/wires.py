@@ -62,7 +62,7 @@ def impaired(by: Impairment, *names: str, chance: float = 1.0) -> Action:
 
 @dataclass(frozen=True)
 class Mixed:
-    """Each of these happens to so large a share of the replies: late, lost, cut, spoilt, refused."""
+    """Each of these happens to so large a share of the replies: late, lost, cut, garbled, refused."""
 
     share: float
     late_s: float = 0.3
