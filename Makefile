@@ -156,7 +156,7 @@ fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTION
 slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
 	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
 
-late-replies: $(STAMP) ## ten million requests whose replies come late, lost, spoilt or refused; ten minutes
+late-replies: $(STAMP) ## ten million requests whose replies come late, lost, garbled or refused; ten minutes
 	$(BIN)/python -m tests.line.outstanding_model 10000000
 
 clean: ## remove what the targets made

@@ -6,7 +6,7 @@ namespaces: `command` builds writes, `diagnosis` says who answers and how it is 
 """
 
 from gateway.families import command, diagnosis, reading
-from gateway.families.alternates import alternates, fences
+from gateway.families.alternates import other_reads
 from gateway.families.devices import device_of
 from gateway.families.devices.device import Identity, Question, unnumbered
 from gateway.families.devices.findings import Finding, Watchdog, Weight

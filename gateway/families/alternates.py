@@ -27,6 +27,11 @@ _WORD_BITS = 16
 _BYTE_BITS = 8
 
 
+def other_reads(profile: Profile) -> tuple[Callable[[Request], tuple[Alternate, ...]], tuple[Request, ...]]:
+    """Return what gives the alternates of this family's reads, and its fences."""
+    return partial(alternates, profile), fences(profile)
+
+
 @lru_cache(maxsize=512)  # of the polls; commands are few
 def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     """Return equivalent reads whose replies differ in length or function from this one's and one another's.

@@ -15,8 +15,7 @@ from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.reply_times import ALLOWANCE_S, reply_within_s, request_wire_s
-from gateway.line.rtu.transaction import RtuMaster
+from gateway.line.rtu.transaction import ALLOWANCE_S, RtuMaster, reply_within_s, request_wire_s
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 

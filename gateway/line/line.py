@@ -17,8 +17,7 @@ from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.forms import ANYONE, FormChoice, Forms
 from gateway.line.rtu.outcome import TOO_LATE, Silent
-from gateway.line.rtu.reply_times import ALLOWANCE_S
-from gateway.line.rtu.transaction import RtuMaster
+from gateway.line.rtu.transaction import ALLOWANCE_S, RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.service import IDLE_WAKE_S, LineService

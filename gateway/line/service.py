@@ -195,8 +195,8 @@ class LineService:
     def _record(self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float) -> None:
         """Record an outcome, and hand it over as events."""
         now_s = self._time()
-        if self.master.strays.heard:
-            self._note_heard(now_s)
+        if self.master.strays.late_units:
+            self._note_late_units(now_s)
         is_given_up = bool(slot.jobs) and self._sent is None
         self._sent = None
         self._count(slot, sent, outcome, took_s=took_s, now_s=now_s)
@@ -218,14 +218,14 @@ class LineService:
         if slot.poll is not None:
             self._events.poll_done(slot.poll, outcome)
 
-    def _note_heard(self, now_s: float) -> None:
+    def _note_late_units(self, now_s: float) -> None:
         """Record which units have answered late: they are there."""
-        heard = self.master.strays.heard
-        for unit in heard:
+        late_units = self.master.strays.late_units
+        for unit in late_units:
             self._scheduler.polls.unit(unit).note_late(now_s)
             self._statistics.note_late(unit)
             self._recovery.note_late()
-        heard.clear()
+        late_units.clear()
 
     def _count(
         self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float, now_s: float

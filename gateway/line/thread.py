@@ -16,7 +16,7 @@ from gateway.line.events import EventQueue, FrameSeen, LineEvent, LineEvents, On
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, PortOpener
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.rtu.reply_times import ALLOWANCE_S
+from gateway.line.rtu.transaction import ALLOWANCE_S
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.system.gc_tuning import TunedCollector

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from math import inf
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.rtu.reply_times import reply_within_s, request_wire_s
+from gateway.line.rtu.transaction import reply_within_s, request_wire_s
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters

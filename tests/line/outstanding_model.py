@@ -1,4 +1,4 @@
-"""One starter on a line that keeps order, pure: its replies come late, lost, spoilt or refused, by chance.
+"""One starter on a line that keeps order, pure: its replies come late, lost, garbled or refused, by chance.
 
 Each reply carries the number of its request beside the frame, so that one taken for another's cannot hide.
 `python -m tests.line.outstanding_model 700000` asks so often for each lateness and prints a table; a second
@@ -40,7 +40,7 @@ class Shares(NamedTuple):
 
     late: float = 0.05
     lost: float = 0.03
-    spoilt: float = 0.03
+    garbled: float = 0.03
     refused: float = 0.01
     stops: float = 0.02
     writes: float = 0.02
@@ -51,7 +51,7 @@ class Coming(NamedTuple):
 
     at_s: float
     number: int  # of the request that it answers
-    pdu: bytes  # empty: spoilt
+    pdu: bytes  # empty: garbled
 
 
 class Line:
@@ -129,7 +129,7 @@ class Line:
             at_s = self.now_s + self._chance.uniform(DEADLINE_S, self.late_s)
         elif (chance := chance - shares.lost) < 0.0:
             return
-        elif (chance := chance - shares.spoilt) < 0.0:
+        elif (chance := chance - shares.garbled) < 0.0:
             pdu = b""
         elif chance - shares.refused < 0.0:
             pdu = encode_exception(request.function, self._chance.choice(CODES))

@@ -193,3 +193,30 @@ def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() 
     lost_s = [at_s for at_s, is_open, _ in rig.listener.ports if not is_open]
     gaps_s = [tried - lost for lost, tried in zip(lost_s, rig.opener.tried_s[1:], strict=True)]
     assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("lane", "is_back", "sent"),
+    [
+        (Priority.COMMAND, True, ["04", "06"]),  # a fence first: its answer proves that the unit is in step
+        (Priority.COMMAND, False, ["04"]),  # not answered: the write is not sent
+        (Priority.STOP, True, ["06"]),
+        (Priority.STOP, False, ["06"]),
+    ],
+)
+def test_a_write_goes_out_in_step_and_a_stop_at_once(lane: Priority, is_back: bool, sent: list[str]) -> None:
+    units = Units(set())
+
+    async def scenario() -> tuple[Outcome, list[bytes]]:
+        async with LineRig(units, ()) as rig:
+            assert await rig.transact(1, ReadHoldingRegisters(0, 1)) == Silent()
+            units.alive |= {1} if is_back else set()
+            return await rig.transact(1, WriteRegister(3, 7), lane), [frame for _, frame in rig.port.sent]
+
+    outcome, frames = run_virtually(scenario())
+
+    assert [frame[1:2].hex() for frame in frames[1:]] == sent
+    if sent == ["04"]:
+        assert outcome == Silent(TOO_LATE, is_sent=False)
+    else:
+        assert isinstance(outcome, Answered) is is_back

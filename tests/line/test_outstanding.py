@@ -54,7 +54,7 @@ def listing(*requests: Request) -> Outstanding:
         (ReadDeviceIdentification(), bytes.fromhex("2b 0e 01 51 00 00 00"), "2b"),
     ],
 )
-def test_a_shape_is_what_tells_replies_of_a_unit_apart(request_: Request, reply: bytes, shape: str) -> None:
+def test_a_shape_distinguishes_replies_of_a_unit(request_: Request, reply: bytes, shape: str) -> None:
     assert expected_shape(request_) == shape_of(reply) == bytes.fromhex(shape)
 
 
@@ -201,7 +201,7 @@ def test_whatever_is_asked_of_anyone_is_a_read() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_reply_is_taken_for_anothers_whatever_is_late_lost_spoilt_or_refused(seed: int) -> None:
+def test_no_reply_is_taken_for_anothers_whatever_is_late_lost_garbled_or_refused(seed: int) -> None:
     line = Line(seed, late_s=(0.3, 1.0, 3.0, 30.0)[seed])
 
     line.ask(10_000)

@@ -224,3 +224,25 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     assert (outcome == Silent(TOO_LATE, is_sent=False)) is not is_sent
     assert not is_on_wire
     assert count == int(is_sent)
+
+
+def test_a_late_reply_and_a_reply_in_one_chunk_are_judged_one_by_one() -> None:
+    first, second = ReadHoldingRegisters(0, 1), ReadHoldingRegisters(0, 2)
+    late = adu.encode(1, first.encode_reply((7,)))
+
+    def answer(frame: bytes) -> list[Said]:
+        is_first = frame == adu.encode(1, first.encode())
+        return [] if is_first else [Said(late + adu.encode(1, second.encode_reply((8, 9))))]
+
+    async def scenario() -> tuple[Outcome, Outcome, RtuMaster]:
+        line = master(FakePort(answer))
+        missed = await line.transact(1, first, response_time_s=RESPONSE_TIME_S)
+        return missed, await line.transact(1, second, response_time_s=RESPONSE_TIME_S), line
+
+    missed, answered, line = run_virtually(scenario())
+
+    assert missed == Silent()
+    assert isinstance(answered, Answered)
+    assert answered.value == (8, 9)
+    assert line.forms.outstanding.is_in_step(1)
+    assert line.strays.late_units == [1]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from math import ceil, inf
 
 from gateway.line.capacity.demand import Demand
-from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s, reply_within_s, request_wire_s
+from gateway.line.rtu.transaction import ALLOWANCE_S, longest_s, reply_within_s, request_wire_s
 from gateway.line.scheduler.line_time import (
     FREE_PERIOD_S,
     JOBS_BURST_S,

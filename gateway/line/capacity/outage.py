@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 
-from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s, request_wire_s
+from gateway.line.rtu.transaction import ALLOWANCE_S, longest_s, request_wire_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 

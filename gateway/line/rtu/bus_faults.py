@@ -86,7 +86,7 @@ class BusFaults:
             self._add(BusFault(EventCode.BABBLING, unit, "unit"), UNASKED_FRAME, now_s)
 
     def note_noise(self, size: int, now_s: float) -> None:
-        """Judge bytes that nobody waited for and that are no frame."""
+        """Judge stray bytes that are no frame."""
         if size >= _NOISE_FROM:
             self._add(BusFault(EventCode.BABBLING, SOMEONE, "unknown"), NOISE, now_s)
 

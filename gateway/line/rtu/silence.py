@@ -107,5 +107,5 @@ class Silence:
 
     def _judge_strays(self) -> None:
         self._strays.judge()
-        if self._listens_to in self._strays.heard:
+        if self._listens_to in self._strays.late_units:
             self._listens_until_s = -inf

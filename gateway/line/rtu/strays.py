@@ -1,4 +1,7 @@
-"""What came on a line and was not waited for: late replies, frames of others, noise."""
+"""What came on a line and was not waited for: late replies, frames of others, noise.
+
+Whole frames cut the list of their unit (`outstanding.py`, rule 3); all of it are signs for `bus_faults.py`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from gateway.line.rtu.outstanding import Outstanding
 from gateway.line.rtu.reply import frames
 from gateway.modbus.adu import BROADCAST
 
-_KEPT_BYTES = 4096  # what a port stores, so that all late replies in it are seen
+_STORED_BYTES = 4096  # what a port stores, so that all late replies in it are seen
 
 
 class Strays:
@@ -18,7 +21,7 @@ class Strays:
     def __init__(self, outstanding: Outstanding, bus_faults: BusFaults, time: Callable[[], float]) -> None:
         self.count = 0  # bytes, since the port was opened
         self.asked = BROADCAST  # the unit that was asked last
-        self.heard: list[int] = []  # units of which a listed reply came; the reader clears it
+        self.late_units: list[int] = []  # units of which a listed reply came; the reader clears it
         self._outstanding = outstanding
         self._bus_faults = bus_faults
         self._time = time
@@ -31,7 +34,7 @@ class Strays:
         """Count bytes; the last of them are judged later."""
         self.count += len(received)
         self._waiting += received
-        del self._waiting[:-_KEPT_BYTES]
+        del self._waiting[:-_STORED_BYTES]
 
     def judge(self) -> None:
         """Judge what waits: frames one by one, and what is none."""
@@ -48,7 +51,7 @@ class Strays:
         unit = frame[0]
         is_listed = self._outstanding.drop(unit, frame[1:-2])
         if is_listed:
-            self.heard.append(unit)
+            self.late_units.append(unit)
         self._bus_faults.note_frame(frame, asked=self.asked, is_listed=is_listed, now_s=self._time())
 
     def give_up(self, size: int) -> bytes:

@@ -1,4 +1,4 @@
-"""One request and its reply on a port: when the line is quiet, in which form, and what came of it."""
+"""One request and its reply on a port: in which form, when it is quiet, and how long both take at most."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from gateway.line.rtu.bus_faults import BusFaults
 from gateway.line.rtu.exchange import Exchange
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, FormChoice
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.line.rtu.silence import NoteFrame, Silence
 from gateway.line.rtu.strays import Strays
+from gateway.modbus.adu import MAX_ADU_SIZE
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
+
+ALLOWANCE_S = 0.02  # for adapters, drivers and this machine, on top of the unit's own response time
+
+_ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
 
 class RtuMaster:
@@ -67,3 +71,25 @@ class RtuMaster:
             outcome = await self.exchange.send(sent, response_time_s=response_time_s)
             if not sent.is_fence or not isinstance(outcome, Answered | Refused):
                 return outcome
+
+
+def request_wire_s(request: Request, timing: LineTiming) -> float:
+    """Return how long the request is on the wire."""
+    return timing.wire_s(len(request.encode()) + _ADU_EXTRA)
+
+
+def reply_within_s(
+    request: Request, timing: LineTiming, *, response_time_s: float, allowance_s: float
+) -> float:
+    """Return how long after the request's end its reply is waited for, at most."""
+    size = request.reply_size()
+    reply_s = timing.wire_s(MAX_ADU_SIZE if size is None else size + _ADU_EXTRA)
+    return response_time_s + reply_s + allowance_s
+
+
+def longest_s(
+    request: Request, timing: LineTiming, *, response_time_s: float, allowance_s: float = ALLOWANCE_S
+) -> float:
+    """Return how long this request can keep others from the line: no reply, then listening for a late one."""
+    within_s = reply_within_s(request, timing, response_time_s=response_time_s, allowance_s=allowance_s)
+    return request_wire_s(request, timing) + within_s + max(response_time_s, timing.silence_s)

@@ -123,7 +123,7 @@ class Bus:
         self._wanted = 1  # bytes for which the master is woken
         self._delivery: asyncio.TimerHandle | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone
-        self._free_s: dict[SimulatedUnit, float] = {}  # when a unit may send its next reply
+        self._free_s: dict[SimulatedUnit, float] = {}  # when a unit may send: it answers in order
         self._garbled_until_s = float("-inf")
         self._turnaround_until_s = float("-inf")
         for unit in units:
@@ -280,8 +280,7 @@ class Bus:
             deadline_s=unit.longest_response_s(adu.pdu),
         )
         for each in self._impaired(adu.unit, reply):
-            free_s = self._free_s.get(unit, frame.end_s)  # it answers in the order in which it was asked
-            start_s = max(frame.end_s + each.after_s, free_s, self._now_s())
+            start_s = max(frame.end_s + each.after_s, self._free_s.get(unit, 0.0), self._now_s())
             self._free_s[unit] = start_s + self.timing.wire_s(len(each.adu)) + self.timing.silence_s
             self._running().call_at(start_s, self._transmit, adu.unit, each.adu)
 

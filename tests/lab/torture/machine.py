@@ -23,7 +23,7 @@ from pathlib import Path
 STEP_S = 0.05
 RETAINED = 200_000  # steps: some hours
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-LOST_FROM_S = 0.01  # half of gateway.line.rtu.reply_times.ALLOWANCE_S
+LOST_FROM_S = 0.01  # half of gateway.line.rtu.transaction.ALLOWANCE_S
 STEAL = 8  # the field in /proc/stat
 WORKERS = "kworker/u"  # not bound to a processor
 PTY_WORK = "events_unbound"  # what such a worker's name ends in while it flushes pseudo terminals
