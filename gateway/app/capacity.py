@@ -86,7 +86,7 @@ def hint_of(line: LineTable) -> str:
     timing = timing_of(line)
     holds = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s)
     found = _faster_or_fewer(line, polls, holds)
-    shortest = _least(lambda limit_s: holds(_with_watchdogs(polls, limit_s), timing))
+    shortest = capacity.least_whole(lambda limit_s: holds(_with_watchdogs(polls, limit_s), timing))
     if shortest is not None:
         found.append(f"no watchdog below {shortest:g} s")
     return ", or ".join(found)
@@ -97,7 +97,7 @@ def relief_of(line: LineTable) -> str:
     found = _faster_or_fewer(line, _polls_of(line), _keeps_periods)
     periods_s = {starter.every_s for starter in line.starters if starter.enabled and starter.every_s}
     longest_s = max(periods_s)
-    slower = _least(
+    slower = capacity.least_whole(
         lambda tenths: _keeps_periods(_polls_of(_slower(line, tenths / 10)), timing_of(line)),
         most=int(10 * LONGEST_EVERY_S / longest_s),
     )
@@ -208,14 +208,3 @@ def _most(count: int, holds: Callable[[int], bool]) -> int:
         middle = (low + high) // 2
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
-
-
-def _least(holds: Callable[[float], bool], *, most: int = capacity.LONGEST_LIMIT_S) -> float | None:
-    """Return the least whole number up to `most` for which it holds; None when it holds for none."""
-    low, high = 0, most
-    if not holds(high):
-        return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return float(high)

@@ -152,9 +152,9 @@ class LineEvents:
     def __init__(self, name: str, queue: EventQueue, trace: Trace) -> None:
         self.is_muted = False
         self.flush = queue.flush
+        self.trace = trace
         self._name = name
         self._queue = queue
-        self._trace = trace
         self._answers: dict[str, Any] = {}  # the latest to urgent polls, by their keys
         self._port: tuple[bool, str] | None = None
 
@@ -173,11 +173,11 @@ class LineEvents:
     def unit_changed(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
         """Append that a unit began to answer or went silent, with the frames up to now."""
         reason = outcome.reason if isinstance(outcome, Silent | Garbled) else "answers"
-        self._append(UnitChanged(self._name, unit, is_answering, reason, self._trace.frames()))
+        self._append(UnitChanged(self._name, unit, is_answering, reason, self.trace.frames()))
 
     def fault(self, fault: BusFault) -> None:
         """Append what is wrong on the line, with the frames that showed it."""
-        self._append(LineFault(self._name, fault, self._trace.frames()))
+        self._append(LineFault(self._name, fault, self.trace.frames()))
 
     def port_changed(self, reason: str, *, is_open: bool) -> None:
         """Append a change of the port's state, or of the reason why it is away; hand it over at once."""
@@ -188,7 +188,7 @@ class LineEvents:
 
     def capture(self, *, is_on: bool) -> None:
         """Append every frame from now on, or none any more."""
-        self._trace.tap = self._frame_seen if is_on else None
+        self.trace.tap = self._frame_seen if is_on else None
 
     def _frame_seen(self, at_s: float, direction: str, frame: bytes) -> None:
         self._queue.events.append((self, FrameSeen(self._name, at_s, direction, frame)))

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import random
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -55,17 +56,13 @@ class Line:
         self._forms = forms
         self._choice = FormChoice()  # what is outstanding outlives the port
         self._scheduler = Scheduler(polls, chance=random.Random(seed))
-        self._trace = Trace(name)
-        self.events = LineEvents(name, events, self._trace)
-        self._statistics = Statistics()
-        self._asked: tuple[Poll, ...] = ()  # at the latest look at the statistics
-        self._latency_s = worst_stop_latency_s((), timing, allowance_s=allowance_s)
+        self.events = LineEvents(name, events, Trace(name))
+        self._statistics = Statistics(partial(worst_stop_latency_s, timing=timing, allowance_s=allowance_s))
         self._recovery = PortRecovery(deaf_after_s)
         self._time: Callable[[], float] = lambda: -inf
         self._service: LineService | None = None  # while the port is open
         self._is_stopping = False
         self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
-        self._earlier_stray_bytes = 0
 
     @property
     def progress(self) -> int:
@@ -135,13 +132,8 @@ class Line:
 
     def statistics(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
-        polls = self._scheduler.polls.asked()
-        if polls != self._asked:
-            self._asked = polls
-            self._latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
         statistics = self._statistics.to_dict(
-            self._asked,
-            worst_stop_latency_s=self._latency_s,
+            self._scheduler.polls.asked(),
             now_s=self._time(),
             more_of=lambda unit: {
                 "state": self._scheduler.polls.unit(unit).state,
@@ -153,7 +145,8 @@ class Line:
             "stretch": round(self.stretch, 3),
             "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
         }
-        stray_bytes = self._earlier_stray_bytes + (self._service.master.strays.count if self._service else 0)
+        stray_bytes = self._statistics.earlier_stray_bytes
+        stray_bytes += self._service.master.strays.count if self._service else 0
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
         uart = {} if errors is None else {"uart_errors": errors}
         return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **statistics}
@@ -204,7 +197,7 @@ class Line:
             port,
             self.timing,
             allowance_s=self._allowance_s,
-            note_frame=self._trace.note,
+            note_frame=self.events.trace.note,
             forms=self._choice,
         )
         service = self._service = self._service_on(master)
@@ -225,7 +218,7 @@ class Line:
         finally:
             self._steps += service.steps
             self._service = None
-            self._earlier_stray_bytes += master.strays.count
+            self._statistics.earlier_stray_bytes += master.strays.count
             port.close()
             if not self._is_reopening:
                 self._end_jobs()

@@ -48,8 +48,7 @@ class LineService:
         self._time = asyncio.get_running_loop().time
         self._slot: Slot | None = None  # chosen, not yet sent
         self._sent: Slot | None = None  # with those of its jobs that still wait for the outcome
-        self._is_overtaken = False  # by a job that came since
-        self._has_stop = False  # which came since
+        self._overtaking: list[Job] = []  # those that have come since, and go first
         self._gave_way = False  # a poll, once already since the last one was sent
         self._waker: asyncio.Future[None] | None = None
 
@@ -68,10 +67,10 @@ class LineService:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll once."""
         self._scheduler.jobs.submit(job, self._time())
         if job.lane <= Priority.FOLLOW_UP:
-            self._is_overtaken = True
-            self._has_stop = self._has_stop or job.lane is Priority.STOP or job.request.is_write
+            self._overtaking.append(job)
         elif self._slot is not None and self._slot.poll is not None and not self._gave_way:
-            self._is_overtaken = self._gave_way = True
+            self._gave_way = True
+            self._overtaking.append(job)
         self.wake()
 
     def withdraw(self, job: Job) -> bool:
@@ -129,12 +128,12 @@ class LineService:
 
     def _choose(self) -> None:
         """Choose what is to be sent next."""
-        self._is_overtaken = self._has_stop = False
+        self._overtaking.clear()
         self._slot = self._scheduler.pick(self._time())
 
     def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
-        if self._slot is not None and self._is_overtaken:
+        if self._slot is not None and self._overtaking:
             self._scheduler.put_back(self._slot)
             self._slot = None
         if self._slot is None:
@@ -148,7 +147,8 @@ class LineService:
         return await self.master.silence.settle(is_for_stop=self._is_stop_waiting)
 
     def _is_stop_waiting(self) -> bool:
-        return self._has_stop or (self._slot is not None and self._slot.is_stop)
+        is_chosen = self._slot is not None and self._slot.is_stop
+        return is_chosen or any(job.is_stop for job in self._overtaking)
 
     def _form_of(self, slot: Slot) -> EncodedRequest:
         """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""

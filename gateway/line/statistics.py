@@ -30,14 +30,20 @@ class LineTimes(NamedTuple):
 
 
 class Statistics:
-    """Counters since the start; utilisation and shares of time of about the last half minute."""
+    """Counters since the start; utilisation and shares of time of about the last half minute.
 
-    def __init__(self) -> None:
+    `stop_bound_of` computes how long a stop waits at most while these polls are asked.
+    """
+
+    def __init__(self, stop_bound_of: Callable[[Sequence[Poll]], float]) -> None:
+        self.earlier_stray_bytes = 0  # on ports that were open before
         self._counts: Counter[str] = Counter()
         self._units: dict[int, _UnitStatistics] = {}
         self._changed: set[int] = set()  # units of which `_shown` is out of date
         self._shown: dict[int, dict[str, Any]] = {}  # what is published of each unit; never changed in place
         self._response_times = UnitResponseTimes()
+        self._stop_bound_of = stop_bound_of
+        self._stop_bound_s = stop_bound_of(())
         self._polls: Sequence[Poll] = ()  # that are asked, and what the latest slot of each took
         self._took_s: dict[str, float] = {}
         self._times = LineTimes()
@@ -132,7 +138,6 @@ class Statistics:
         self,
         polls: Sequence[Poll],
         *,
-        worst_stop_latency_s: float,
         now_s: float,
         more_of: Callable[[int], Mapping[str, Any]] = lambda _: {},
     ) -> dict[str, Any]:
@@ -141,8 +146,9 @@ class Statistics:
         `more_of` says what else is published of a unit, once something was noted of it.
         """
         self._update_times(now_s)
-        if polls is not self._polls or len(self._took_s) != len(polls):
-            self._polls = polls
+        if polls != self._polls:
+            self._polls, self._stop_bound_s = polls, self._stop_bound_of(polls)
+        if self._took_s.keys() != {poll.key for poll in polls}:
             self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
         for unit in self._changed:
             self._shown[unit] = {**self._units[unit].to_dict(), **more_of(unit)}
@@ -153,7 +159,7 @@ class Statistics:
             "sweep_s": float(sum(self._took_s.values())),
             **{name: self._counts[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {
-                "computed": worst_stop_latency_s,
+                "computed": self._stop_bound_s,
                 "worst": self._worst_stop_latency_s,
                 **self._measured_stops(),
             },

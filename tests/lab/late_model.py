@@ -187,17 +187,19 @@ class OracleJudge:
     def __init__(self, line: OrderedLine, polls: list[Poll], requests: int) -> None:
         self.tally = OrderTally()
         self.done = asyncio.Event()
-        self._line, self._requests = line, requests
+        self._line, self._requests, self._sent = line, requests, ""
         self._polls = {poll.key: poll for poll in polls}
         now_s = asyncio.get_running_loop().time()
         self._warm_s = now_s + WARM_S
         self._units = {p.unit: Unit(p.request, *[now_s] * 4) for p in polls if p.group == "status"}
 
-    def frame(self, _line: str, at_s: float, _direction: str, frame: bytes) -> None:
-        """See whether this is the next request: then the reply to the one before is known."""
-        known = self.tally.requests
-        if known + 1 == len(self._line.asked) or at_s != self._line.asked[known + 1].at_s:
+    def frame(self, _line: str, _at_s: float, direction: str, frame: bytes) -> None:
+        """See whether this is a request, as the first frame is: then the reply to the one before is known."""
+        self._sent = self._sent or direction
+        if direction != self._sent:
             return
+        known = self.tally.requests
+        at_s = self._line.asked[known + 1].at_s
         asked, unit = self._line.asked[known], self._units.get(self._line.asked[known].unit)
         if unit and asked.was_in_time and not asked.is_refused and unit.is_status(asked.request):
             self._longest("oracle_age_s", asked.at_s - unit.oracle_s)

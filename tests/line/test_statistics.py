@@ -12,7 +12,7 @@ from tests.line.fakes import poll
 
 
 def test_shares_are_of_the_last_half_minute_and_the_silences_are_what_is_left_of_the_busy_time() -> None:
-    statistics = Statistics()
+    statistics = Statistics(lambda polls: 0.0)
     statistics.begin(0.0)
     asked = poll("status", unit=1)
     for second in range(1, 11):

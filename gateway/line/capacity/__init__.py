@@ -6,6 +6,7 @@ Start at `line_forecast`.
 from gateway.line.capacity.deadline_check import (
     LONGEST_LIMIT_S,
     Limits,
+    least_whole,
     missed_deadlines,
     newly_missed,
     shortest_limit_s,

@@ -6,7 +6,7 @@ A watchdog is met when the longest time between two requests to its unit with co
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from gateway.line.capacity.line_forecast import Missed, forecast
@@ -59,16 +59,21 @@ def shortest_limit_s(
 ) -> float | None:
     """Return the shortest watchdog in whole seconds that a unit may be given; None when it is none at all."""
 
-    def is_met(limit_s: int) -> bool:
+    def is_met(limit_s: float) -> bool:
         after_s = {**before_s, unit: float(limit_s)}
         return not newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
 
-    low, high = 0, LONGEST_LIMIT_S
-    if not is_met(high):
+    return least_whole(is_met)
+
+
+def least_whole(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
+    """Return the least whole number up to `most` from which on it holds; None when it holds for none."""
+    low, high = 0, most
+    if not holds(high):
         return None
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if is_met(middle) else (middle, high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
     return float(high)
 
 

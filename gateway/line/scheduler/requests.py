@@ -58,6 +58,11 @@ class Job:
     until_s: float = inf  # on the line's clock: never sent later than this
 
     @property
+    def is_stop(self) -> bool:
+        """Whether this stops a motor: a stop's frame, first or repeated."""
+        return self.lane is Priority.STOP or (self.lane is Priority.FOLLOW_UP and self.request.is_write)
+
+    @property
     def must_not_act_late(self) -> bool:
         """Whether it may do harm when it arrives after its answer was due: every write but a stop's."""
         return self.lane > Priority.FOLLOW_UP and self.request.is_write and self.unit != BROADCAST
@@ -83,8 +88,8 @@ class Slot:
 
     @property
     def is_stop(self) -> bool:
-        """Return whether this stops a motor: a stop's frame, first or repeated."""
-        return self.lane is Priority.STOP or (self.lane is Priority.FOLLOW_UP and self.request.is_write)
+        """Return whether this stops a motor."""
+        return bool(self.jobs) and self.jobs[0].is_stop
 
     def without(self, job: Job) -> Slot | None:
         """Return what is left when a job is withdrawn; None when it was the only one."""

@@ -5,6 +5,8 @@
   the order of a round stays, however the factor changes. While others are due it goes by due time, so each
   of them goes first once at most; on an idle line it may go after its own period, however stretched. A poll
   without a period has one of 5 s in this, and may always go.
+- The unit that was left for longest goes before that order, once half a sweep has passed since a poll of it
+  was due. The polls of a line that begins are all due: so they come one from each unit in turn.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
   wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:
@@ -67,9 +69,9 @@ class Scheduler:
            after commands and questions for watchdogs, in their share; after eight in a row 4 or 5 once.
         4. A job, when no poll is due or the jobs' share of line time is not used up: commands by priority,
            every fourth the oldest, then the gateway's own questions by priority.
-        5. A poll by due time, one that is repeated first; where no unit has a watchdog, before those one of
-           the unit that was left for longest, half a sweep or more after one was due. After a miss those of
-           units that answer, otherwise those of units that do not.
+        5. A poll of the unit that was left for longest, when half a sweep has passed since one was due; one
+           by due time, one that is repeated first. After a miss those of units that answer, otherwise those
+           of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:

@@ -50,11 +50,19 @@ class ScheduledPoll(Queued):
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
+class Turn(Queued):
+    """A unit's place among those that are left without a request; due when it has been left for long."""
+
+    unit: Unit
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
 class Unit(Queued):
     """One unit; due when its first poll is asked for its watchdog, or as the probe of a silent one."""
 
     number: int
     polls: list[ScheduledPoll] = field(default_factory=list)
+    turn: Turn = field(init=False)
     misses: int = 0  # in a row
     was_received: bool = False  # anything ever, corrupted or not
     is_online: bool | None = None  # as last reported
@@ -64,6 +72,9 @@ class Unit(Queued):
     forgiven_until_s: float = -inf  # it restarts: until then it is not taken for offline
     limit_s: float = 0.0  # its watchdog's time; 0: none is known
     reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
+
+    def __post_init__(self) -> None:
+        self.turn = Turn(unit=self)
 
     @property
     def is_silent(self) -> bool:
