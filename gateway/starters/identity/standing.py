@@ -37,7 +37,7 @@ class IdentityStatus(enum.Enum):
     OTHER_SLOT = "other slot"  # its accessory sits elsewhere than configured; it can be read
 
 
-class Cause(enum.Enum):
+class IdentityCause(enum.Enum):
     """What may change the status."""
 
     MET = enum.auto()  # it answers, or the port was opened again
@@ -57,23 +57,23 @@ _CODES = {
     IdentityStatus.OTHER_SLOT: ResultCode.SLOT_MISMATCH,
 }
 
-_ALWAYS = {Cause.MET: IdentityStatus.ASKING, Cause.SILENT: IdentityStatus.UNKNOWN}
+_ALWAYS = {IdentityCause.MET: IdentityStatus.ASKING, IdentityCause.SILENT: IdentityStatus.UNKNOWN}
 _JUDGED = {
-    Cause.PROVED: IdentityStatus.MATCHING,
-    Cause.UNNAMED: IdentityStatus.UNKNOWN,
-    Cause.DENIED: IdentityStatus.MISMATCHED,
-    Cause.DIFFERS: IdentityStatus.CHANGED,
-    Cause.MOVED: IdentityStatus.OTHER_SLOT,
+    IdentityCause.PROVED: IdentityStatus.MATCHING,
+    IdentityCause.UNNAMED: IdentityStatus.UNKNOWN,
+    IdentityCause.DENIED: IdentityStatus.MISMATCHED,
+    IdentityCause.DIFFERS: IdentityStatus.CHANGED,
+    IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
 }
-TRANSITIONS: Mapping[IdentityStatus, Mapping[Cause, IdentityStatus]] = {
+TRANSITIONS: Mapping[IdentityStatus, Mapping[IdentityCause, IdentityStatus]] = {
     IdentityStatus.UNKNOWN: _ALWAYS | _JUDGED,  # one that has not said who it is is asked again
     IdentityStatus.ASKING: _ALWAYS | _JUDGED,
     IdentityStatus.MATCHING: _ALWAYS,
     IdentityStatus.MISMATCHED: _ALWAYS | _JUDGED,
     IdentityStatus.CHANGED: {  # an operator accepts it
         **_ALWAYS,
-        Cause.PROVED: IdentityStatus.MATCHING,
-        Cause.MOVED: IdentityStatus.OTHER_SLOT,
+        IdentityCause.PROVED: IdentityStatus.MATCHING,
+        IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
     },
     IdentityStatus.OTHER_SLOT: _ALWAYS,
 }
@@ -122,21 +122,23 @@ class Standing:
     contradiction: str = ""  # of the configuration: values would be of another family or model
     is_readable: bool = False  # what is read now counts
 
-    def after(self, cause: Cause, **changes: Any) -> Standing:
+    def after(self, cause: IdentityCause, **changes: Any) -> Standing:
         """Return the standing after this; KeyError where it cannot happen."""
         return replace(self, status=TRANSITIONS[self.status][cause], **changes)
 
 
 def met(standing: Standing) -> Standing:
     """Return the standing of a device that answers, and is asked who it is."""
-    return standing.after(Cause.MET, reason="it is being identified", contradiction="", is_readable=False)
+    return standing.after(
+        IdentityCause.MET, reason="it is being identified", contradiction="", is_readable=False
+    )
 
 
 def silenced(standing: Standing) -> Standing:
     """Return the standing of a device that went silent: another may answer next."""
     why = "it has not been asked since it went silent"
     return standing.after(
-        Cause.SILENT, identity=Identity(reason=why), reason=why, contradiction="", is_readable=False
+        IdentityCause.SILENT, identity=Identity(reason=why), reason=why, contradiction="", is_readable=False
     )
 
 
@@ -149,17 +151,17 @@ def judged(
     if why_not is not None:
         is_denied = identity.family_seen is not None or bool(identity.lacks)
         return standing.after(
-            Cause.DENIED if is_denied else Cause.UNNAMED,
+            IdentityCause.DENIED if is_denied else IdentityCause.UNNAMED,
             identity=identity,
             reason=why_not,
             contradiction=why_not if is_denied else "",
             is_readable=is_denied or _is_read_without_name(profile, answers),
         )
     if mismatch is not None:
-        cause, reason, contradiction = Cause.DIFFERS, mismatch.event.text, mismatch.contradiction
+        cause, reason, contradiction = IdentityCause.DIFFERS, mismatch.event.text, mismatch.contradiction
     else:
         reason, contradiction = diagnosis.slot_trouble(profile, setup.variant, identity), ""
-        cause = Cause.MOVED if reason else Cause.PROVED
+        cause = IdentityCause.MOVED if reason else IdentityCause.PROVED
     return standing.after(
         cause, identity=identity, reason=reason, contradiction=contradiction, is_readable=True
     )

@@ -15,7 +15,7 @@ from gateway.starters.identity.standing import (
     TRANSITIONS,
     TRIES,
     Answers,
-    Cause,
+    IdentityCause,
     IdentityStatus,
     Standing,
     judged,
@@ -106,8 +106,8 @@ def test_who_a_device_is_by_its_answers(
     assert (standing.contradiction != "") == (status is MISMATCHED)
 
 
-@pytest.mark.parametrize(("status", "cause"), [*product(IdentityStatus, Cause)])
-def test_a_pair_that_is_not_in_the_table_is_a_bug(status: IdentityStatus, cause: Cause) -> None:
+@pytest.mark.parametrize(("status", "cause"), [*product(IdentityStatus, IdentityCause)])
+def test_a_pair_that_is_not_in_the_table_is_a_bug(status: IdentityStatus, cause: IdentityCause) -> None:
     standing = Standing(status)
 
     if cause in TRANSITIONS[status]:
