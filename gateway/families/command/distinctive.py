@@ -1,4 +1,4 @@
-"""The rows that distinguish a family from the others: part of each reading on which a command decides.
+"""The rows that distinguish a family: they are part of each reading on which a command decides.
 
 An SSW-07 has none: its status row excludes an SSW900 and an SST, and its coil 100 means run on an SSW-06 too.
 """

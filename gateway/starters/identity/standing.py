@@ -37,8 +37,8 @@ class IdentityStatus(enum.Enum):
     OTHER_SLOT = "other slot"  # its accessory sits elsewhere than configured; it can be read
 
 
-class Turn(enum.Enum):
-    """What changes the status."""
+class IdentityCause(enum.Enum):
+    """What may change the status."""
 
     MET = enum.auto()  # it answers, or the port was opened again
     SILENT = enum.auto()
@@ -57,23 +57,23 @@ _CODES = {
     IdentityStatus.OTHER_SLOT: ResultCode.SLOT_MISMATCH,
 }
 
-_ALWAYS = {Turn.MET: IdentityStatus.ASKING, Turn.SILENT: IdentityStatus.UNKNOWN}
+_ALWAYS = {IdentityCause.MET: IdentityStatus.ASKING, IdentityCause.SILENT: IdentityStatus.UNKNOWN}
 _JUDGED = {
-    Turn.PROVED: IdentityStatus.MATCHING,
-    Turn.UNNAMED: IdentityStatus.UNKNOWN,
-    Turn.DENIED: IdentityStatus.MISMATCHED,
-    Turn.DIFFERS: IdentityStatus.CHANGED,
-    Turn.MOVED: IdentityStatus.OTHER_SLOT,
+    IdentityCause.PROVED: IdentityStatus.MATCHING,
+    IdentityCause.UNNAMED: IdentityStatus.UNKNOWN,
+    IdentityCause.DENIED: IdentityStatus.MISMATCHED,
+    IdentityCause.DIFFERS: IdentityStatus.CHANGED,
+    IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
 }
-TRANSITIONS: Mapping[IdentityStatus, Mapping[Turn, IdentityStatus]] = {
+TRANSITIONS: Mapping[IdentityStatus, Mapping[IdentityCause, IdentityStatus]] = {
     IdentityStatus.UNKNOWN: _ALWAYS | _JUDGED,  # one that has not said who it is is asked again
     IdentityStatus.ASKING: _ALWAYS | _JUDGED,
     IdentityStatus.MATCHING: _ALWAYS,
     IdentityStatus.MISMATCHED: _ALWAYS | _JUDGED,
     IdentityStatus.CHANGED: {  # an operator accepts it
         **_ALWAYS,
-        Turn.PROVED: IdentityStatus.MATCHING,
-        Turn.MOVED: IdentityStatus.OTHER_SLOT,
+        IdentityCause.PROVED: IdentityStatus.MATCHING,
+        IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
     },
     IdentityStatus.OTHER_SLOT: _ALWAYS,
 }
@@ -122,21 +122,23 @@ class Standing:
     contradiction: str = ""  # of the configuration: values would be of another family or model
     is_readable: bool = False  # what is read now counts
 
-    def turned(self, turn: Turn, **changes: Any) -> Standing:
-        """Return the standing after this turn; KeyError when there is none from here."""
-        return replace(self, status=TRANSITIONS[self.status][turn], **changes)
+    def after(self, cause: IdentityCause, **changes: Any) -> Standing:
+        """Return the standing after this; KeyError where it cannot happen."""
+        return replace(self, status=TRANSITIONS[self.status][cause], **changes)
 
 
 def met(standing: Standing) -> Standing:
     """Return the standing of a device that answers, and is asked who it is."""
-    return standing.turned(Turn.MET, reason="it is being identified", contradiction="", is_readable=False)
+    return standing.after(
+        IdentityCause.MET, reason="it is being identified", contradiction="", is_readable=False
+    )
 
 
 def silenced(standing: Standing) -> Standing:
     """Return the standing of a device that went silent: another may answer next."""
     why = "it has not been asked since it went silent"
-    return standing.turned(
-        Turn.SILENT, identity=Identity(reason=why), reason=why, contradiction="", is_readable=False
+    return standing.after(
+        IdentityCause.SILENT, identity=Identity(reason=why), reason=why, contradiction="", is_readable=False
     )
 
 
@@ -148,20 +150,20 @@ def judged(
     why_not = diagnosis.why_not(profile, identity)
     if why_not is not None:
         is_denied = identity.family_seen is not None or bool(identity.lacks)
-        return standing.turned(
-            Turn.DENIED if is_denied else Turn.UNNAMED,
+        return standing.after(
+            IdentityCause.DENIED if is_denied else IdentityCause.UNNAMED,
             identity=identity,
             reason=why_not,
             contradiction=why_not if is_denied else "",
             is_readable=is_denied or _is_read_without_name(profile, answers),
         )
     if mismatch is not None:
-        turn, reason, contradiction = Turn.DIFFERS, mismatch.event.text, mismatch.contradiction
+        cause, reason, contradiction = IdentityCause.DIFFERS, mismatch.event.text, mismatch.contradiction
     else:
         reason, contradiction = diagnosis.slot_trouble(profile, setup.variant, identity), ""
-        turn = Turn.MOVED if reason else Turn.PROVED
-    return standing.turned(
-        turn, identity=identity, reason=reason, contradiction=contradiction, is_readable=True
+        cause = IdentityCause.MOVED if reason else IdentityCause.PROVED
+    return standing.after(
+        cause, identity=identity, reason=reason, contradiction=contradiction, is_readable=True
     )
 
 

@@ -291,7 +291,8 @@ class StarterTelemetry:
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
-        self._polling.note_answer(key, at_s=answer.at_s)
+        if self._contact.standing.is_readable:  # else its values grow old
+            self._polling.note_answer(key, at_s=answer.at_s)
         if self._refused:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)

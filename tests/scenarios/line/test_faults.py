@@ -50,6 +50,13 @@ def opened(count: int) -> Expectation:
     return lambda plant: "" if (n := plant.lines["pumps"].bus.opened) == count else f"opened {n} times"
 
 
+def asked_its_name(count: int) -> Expectation:
+    """FC43 was put to the pump so often."""
+    return lambda plant: (
+        "" if (n := sum(pdu[0] == 0x2B for _, pdu in plant.starter("pump").asked)) == count else f"{n} times"
+    )
+
+
 def delivers_late(plant: RigPlant) -> None:
     """Let the way to the line be a connection, whose bytes may arrive late and that can be reset."""
     port = plant.lines["pumps"].bus._port
@@ -346,6 +353,8 @@ PORT = [
                 opened(2),
                 never("result/pump/alice", phase="confirmed"),
                 never("gateway/event", code="port_away"),
+                asked_its_name(2),  # another starter may be behind the new connection
+                msg("starter/pump/state", quality="good"),
             ]
         },
     ),

@@ -23,7 +23,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.values.words import is_silent_to_fc43, names_itself, nothing_written
+from tests.scenarios.values.words import is_deaf_after_fc43, is_silent_to_fc43, names_itself, nothing_written
 
 SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
 
@@ -133,6 +133,13 @@ def asked_its_name(name: str, *at_s: float) -> Expectation:
     return check
 
 
+def times_asked_its_name(name: str, times: int) -> Expectation:
+    """FC43 was put so often."""
+    return lambda plant: (
+        "" if (n := sum(pdu[0] == 0x2B for _, pdu in plant.starter(name).asked)) == times else f"{n} times"
+    )
+
+
 def _without_fc43(family: str, habit: Action, said: str) -> ScenarioRow:
     name, site = SITES[family]
     return row(
@@ -158,11 +165,11 @@ OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
     ("sst", {"serial_number": 1}, {"serial_number": 2}, "serial"),
 ]
 PAIRS = [(one, other) for one in SITES for other in SITES if one != other]
-NOT_TOLD_APART = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
+ALIKE = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
 ROWS = [
     *(_wrong_from_the_start(*pair) for pair in PAIRS),
     *(_swapped(*pair) for pair in PAIRS),
-    *(_swapped_at_once(*pair) for pair in PAIRS if pair != NOT_TOLD_APART),
+    *(_swapped_at_once(*pair) for pair in PAIRS if pair != ALIKE),
     *(_another_of_its_family(*each) for each in OTHERS),
     *(_without_fc43(each, is_silent_to_fc43(SITES[each][0]), "does not answer FC43") for each in SITES),
     *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
@@ -394,6 +401,19 @@ ROWS = [
         "one that is known is not asked its name again",
         given=SSW07,
         then={40: asked_its_name("pump", 0.2)},
+    ),
+    row(
+        "one that goes offline after each question for its name is asked three times, and is then read",
+        given=SSW07,
+        at={0: is_deaf_after_fc43("pump", 15.0)},
+        then={
+            300: [
+                seen("starter/pump/availability", times=3, state="offline", reason=re.compile("no reply")),
+                times_asked_its_name("pump", 3),
+                msg("starter/pump/state", quality="good"),
+                msg("starter/pump/availability", state="online"),
+            ]
+        },
     ),
     row(
         "one that does not answer and is known by its registers is asked three times",

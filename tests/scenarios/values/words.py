@@ -48,6 +48,24 @@ def is_silent_to_fc43(name: str, *, for_s: float | None = None) -> Action:
     return answers(name, lambda pdu: None if pdu[0] == 0x2B else b"", for_s=for_s)
 
 
+def is_deaf_after_fc43(name: str, seconds: float) -> Action:
+    """Have a device not answer FC43, nor anything else for a while after it."""
+
+    def change(plant: RigPlant) -> None:
+        deaf_until_s = 0.0
+
+        def habit(pdu: bytes) -> bytes | None:
+            nonlocal deaf_until_s
+            now_s = plant.world.now_s()
+            if pdu[0] == 0x2B:
+                deaf_until_s = now_s + seconds
+            return None if now_s < deaf_until_s else b""
+
+        answers(name, habit)(plant)
+
+    return change
+
+
 def nothing_written(name: str) -> Expectation:
     """Nothing was written to the device that is there now."""
     return lambda plant: str(plant.starter(name).writes or "")

@@ -1,4 +1,4 @@
-"""Who a device is by its answers, which question comes next, and which turns there are."""
+"""Who a device is by its answers, which question comes next, and the table of states."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from gateway.starters.identity.standing import (
     TRANSITIONS,
     TRIES,
     Answers,
+    IdentityCause,
     IdentityStatus,
     Standing,
-    Turn,
     judged,
     met,
     next_question,
@@ -106,15 +106,15 @@ def test_who_a_device_is_by_its_answers(
     assert (standing.contradiction != "") == (status is MISMATCHED)
 
 
-@pytest.mark.parametrize(("status", "turn"), [*product(IdentityStatus, Turn)])
-def test_a_turn_that_is_not_listed_is_a_bug(status: IdentityStatus, turn: Turn) -> None:
+@pytest.mark.parametrize(("status", "cause"), [*product(IdentityStatus, IdentityCause)])
+def test_a_pair_that_is_not_in_the_table_is_a_bug(status: IdentityStatus, cause: IdentityCause) -> None:
     standing = Standing(status)
 
-    if turn in TRANSITIONS[status]:
-        assert standing.turned(turn).status is TRANSITIONS[status][turn]
+    if cause in TRANSITIONS[status]:
+        assert standing.after(cause).status is TRANSITIONS[status][cause]
     else:
         with pytest.raises(KeyError):
-            standing.turned(turn)
+            standing.after(cause)
 
 
 @pytest.mark.parametrize("status", IdentityStatus)
