@@ -16,7 +16,7 @@ class Step(enum.Enum):
     """Where a command is."""
 
     RECEIVED = "received"
-    QUEUED = "queued"  # accepted; it waits for its turn on the line, or needs none
+    QUEUED = "queued"  # accepted; it waits for a slot on its line, or needs none
     READING = "reading"  # what decides is being read
     DECIDED = "decided"  # two readings in a row lead to the same writes
     WRITING = "writing"  # the first write is handed to the line

@@ -42,7 +42,7 @@ class UnderWay:
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
-        self._turns: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
+        self._slots: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._tasks: set[asyncio.Task[None]] = set()
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
@@ -64,13 +64,13 @@ class UnderWay:
             self._stops.pop(name).give_way()
         starter = self._starters[name]
         key = (starter.setup.line, verb in CAN_WAIT)  # the two do not wait for each other
-        turn = self._turns.setdefault(key, asyncio.Semaphore(AT_ONCE))
+        slot = self._slots.setdefault(key, asyncio.Semaphore(AT_ONCE))
         run = self._runs[name] = CommandRun(
             report,
             starter,
             preparation,
             guard,
-            turn=None if verb == READ else turn,
+            slot=None if verb == READ else slot,
             watchdogs=self._watchdogs,
             take_back=self._take_back,
         )

@@ -1,6 +1,6 @@
 """Decides what a command writes: by one judgement of a reading, and two readings that it judges alike.
 
-1. A reading has all rows on which the command hangs; those that tell its family from the others are among
+1. A reading has all rows on which the command hangs; those that distinguish its family are among
    them, so that a device of another family is not written to.
 2. `judge` is the one judgement: the family is right, its rules hold, the gateway's own and the operator's
    expectation hold; then the writes are built from what was read.

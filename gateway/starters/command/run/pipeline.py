@@ -1,6 +1,6 @@
 """Carries out one command other than a stop: read, decide, write each step once, verify, take back.
 
-1. Its turn on the line, then `decision`. That it will be written is on the disk before its first write.
+1. Its slot on the line, then `decision`. That it will be written is on the disk before its first write.
 2. Each write goes out once, and only while what was read still decides. Before the first one it may be
    decided again; later ones of what moves no motor go out whenever the line is free, so that it is not left
    half done.
@@ -80,17 +80,17 @@ class CommandRun:
         preparation: Preparation,
         guard: Guard | None = None,
         *,
-        turn: asyncio.Semaphore | None = None,
+        slot: asyncio.Semaphore | None = None,
         watchdogs: KnownWatchdogs | None = None,
         take_back: TakeBackBy | None = None,
     ) -> None:
         self.report = report
         self._starter = starter
         self._guard = guard
-        self._turn = turn  # among the commands of its line, until its first write; None: it does not wait
-        self._is_its_turn = False
+        self._slot = slot  # among the commands of its line, until its first write; None: it does not wait
+        self._has_slot = False
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
-        self._take_back = take_back  # None: there is nobody who would
+        self._take_back = take_back  # None: a start is left alone
         self.can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
         back = Priority.PARAMETERS if self.can_wait else Priority.READ_BACK
@@ -116,7 +116,7 @@ class CommandRun:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._cut(Reason(ResultCode.INTERNAL))
-        self._end_turn()
+        self._leave_slot()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
 
@@ -137,9 +137,9 @@ class CommandRun:
             return self._cut(error.reason)
 
     async def _carried_out(self) -> Final:
-        if self._turn is not None:
-            await self._wire.wait_for(self._turn.acquire())
-            self._is_its_turn = True
+        if self._slot is not None:
+            await self._wire.wait_for(self._slot.acquire())
+            self._has_slot = True
         decision = await self._judge.decide()
         if decision.procedure.steps:
             await self._intend(decision.procedure)
@@ -232,7 +232,7 @@ class CommandRun:
         except (HaltedError, OverdueError):
             self.report.write()  # it may have been on its way already
             raise
-        self._end_turn()
+        self._leave_slot()
         return outcome
 
     async def _send_first(self, decision: Decision, step: WriteStep) -> Outcome:
@@ -290,10 +290,10 @@ class CommandRun:
             case _:
                 assert_never(outcome)
 
-    def _end_turn(self) -> None:
-        if self._turn is not None and self._is_its_turn:
-            self._is_its_turn = False
-            self._turn.release()
+    def _leave_slot(self) -> None:
+        if self._slot is not None and self._has_slot:
+            self._has_slot = False
+            self._slot.release()
 
     # Ending
 
