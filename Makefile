@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench fleet slow-box peers lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
 
 # Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -158,14 +158,11 @@ $(STAMP)-bench: $(STAMP)
 bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
 	@$(BIN)/python -m tests.lab.bench --pictures docs
 
-fleet: $(STAMP) mosquitto ## two gateways with their brokers, a cut and a kill: two minutes; OPTIONS="--gateways 10 --starters 32"
+fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTIONS="--gateways 10 --starters 32"
 	$(BIN)/python -m tests.lab.fleet $(OPTIONS)
 
 slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
 	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
-
-peers: $(STAMP)-bench mosquitto ## the same faults for this gateway, modpoll and an ordinary script: ten minutes
-	$(BIN)/python -m tests.lab.peers $(OPTIONS)
 
 late-replies: $(STAMP) ## ten million requests whose replies come late, twice, out of order or never; 20 minutes
 	$(BIN)/python -m tests.line.late_lines 10000000

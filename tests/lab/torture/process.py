@@ -10,10 +10,10 @@ from typing import Any
 
 
 class Starters:
-    """Runs `tests.lab.torture.starters`, or a module like it, and gives it orders."""
+    """Runs `tests.lab.torture.starters` and gives it orders."""
 
-    def __init__(self, config: Path, watchdog_s: int, *, module: str = "tests.lab.torture.starters") -> None:
-        self._arguments = (module, str(config), str(watchdog_s))
+    def __init__(self, config: Path, watchdog_s: int) -> None:
+        self._arguments = ("tests.lab.torture.starters", str(config), str(watchdog_s))
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self) -> None:

@@ -245,9 +245,9 @@ def _longest_gaps(times_s: Iterable[float]) -> list[tuple[float, float]]:
     return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_REPORTED]
 
 
-async def serve(config: str, watchdog_s: int, kind: type[StarterLine] = StarterLine) -> None:
+async def serve(config: str, watchdog_s: int) -> None:
     (table,) = load(config).lines
-    plant = kind(table, watchdog_s)
+    plant = StarterLine(table, watchdog_s)
     await plant.plug()
     watching = asyncio.create_task(plant.watch_own_lateness())
     reader = asyncio.StreamReader()

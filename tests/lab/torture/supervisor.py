@@ -11,7 +11,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -53,7 +53,6 @@ class Supervisor:
     command: Sequence[str]
     restart: Restart
     folder: Path  # of its log
-    environ: Mapping[str, str] = field(default_factory=dict)
     lives: list[Life] = field(default_factory=list)
     _process: asyncio.subprocess.Process | None = None
     _task: asyncio.Task[None] | None = None
@@ -149,7 +148,6 @@ class Supervisor:
             "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
             "PYTHONFAULTHANDLER": "1",
             BLOCK_FILE: str(self.folder / "block.json"),
-            **self.environ,
         }
 
     def _listen(self, notify: socket.socket, life: Life) -> None:
