@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root times late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root late-replies
 
 # Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -101,10 +101,6 @@ test-root: $(STAMP) mosquitto ## as root: what an ordinary user may not do, and 
 	@$(MAKE) --no-print-directory test-deb
 
 programs: mosquitto chromium prometheus postgresql debian # of the distribution, which only root may install
-
-times: $(STAMP) ## where the tests' time goes, by folder, into docs/size.md
-	$(FAST) --quiet --junitxml build/times.xml
-	$(BIN)/python -m tests.size_page build/times.xml
 
 coverage: $(STAMP) mosquitto ## the lines and branches that all tests together run through
 	$(FAST) --cov --cov-report=

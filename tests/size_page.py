@@ -1,7 +1,6 @@
 """Measures the size of the code, and writes docs/size.md: run it with `python -m tests.size_page`.
 
 Sizes are counted in the tree, the ways by counting calls (`calls` and `command_way` of `tests.lab.bench`).
-`python -m tests.size_page build/times.xml` writes the time of the tests by folder, as `make times` measured.
 A code line is a line that is neither blank, docstring, comment nor import.
 """
 
@@ -9,9 +8,7 @@ from __future__ import annotations
 
 import ast
 import io
-import sys
 import tokenize
-import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -26,8 +23,7 @@ ROOT = Path(__file__).parents[1]
 CODE = ROOT / "gateway"
 TESTS = ROOT / "tests"
 PAGE = ROOT / "docs" / "size.md"
-SIZES = "<!-- sizes: made by python -m tests.size_page -->\n", "<!-- end of sizes -->\n"
-TIMES = "<!-- times: made by make times -->\n", "<!-- end of times -->\n"
+BEGIN, END = "<!-- sizes: made by python -m tests.size_page -->\n", "<!-- end of sizes -->\n"
 SMALL = 60  # lines
 MOST_ATTRIBUTES = 15
 TOP = "(top)"
@@ -237,41 +233,17 @@ def way_rows() -> list[Row]:
     ]
 
 
-def time_rows(report: Path) -> list[Row]:
-    """Return the seconds of the tests by folder, and of each test above 1 % of all, from a JUnit report."""
-    folders: Counter[str] = Counter()
-    tests: Counter[str] = Counter()
-    for case in ElementTree.parse(report).iter("testcase"):
-        seconds, parts = float(case.get("time", 0.0)), case.get("classname", "").split(".")
-        folders["/".join(part for part in parts[:2] if not part.startswith("test_"))] += seconds  # type: ignore[assignment]
-        tests[f"{'/'.join(parts[1:])} {case.get('name')}"] += seconds  # type: ignore[assignment]
-    whole = sum(folders.values())
-    rows = [(f"`{name}`", f"{s:.0f} s", f"{s / whole:.0%}") for name, s in folders.most_common()]
-    slow = [
-        (f"{name}", f"{s:.1f} s", f"{s / whole:.1%}") for name, s in tests.most_common() if s > whole / 100
-    ]
-    return [*rows, ("all", f"{whole:.0f} s", ""), *slow]
-
-
 def table(rows: list[Row], *, last: str = "to reach") -> str:
     """Return rows as Markdown."""
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([f"| what | measured | {last} |", "|---|---|---|", *lines, ""])
 
 
-def write(marks: tuple[str, str], text: str) -> None:
-    """Replace what stands between two marks of the page."""
-    before, _, rest = PAGE.read_text("utf-8").partition(marks[0])
-    after = rest.partition(marks[1])[2]
-    PAGE.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{after}", "utf-8")
-
-
 def main() -> None:
-    """Write the page: its sizes, or with a JUnit report the times."""
-    if reports := sys.argv[1:]:
-        write(TIMES, table(time_rows(Path(reports[0])), last="share"))
-    else:
-        write(SIZES, f"{table(room_rows(), last='budget')}\n{table(size_rows() + way_rows())}")
+    """Write the sizes between the two marks of the page."""
+    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
+    text = f"{table(room_rows(), last='budget')}\n{table(size_rows() + way_rows())}"
+    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", "utf-8")
 
 
 @cache

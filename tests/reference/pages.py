@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.reference import (
-    commands_page,
-    configuration_page,
-    contract_pages,
-    events_page,
-    wiring,
-)
+from tests.reference import commands_page, configuration_page, contract_pages, events_page
 
 FOLDER = Path(__file__).parents[2] / "docs"
 
@@ -23,5 +17,4 @@ def pages() -> dict[str, str]:
         "reference/asyncapi.yaml": contract_pages.asyncapi(),
         "reference/events.md": events_page.page(),
         "reference/commands.md": commands_page.page(),
-        **wiring.drawings(),
     }

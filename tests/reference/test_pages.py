@@ -10,7 +10,6 @@ NAMES = [
     "reference/asyncapi.yaml",
     "reference/events.md",
     "reference/commands.md",
-    *(f"pictures/wiring-{name}.svg" for name in ("line", "sst", "ssw06", "ssw07", "ssw900")),
 ]
 
 

@@ -1,14 +1,11 @@
-"""The page without sockets: a gateway in a few lines, a clock set by hand, and an ASGI client."""
+"""The page without a gateway: one in a few lines, and a clock set by hand."""
 
 from __future__ import annotations
 
-import asyncio
-import json
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, cast
-from urllib.parse import unquote
 
 from gateway.contract import (
     AuditRecord,
@@ -32,8 +29,6 @@ from gateway.plugins.web.streams import Streams
 from gateway.system.clock_steps import ClockReading
 from tests.config.sites import site
 
-HOST = "127.0.0.1:8480"
-ORIGIN = f"http://{HOST}"
 USER = WebUser("anna", "alice", "line-of-anna")
 
 
@@ -137,19 +132,6 @@ class FakeGateway:
         raise StoreError("there is no history")
 
 
-@dataclass
-class Answer:
-    """What came back."""
-
-    status: int
-    headers: dict[str, str]
-    body: bytes
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.body)
-
-
 class PageRig:
     """A page with everything behind it."""
 
@@ -168,7 +150,6 @@ class PageRig:
         self.accounts = Accounts(settings, self.gateway.records, check=self._check)
         self.streams = Streams(self.model, self.control, self.accounts, self.clock)
         self.page = WebApp(self.gateway, self.model, self.control, self.accounts, self.streams, files or {})
-        self.cookie = self.csrf = ""
 
     def publish(self, record: Record) -> None:
         """Publish a record as the gateway does."""
@@ -184,72 +165,6 @@ class PageRig:
     def state(self, starter: str, state: str) -> None:
         seq = next(self.gateway.records.sequence)
         self.publish(StateRecord(starter=starter, state=state, quality=Quality.GOOD, time_s=1.0, seq=seq))
-
-    async def get(self, path: str, **headers: str) -> Answer:
-        return await self.ask("GET", path, headers=headers)
-
-    async def post(self, path: str, body: object = None, **headers: str) -> Answer:
-        """Post as the page does; headers are spelt with _ for -."""
-        usual = {"content_type": "application/json", "origin": ORIGIN, "sec_fetch_site": "same-origin"}
-        if self.csrf:
-            usual["x_csrf_token"] = self.csrf
-        content = body if isinstance(body, bytes) else json.dumps(body or {}).encode()
-        return await self.ask("POST", path, content, headers={**usual, **headers})
-
-    async def log_in(self, password: str = "right", user: str = "anna", **headers: str) -> Answer:
-        answer = await self.post("/api/v1/login", {"user": user, "password": password}, **headers)
-        if answer.status == 200:
-            self.csrf = answer.json["csrf"]
-            self.cookie = answer.headers["set-cookie"].split(";")[0]
-        return answer
-
-    async def ask(
-        self,
-        method: str,
-        path: str,
-        body: bytes = b"",
-        *,
-        headers: Mapping[str, str] | None = None,
-        peer: str = "127.0.0.1",
-        scheme: str = "http",
-    ) -> Answer:
-        """Send one request and collect the whole answer."""
-        given = {"host": HOST, **({"cookie": self.cookie} if self.cookie else {}), **(headers or {})}
-        sent = [(n.replace("_", "-").encode(), v.encode()) for n, v in given.items() if v]
-        path, _, query = path.partition("?")
-        scope = {
-            "type": "http",
-            "method": method,
-            "path": unquote(path),
-            "raw_path": path.encode(),
-            "query_string": query.encode(),
-            "root_path": "",
-            "scheme": scheme,
-            "headers": sent,
-            "client": (peer, 50000),
-            "server": ("127.0.0.1", 8480),
-            "http_version": "1.1",
-        }
-        collected: list[Any] = []
-        gone = asyncio.Event()
-        bodies = [{"type": "http.request", "body": body, "more_body": False}]
-
-        async def receive() -> Any:
-            if bodies:
-                return bodies.pop()
-            await gone.wait()
-            return {"type": "http.disconnect"}
-
-        async def send(message: Any) -> None:
-            collected.append(message)
-
-        await self.page(scope, receive, send)
-        start = collected[0]
-        return Answer(
-            start["status"],
-            {name.decode(): value.decode() for name, value in start["headers"]},
-            b"".join(message.get("body", b"") for message in collected[1:]),
-        )
 
     def _check(self, password: str, line: str) -> bool:
         return (password, line) == ("right", "line-of-anna")

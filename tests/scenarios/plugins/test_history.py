@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sqlite3
 from pathlib import Path
@@ -688,46 +687,3 @@ def test_a_motor_that_tripped_by_heat_starts_when_the_estimated_time_is_over() -
         assert learnt_s - tripped_s >= 50.0, "learnt from a fall of a minute"
         assert took_s == pytest.approx(estimate_s, rel=0.3, abs=70.0)
         assert plant.last("starter/pump/start")["outcome"] == "full_voltage"
-
-
-def test_the_command_line_lists_and_exports_the_records() -> None:
-    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start")
-        plant.run(until=15.0)
-        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
-        plant.run(until=32.0)
-        start, trip = plant.last("starter/pump/start"), plant.last("starter/pump/trip")
-
-        listed = plant.cli("history", "CONFIG", "pump")
-        as_json = plant.cli("history", "CONFIG", "pump", "--json")
-        csv = plant.cli("history", "CONFIG", "pump", "--csv", str(plant.folder / "trip.csv"))
-        of_start = plant.cli(
-            "history", "CONFIG", "pump", "--id", start["id"], "--csv", str(plant.folder / "start.csv")
-        )
-        comtrade = plant.cli(
-            "history", "CONFIG", "pump", "--id", trip["id"], "--comtrade", str(plant.folder / "trip")
-        )
-
-        assert [each.code for each in (listed, as_json, csv, of_start, comtrade)] == [0] * 5, comtrade.err
-        assert start["id"] in listed.out
-        assert trip["id"] in listed.out
-        assert [json.loads(line)["id"] for line in as_json.out.splitlines()] == [start["id"], trip["id"]]
-        assert "current" in (plant.folder / "trip.csv").read_text().splitlines()[0]
-        assert len((plant.folder / "trip.csv").read_text().splitlines()) == 1 + len(trip["readings"]["t_s"])
-        assert len((plant.folder / "start.csv").read_text().splitlines()) == 1 + len(start["samples"]["t_s"])
-        assert (plant.folder / "trip.cfg").read_text().splitlines()[0].endswith("2013")
-        assert len((plant.folder / "trip.dat").read_text().splitlines()) == len(trip["readings"]["t_s"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"), [(("absent",), "absent"), (("pump", "--id", "no", "--csv", "x"), "no")]
-)
-def test_the_history_of_what_is_not_there_is_refused(arguments: tuple[str, ...], said: str) -> None:
-    with RigPlant(SSW07) as plant:
-        plant.run(until=3.0)
-        ran = plant.cli("history", "CONFIG", *arguments)
-
-        assert ran.code in (1, 2)
-        assert said in ran.err
-        assert len(ran.err.splitlines()) == 1
