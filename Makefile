@@ -147,12 +147,8 @@ debian:
 test-deb: $(STAMP)-deb web site debian ## packages and wheel in fresh systems of Debian, as root; five minutes
 	$(call tried,$(PACKAGED))
 
-$(STAMP)-bench: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	@touch $@
-
-bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
-	@$(BIN)/python -m tests.lab.bench --pictures docs
+bench: $(STAMP) mosquitto ## the line's efficiency, stops, cost of a transaction: five minutes
+	@$(BIN)/python -m tests.lab.bench
 
 fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTIONS="--gateways 10 --starters 32"
 	$(BIN)/python -m tests.lab.fleet $(OPTIONS)

@@ -8,10 +8,9 @@ from tests.lab.bench.account import Stop, quantile, stops, sweeps_s
 from tests.lab.bench.judge import Spec
 from tests.lab.bench.plant import run_gateway
 from tests.lab.bench.report import Goal, table
-from tests.lab.bench.rows import OURS, BenchRow, measured
+from tests.lab.bench.rows import MASTERS, BenchRow, measured
 from tests.lab.bench.runs import Run, run_subject
 
-OTHERS = ("pymodbus", "minimalmodbus")
 FLATNESS = 1.15 / 0.85  # all within 15 % of one figure
 MANY = 247
 
@@ -19,7 +18,7 @@ MANY = 247
 def cpu() -> BenchRow:
     """Processor time and memory, whatever the number of starters and lines."""
     rows, goals = [], []
-    for master in OURS:
+    for master in MASTERS:
         costs_ms = []
         for spec in _sizes("ssw07" if master == "gateway" else ""):
             run = _sized(master, spec)
@@ -34,7 +33,6 @@ def cpu() -> BenchRow:
         goals.append(Goal(f"CPU, 1 to 247 starters, most / least: {master}", spread, FLATNESS, is_most=True))
         growth = max(many_ms) / costs_ms[1]
         goals.append(Goal(f"CPU, more lines / one: {master}", growth, 1.15, is_most=True))
-    rows += [_cost(f"{master}, 1 x 8", measured(master, Spec(is_calm=True))) for master in OTHERS]
     note = (
         "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
         "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm."

@@ -22,7 +22,6 @@ from dataclasses import asdict, dataclass, field
 from tests.lab.bench.account import Submitted
 
 REGISTERS = 10
-TIMEOUT_S = 0.1  # of the other masters; ours computes its own
 
 
 @dataclass(frozen=True)
@@ -111,56 +110,6 @@ async def line(task: Task) -> Span:
     return span
 
 
-async def pymodbus(task: Task) -> Span:
-    """Pymodbus's asyncio client: one task, one request after the other."""
-    from pymodbus.client import AsyncModbusSerialClient
-    from pymodbus.exceptions import ModbusException
-
-    client = AsyncModbusSerialClient(
-        task.ports[0],
-        baudrate=task.baud,
-        parity=task.framing[1],
-        stopbits=int(task.framing[2]),
-        timeout=TIMEOUT_S,
-        retries=0,
-    )
-    await client.connect()
-    clock = _Clock(task)
-    is_measuring = False
-    while time.monotonic() < clock.from_s + task.seconds:
-        for unit in range(1, task.units + 1):
-            if not is_measuring and time.monotonic() >= clock.from_s:
-                clock.note_begin()
-                is_measuring = True
-            try:
-                await client.read_holding_registers(0, count=REGISTERS, device_id=unit)
-            except ModbusException:
-                if not client.connected:
-                    await client.connect()
-    return clock.span()
-
-
-def minimalmodbus(task: Task) -> Span:
-    """Minimalmodbus: blocking."""
-    import minimalmodbus as minimal  # type: ignore[import-untyped]  # it has no types
-    import serial
-
-    port = serial.Serial(task.ports[0], task.baud, timeout=TIMEOUT_S, stopbits=int(task.framing[2]))
-    instruments = [minimal.Instrument(port, unit) for unit in range(1, task.units + 1)]
-    clock = _Clock(task)
-    is_measuring = False
-    while time.monotonic() < clock.from_s + task.seconds:
-        for instrument in instruments:
-            if not is_measuring and time.monotonic() >= clock.from_s:
-                clock.note_begin()
-                is_measuring = True
-            try:
-                instrument.read_registers(0, REGISTERS)
-            except (OSError, ValueError):  # its errors are of these kinds; the next unit follows
-                continue
-    return clock.span()
-
-
 def pinger(task: Task) -> Span:
     """A master that does nothing but note when it writes and when it can read, without ever sleeping."""
     from gateway.modbus import adu
@@ -200,16 +149,12 @@ def _rss_kib() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-ASYNCHRONOUS = {"line": line, "pymodbus": pymodbus}
-BLOCKING = {"minimalmodbus": minimalmodbus, "pinger": pinger}
-
-
 def main() -> None:
     """Do what the command line says."""
     kind, given = sys.argv[1], json.loads(sys.argv[2])
     task = Task(**{**given, "ports": tuple(given["ports"])})
     logging.disable()
-    span = asyncio.run(ASYNCHRONOUS[kind](task)) if kind in ASYNCHRONOUS else BLOCKING[kind](task)
+    span = asyncio.run(line(task)) if kind == "line" else pinger(task)
     print(json.dumps(asdict(span)), flush=True)
 
 

@@ -18,7 +18,6 @@ from tests.lab.bench.account import (
     stops,
     sweeps_s,
 )
-from tests.lab.bench.pictures import efficiency_picture, line_time_picture
 from tests.lab.bench.report import Goal, table
 
 LAW = Law(LineTiming(19200, Framing.parse("8N2")), delay_s=0.005)
@@ -140,20 +139,3 @@ def test_a_table_lines_its_columns_up() -> None:
 
     assert lines[2:5] == ["| a         | b |", "| --------- | - |", "| long name | 1 |"]
     assert lines[-1] == "n"
-
-
-def test_a_line_that_breaks_the_silence_gets_no_bar() -> None:
-    good, bad = account(line(0.0), LAW), account(line(-0.001, -0.001), LAW)
-
-    drawn = efficiency_picture({("ours", 19200, way): good for way in (False, True)}, {"ours": "#123"})
-    broken = efficiency_picture({("ours", 19200, way): bad for way in (False, True)}, {"ours": "#123"})
-
-    assert "1.000" in drawn
-    assert "too soon" in broken
-
-
-def test_the_picture_of_the_line_shows_lost_time_and_broken_silences() -> None:
-    drawn = line_time_picture({"ours": (line(0.001, -0.001), LAW), "none": ([], LAW)}, seconds=0.05)
-
-    assert drawn.count("<rect") > 8
-    assert drawn.startswith("<svg")
