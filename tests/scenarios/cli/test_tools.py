@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import comtrade
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
+from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
 from tests.rig.state import stored_document, with_document, with_sql
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
@@ -25,6 +27,18 @@ NAMED = (
     + SSW07
     + ALICE
 )
+
+
+def beside(
+    name: str,
+    given: str,
+    *said: Expectation,
+    then: Iterable[Action] = (),
+    end_s: float = 3.0,
+    **options: Any,
+) -> Any:
+    """Return a row of a plant whose gateway has ended: `then` is done, and the tools are run."""
+    return row(name, given=given, at={end_s: ["end", *then]}, then={end_s: said}, **options)
 
 
 def lines_of(name: str, *texts: str, but: tuple[str, ...] = ()) -> Any:
@@ -124,179 +138,129 @@ OTHER_P314 = changed(
 )
 
 SCANNING = [
-    row(
+    beside(
         "a scan finds every family and prints a site that check accepts",
-        given=FOUR,
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli(
-                    f"{SCAN} 1-5",
-                    out=(
-                        'family = "ssw07"',
-                        'family = "ssw06"',
-                        'family = "ssw900"',
-                        'family = "sst"',
-                        "address = 4",
-                    ),
-                    err=("80% ", "address 1 at 19200 8N2: SSW-07"),
-                ),
-                _accepted,
-                frames("pump"),
-                frames("belt"),
-            ]
-        },
+        FOUR,
+        cli(
+            f"{SCAN} 1-5",
+            out=(
+                'family = "ssw07"',
+                'family = "ssw06"',
+                'family = "ssw900"',
+                'family = "sst"',
+                "address = 4",
+            ),
+            err=("80% ", "address 1 at 19200 8N2: SSW-07"),
+        ),
+        _accepted,
+        frames("pump"),
+        frames("belt"),
     ),
-    row(
+    beside(
         "a line without starters is no success",
-        given=SSW07,
-        at={3.0: "end"},
-        then={3.0: cli(f"{SCAN} 9", code=1, out="", err="no starter was found")},
+        SSW07,
+        cli(f"{SCAN} 9", code=1, out="", err="no starter was found"),
     ),
-    row(
+    beside(
         "a port that is not there is named",
-        given=SSW07,
-        at={3.0: "end"},
-        then={
-            3.0: cli(
-                "scan /dev/none --baud 19200 --framing 8N2 --address 1",
-                code=1,
-                out="",
-                err="port /dev/none: ",
-            )
-        },
+        SSW07,
+        cli("scan /dev/none --baud 19200 --framing 8N2 --address 1", code=1, out="", err="port /dev/none: "),
     ),
-    row(
+    beside(
         "a watchdog that the scan has started stands in the site that it prints",
-        given=SSW07,
+        SSW07,
+        cli(f"{SCAN} 1-2", out="watchdog_s = 30.0", err="P314 runs since this scan: after 30 s"),
         sim={"pump": {"settings": {314: 30}}},
-        at={3.0: "end"},
-        then={3.0: cli(f"{SCAN} 1-2", out="watchdog_s = 30.0", err="P314 runs since this scan: after 30 s")},
     ),
-    row(
+    beside(
         "what another setting of the line would find is not found at this one",
-        given=SSW07.replace("19200", "9600"),
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli(f"{SCAN} 1-2", code=1, err="no starter was found"),
-                cli("scan /dev/pumps --baud 9600,19200 --framing 8N2 --address 1-2", out="baud = 9600"),
-            ]
-        },
+        SSW07.replace("19200", "9600"),
+        cli(f"{SCAN} 1-2", code=1, err="no starter was found"),
+        cli("scan /dev/pumps --baud 9600,19200 --framing 8N2 --address 1-2", out="baud = 9600"),
     ),
 ]
 
 DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 too
-    row(
+    beside(
         "doctor looks at port, broker, identity and settings, and changes nothing",
-        given=SSW07,
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli(
-                    "doctor CONFIG",
-                    code=None,
-                    out=(
-                        "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
-                        "ok      line pumps: /dev/pumps opens",
-                        "ok      starter pump: is SSW-07 85.0A",
-                        "note    starter pump: no watchdog is on: ",
-                    ),
-                ),
-                frames("pump"),
-            ]
-        },
+        SSW07,
+        cli(
+            "doctor CONFIG",
+            code=None,
+            out=(
+                "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
+                "ok      line pumps: /dev/pumps opens",
+                "ok      starter pump: is SSW-07 85.0A",
+                "note    starter pump: no watchdog is on: ",
+            ),
+        ),
+        frames("pump"),
     ),
-    row(
+    beside(
         "a broker that is away is an error",
-        given=SSW07,
-        at={3.0: ["end", "broker down"]},
-        then={
-            3.0: cli(
-                "doctor CONFIG",
-                code=1,
-                out=("error   broker 127.0.0.1:1883: ", "nothing listens there", "1 error"),
-            )
-        },
+        SSW07,
+        cli(
+            "doctor CONFIG",
+            code=1,
+            out=("error   broker 127.0.0.1:1883: ", "nothing listens there", "1 error"),
+        ),
+        then=["broker down"],
     ),
-    row(
+    beside(
         "a line whose adapter is gone is an error",
-        given=SSW07,
-        at={3.0: ["end", "line pumps unplug"]},
-        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   line pumps: "))},
+        SSW07,
+        cli("doctor CONFIG", code=1, out=re.compile(r"error   line pumps: ")),
+        then=["line pumps unplug"],
     ),
-    row(
+    beside(
         "another starter than the one configured is an error",
-        given=SSW07,
+        SSW07,
+        cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*SSW-06")),
         sim={"pump": {"family": "ssw06"}},
-        at={3.0: "end"},
-        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*SSW-06"))},
     ),
-    row(
+    beside(
         "a starter that does not answer is an error",
-        given=SSW07,
+        SSW07,
+        cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: ")),
         absent=("pump",),
-        at={3.0: "end"},
-        then={3.0: cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: "))},
     ),
-    row(
+    beside(
         "a watchdog that the polls keep quiet is a note, with what it would do",
-        given=SSW07,
+        SSW07,
+        cli(
+            "doctor CONFIG",
+            code=None,
+            out=re.compile(r"starter pump: after 30 s without a request .*\(P314\)"),
+        ),
         sim={"pump": {"settings": {314: 30, 313: 2}}},
-        at={3.0: "end"},
-        then={
-            3.0: cli(
-                "doctor CONFIG",
-                code=None,
-                out=re.compile(r"starter pump: after 30 s without a request .*\(P314\)"),
-            )
-        },
     ),
-    row(
+    beside(
         "four starters that are set up well are no problem",
-        given=FOUR,
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli("doctor CONFIG", code=None, out=re.compile(r"\n0 errors, |\nno problems")),
-                lambda plant: (
-                    ""
-                    if "warning starter" not in plant.cli("doctor", "CONFIG").out
-                    else "a starter is warned of"
-                ),
-                *(frames(name) for name in ("pump", "fan", "mill", "belt")),
-            ]
-        },
+        FOUR,
+        cli("doctor CONFIG", code=None, out=re.compile(r"\n0 errors, |\nno problems")),
+        lambda plant: (
+            "" if "warning starter" not in plant.cli("doctor", "CONFIG").out else "a starter is warned of"
+        ),
+        *(frames(name) for name in ("pump", "fan", "mill", "belt")),
     ),
-    row(
+    beside(
         "a start that its starter would not execute is a problem",
-        given=SSW07,
+        SSW07,
+        cli("doctor CONFIG", code=1, out="starter pump: a start is not executed"),
         sim={"pump": {"settings": {230: 0}}},
-        at={3.0: "end"},
-        then={3.0: cli("doctor CONFIG", code=1, out="starter pump: a start is not executed")},
     ),
-    row(
+    beside(
         "a watchdog that the polls do not keep is a problem",
-        given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 9)),
+        line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 9)),
+        cli("doctor CONFIG", code=1, out=("it may act although all is well", "P314 runs since this look")),
         sim={"p1": {"settings": {314: 1}}},
         absent=tuple(f"p{n}" for n in range(2, 9)),
-        at={3.0: "end"},
-        then={
-            3.0: cli(
-                "doctor CONFIG", code=1, out=("it may act although all is well", "P314 runs since this look")
-            )
-        },
     ),
-    row(
+    beside(
         "settings that stand as delivered are named",
-        given=SSW07,
+        SSW07,
+        cli("doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")),
         sim={"pump": {"settings": {220: 3, 230: 2}}},
-        at={3.0: "end"},
-        then={
-            3.0: cli(
-                "doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")
-            )
-        },
     ),
     row(
         "where a gateway holds the port it is asked instead",
@@ -330,11 +294,11 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         sim={"pump": {"family": "ssw06"}},
         then={10.0: cli("doctor CONFIG", code=1, out=re.compile("gateway says: .*it is ssw06, not ssw07"))},
     ),
-    row(
+    beside(
         "a port that is lost on the way is a problem",
-        given=SSW07,
-        at={3.0: ["end", lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)]},
-        then={3.0: cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error"))},
+        SSW07,
+        cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error")),
+        then=[lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)],
     ),
     row(
         "the slot of an SSW900's accessory decides where its command sources must point",
@@ -345,101 +309,75 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
 ]
 
 PARAMETERS = [
-    row(
+    beside(
         "a saved set equals the starter that it was read from",
-        given=SSW07,
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli(SAVED, out=re.compile(r"pump\.toml: \d+ parameters of pump"), err="100%"),
-                lines_of("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
-                cli("parameters diff DIR/pump.toml CONFIG:pump"),
-                cli(SAVED, code=2, err="pump.toml"),
-            ]
-        },
+        SSW07,
+        cli(SAVED, out=re.compile(r"pump\.toml: \d+ parameters of pump"), err="100%"),
+        lines_of("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
+        cli("parameters diff DIR/pump.toml CONFIG:pump"),
+        cli(SAVED, code=2, err="pump.toml"),
     ),
-    row(
+    beside(
         "a difference is printed and ends with 1",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314]},
-        then={
-            3.0: cli(
-                "parameters diff DIR/pump.toml CONFIG:pump",
-                code=1,
-                out="P314 timeout for message reception: 77.0 s -> 0.0 s (off)",
-            )
-        },
+        SSW07,
+        cli(
+            "parameters diff DIR/pump.toml CONFIG:pump",
+            code=1,
+            out="P314 timeout for message reception: 77.0 s -> 0.0 s (off)",
+        ),
+        then=[ran(SAVED), OTHER_P314],
     ),
-    row(
+    beside(
         "a dry run says what a restore would write, and writes nothing",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314]},
-        then={
-            3.0: [
-                cli(f"{RESTORE} --dry-run", out="would write: P314"),
-                frames("pump"),
-            ]
-        },
+        SSW07,
+        cli(f"{RESTORE} --dry-run", out="would write: P314"),
+        frames("pump"),
+        then=[ran(SAVED), OTHER_P314],
     ),
-    row(
+    beside(
         "a restore writes it, and then there is no difference",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314]},
-        then={
-            3.0: [
-                cli(RESTORE),
-                frames("pump", "06 01 3a 00 4d"),
-                cli("parameters diff DIR/pump.toml CONFIG:pump"),
-            ]
-        },
+        SSW07,
+        cli(RESTORE),
+        frames("pump", "06 01 3a 00 4d"),
+        cli("parameters diff DIR/pump.toml CONFIG:pump"),
+        then=[ran(SAVED), OTHER_P314],
     ),
-    row(
+    beside(
         "nothing is restored while the motor runs",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"]},
-        then={
-            3.0: [
-                cli(RESTORE, code=1, out="[motor_running]"),
-                frames("pump"),
-            ]
-        },
+        SSW07,
+        cli(RESTORE, code=1, out="[motor_running]"),
+        frames("pump"),
+        then=[ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"],
     ),
-    row(
+    beside(
         "a set of another family is refused",
-        given=SSW07 + starter("fan", 2, "ssw06"),
-        at={3.0: ["end", ran(SAVED)]},
-        then={
-            3.0: [
-                cli(
-                    "parameters restore CONFIG fan DIR/pump.toml",
-                    code=2,
-                    err="the file is of family ssw07, fan of ssw06: choose another file",
-                ),
-                frames("fan"),
-            ]
-        },
+        SSW07 + starter("fan", 2, "ssw06"),
+        cli(
+            "parameters restore CONFIG fan DIR/pump.toml",
+            code=2,
+            err="the file is of family ssw07, fan of ssw06: choose another file",
+        ),
+        frames("fan"),
+        then=[ran(SAVED)],
     ),
-    row(
+    beside(
         "against the factory's settings only what differs is printed",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED)]},
-        then={
-            3.0: cli(
-                "parameters diff DIR/pump.toml --factory", code=1, out=("P220 ", "as delivered: ", "P314")
-            )
-        },
+        SSW07,
+        cli("parameters diff DIR/pump.toml --factory", code=1, out=("P220 ", "as delivered: ", "P314")),
+        then=[ran(SAVED)],
     ),
-    row(
+    beside(
         "the writes of a restore are counted",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314, ran(RESTORE)]},
-        then={3.0: lambda plant: "" if stored_document(plant, "writes") == {"pump": 1} else "not counted"},
+        SSW07,
+        lambda plant: "" if stored_document(plant, "writes") == {"pump": 1} else "not counted",
+        then=[ran(SAVED), OTHER_P314, ran(RESTORE)],
     ),
-    row(
+    beside(
         "where nothing differs nothing is written",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED)]},
-        then={3.0: [cli(RESTORE, out="nothing to write"), frames("pump")]},
+        SSW07,
+        cli(RESTORE, out="nothing to write"),
+        frames("pump"),
+        then=[ran(SAVED)],
     ),
     row(
         "nothing is restored to a starter that is locked for maintenance",
@@ -463,61 +401,41 @@ PARAMETERS = [
             ]
         },
     ),
-    row(
+    beside(
         "nor to another starter than the gateway knows",
-        given=SSW07 + ALICE,
-        at={
-            12.0: [
-                "end",
-                ran(SAVED),
-                OTHER_P314,
-                with_sql("UPDATE documents SET body = replace(body, '1.40', '1.30')"),
-            ]
-        },
-        then={
-            12.0: [
-                cli(
-                    RESTORE,
-                    code=1,
-                    err=("identity_changed: ", "firmware was 1.30, is now 1.40", "send accept"),
-                ),
-                cli(
-                    "doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*commands would be held")
-                ),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE,
+        cli(RESTORE, code=1, err=("identity_changed: ", "firmware was 1.30, is now 1.40", "send accept")),
+        cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*commands would be held")),
+        frames("pump"),
+        end_s=12.0,
+        then=[ran(SAVED), OTHER_P314, with_sql("UPDATE documents SET body = replace(body, '1.40', '1.30')")],
     ),
-    row(
+    beside(
         "nor where it cannot be read whether it is locked",
-        given=SSW07,
-        at={3.0: ["end", ran(SAVED), OTHER_P314, with_document("locks", "[")]},
-        then={3.0: [cli(RESTORE, code=1, err=("locked: ", "is damaged")), frames("pump")]},
+        SSW07,
+        cli(RESTORE, code=1, err=("locked: ", "is damaged")),
+        frames("pump"),
+        then=[ran(SAVED), OTHER_P314, with_document("locks", "[")],
     ),
-    row(
+    beside(
         "a starter that is silent is not saved",
-        given=SSW07,
+        SSW07,
+        cli(SAVED, code=1, err="does not answer at address 1"),
+        file_there("pump.toml", is_there=False),
         absent=("pump",),
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli(SAVED, code=1, err="does not answer at address 1"),
-                file_there("pump.toml", is_there=False),
-            ]
-        },
     ),
-    row(
+    beside(
         "nor one of another family than the one configured",
-        given=SSW07,
+        SSW07,
+        cli(SAVED, code=1, err="it is ssw06, not ssw07"),
         sim={"pump": {"family": "ssw06"}},
-        at={3.0: "end"},
-        then={3.0: cli(SAVED, code=1, err="it is ssw06, not ssw07")},
     ),
-    row(
+    beside(
         "nor one whose port is not there",
-        given=SSW07,
-        at={3.0: ["end", "line pumps unplug"]},
-        then={3.0: [cli(SAVED, code=1, err="port "), file_there("pump.toml", is_there=False)]},
+        SSW07,
+        cli(SAVED, code=1, err="port "),
+        file_there("pump.toml", is_there=False),
+        then=["line pumps unplug"],
     ),
 ]
 
@@ -573,26 +491,26 @@ AUDIT = [
         at={3.0: command("pump/alice/start"), 6.0: "end"},
         then={6.0: _cut_off},
     ),
-    row(
+    beside(
         "an anchor that cannot be read is a problem",
-        given=SSW07,
-        at={3.0: ["end", with_document("audit", "nonsense")]},
-        then={3.0: cli("audit verify CONFIG", code=1, out="before its first line cannot be read")},
+        SSW07,
+        cli("audit verify CONFIG", code=1, out="before its first line cannot be read"),
+        then=[with_document("audit", "nonsense")],
     ),
     *(
-        row(
+        beside(
             f"what is no entry is shown as such: {text}",
-            given=SSW07,
-            at={3.0: ["end", with_sql("INSERT INTO audit (line) VALUES (?)", text)]},
-            then={3.0: cli("audit show CONFIG --last 1", out=f"?  {text!r}\n")},
+            SSW07,
+            cli("audit show CONFIG --last 1", out=f"?  {text!r}\n"),
+            then=[with_sql("INSERT INTO audit (line) VALUES (?)", text)],
         )
         for text in ("nonsense", "[]")
     ),
-    row(
+    beside(
         "an empty table is an empty chain",
-        given=SSW07,
-        at={3.0: ["end", with_sql("DELETE FROM audit")]},
-        then={3.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole")},
+        SSW07,
+        cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
+        then=[with_sql("DELETE FROM audit")],
     ),
 ]
 
@@ -643,16 +561,11 @@ HISTORY = [
             ]
         },
     ),
-    row(
+    beside(
         "a starter without records says so",
-        given=SSW07,
-        at={3.0: "end"},
-        then={
-            3.0: [
-                cli("history CONFIG pump", out="no starts and no trips are recorded yet"),
-                cli("history CONFIG pump --csv -", code=1),
-            ]
-        },
+        SSW07,
+        cli("history CONFIG pump", out="no starts and no trips are recorded yet"),
+        cli("history CONFIG pump --csv -", code=1),
     ),
     row(
         "the report has identity, starts and trips, in the language asked for, and as a page",
@@ -741,11 +654,10 @@ WATCH = [
         given=SSW07,
         then={3.0: cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE")},
     ),
-    row(
+    beside(
         "what is not live is never shown as if it were",
-        given=SSW07,
-        at={3.0: "end"},
-        then={3.0: cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?"))},
+        SSW07,
+        cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
     ),
     row(
         "without a broker there is no table",
@@ -757,14 +669,11 @@ WATCH = [
             )
         },
     ),
-    row(
+    beside(
         "a stop of the gateway would interrupt nothing while no watchdog is shorter",
-        given=SSW07,
+        SSW07,
+        cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 30.0}),
         sim={"pump": {"settings": {314: 30}}},
-        at={3.0: "end"},
-        then={
-            3.0: cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 30.0})
-        },
     ),
 ]
 
@@ -805,23 +714,19 @@ UPGRADE = [
         sim={"pump": {"settings": {314: 60, 313: 1}}},
         then={6.0: while_it_runs("check CONFIG --upgrade", out="a restart is safe: no")},
     ),
-    row(
+    beside(
         "where no gateway runs a short one is interrupted by nothing",
-        given=SSW07,
+        SSW07,
+        cli("check CONFIG --upgrade", out="no gateway runs with this state_dir"),
+        end_s=6.0,
         sim={"pump": {"settings": {314: 5, 313: 1}}},
-        at={6.0: "end"},
-        then={6.0: cli("check CONFIG --upgrade", out="no gateway runs with this state_dir")},
     ),
-    row(
+    beside(
         "a state of a later version is refused and stays as it is",
-        given=SSW07,
-        at={3.0: ["end", with_sql("PRAGMA user_version = 9")]},
-        then={
-            3.0: [
-                cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
-                cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
-            ]
-        },
+        SSW07,
+        cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
+        cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
+        then=[with_sql("PRAGMA user_version = 9")],
     ),
 ]
 
