@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Sees to it that Mosquitto, its clients, libmodbus and tshark are there: from the distribution, when we may. Never fails, except in CI.
+# Sees to it that Mosquitto, its clients and tshark are there: from the distribution, when we may. Never fails, except in CI.
 set -euo pipefail
 
 PATH="$PATH:/usr/local/sbin:/usr/sbin:/sbin"
@@ -9,7 +9,6 @@ missing() {
     for program in mosquitto mosquitto_sub mosquitto_pub tshark; do
         command -v "$program" > /dev/null || echo "$program"
     done
-    ldconfig -p | grep -q 'libmodbus\.so' || echo libmodbus5 # a Modbus server for the tests that is not ours
 }
 
 if [ -z "$(missing)" ]; then
@@ -18,10 +17,10 @@ fi
 if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
     echo "Installing Mosquitto from the distribution ..."
     export DEBIAN_FRONTEND=noninteractive
-    { apt-get update -qq && apt-get install -y -qq --no-install-recommends mosquitto mosquitto-clients libmodbus5 tshark; } || true
+    { apt-get update -qq && apt-get install -y -qq --no-install-recommends mosquitto mosquitto-clients tshark; } || true
 fi
 if [ -n "$(missing)" ]; then
-    echo "Not installed: $(missing | paste -sd ' ') (apt-get install mosquitto mosquitto-clients libmodbus5 tshark)." >&2
+    echo "Not installed: $(missing | paste -sd ' ') (apt-get install mosquitto mosquitto-clients tshark)." >&2
     if [ "${CI:-}" = true ]; then
         exit 1
     fi

@@ -105,6 +105,50 @@ family = "ssw07" => family = "ssw07"\nwatchdog_s = 0.5
 [[rules]]\nstarters = ["pump-1"]\ntwo_step = ["stop"] | rules[0].two_step[0]: is 'stop'
 [[rules]]\nstarters = ["pump-1"]\nfeeder = "a"
     | line[0].starter[0].name: 'pump-1' has feeder without stagger_s
+address = 1\n =>  | line[0].starter[0].address: is missing
+name = "pump-2" => name = "pump-1"
+    | line[0].starter[1].name: 'pump-1' is also line[0].starter[0].name (each starter needs its own name
+address = 2 => address = 1
+    | line[0].starter[1].address: 1 is also line[0].starter[0].address (each starter on
+address = 1 => address = 0 | address: is 0 (must be at least 1)
+address = 1 => address = 248 | address: is 248 (must be at most 247)
+address = 1 => address = "1" | address: is '1' (must be a whole number)
+"ssw07" => "ssw99" | is 'ssw99' (did you mean ssw900 or ssw07?)
+"ssw07" => "sst" | line[0].framing: '8E1' is not for sst (pump-1) (its manual allows 8N2)
+19200 => 115200 | line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
+19200 => 1234 | is 1234 (must be 1200, 2400,
+/dev/rs485-pumps => COM3 | line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
+[[operator]]\n => [[line]]\nname = "b"\nport = "/dev/rs485-pumps"\nbaud = 9600\nframing = "8N2"\n[[operator]]\n
+    | line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[line]])
+every_s = 2.0 => every_s = -1.0 | every_s: is -1.0 (must be at least 0)
+family = "ssw07" => family = "ssw07"\nslot = 1 | line[0].starter[0].slot: ssw07 has no slots (leave it out)
+mqtts://broker.plant:8883 => mqtt://broker.plant
+    | mqtt.url: would send passwords and commands unencrypted (use mqtts://, or allow_plaintext = true)
+mqtts://broker.plant:8883 => http://x | 'http://x' is no broker address
+["start", "stop"] => ["strat"] | may[0]: is 'strat' (did you mean start?)
+name = "mcc1" =>  | gateway.name: is missing
+name = "mcc1" => name = "mcc1"\nlanguage = "de" | language: is 'de' (one of en, es, pt)
+family = "ssw900" => family = "ssw900"\nfast_words = true
+    | line[0].starter[1].fast_words: was removed in 0.3.0 (leave it out
+framing = "8E1" => framing = "8E1"\nlearn_response_times = true
+    | line[0].learn_response_times: was removed in 0.3.0 (leave it out; where replies are sure to be
+["pump-*"] => ["pump-*"]\nfreshness = "boot"
+    | operator[0].freshness: was removed in 0.3.0 (leave it out; the client sends the token
+[[group]]\nname = "pump-1"\nstarters = ["pump-1"]
+    | group[0].name: 'pump-1' is also line[0].starter[0].name
+[rules]\nstarts_per_hour = 2 | rules: is not a list of tables (write [[rules]]
+[[rules]]\nstarters = ["pump-1"]\nstagger_s = 3.0 | has stagger_s without feeder
+[web]\nlisten = "0.0.0.0:8480"
+    | web.listen: would send passwords and commands unencrypted (give cert_file and key_file
+[web]\nlisten = "0.0.0.0:8480"\nallow_plaintext = true
+    | web.listen: opens the page to other machines without any login (add a [[web.user]]
+[web]\n[[web.user]]\nname = "x"\noperator = "carol"\npassword = "LINE"
+    | web.user[0].operator: 'carol' is no [[operator]]'s client (one of alice)
+[homeassistant]\noperator = "carol"
+    | homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)
+[homeassistant]\ndiscovery_prefix = "home assistant" | is 'home assistant' (levels of a topic,
+[homeassistant]\npage_url = "mcc1" | is 'mcc1' (an address that begins with http:// or https://)
+[sparkplug]\ngroup = "a/b" | sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)
 """
 RIGHT = r"""
 [homeassistant]

@@ -12,7 +12,7 @@ from tests.mosquitto import StartMosquitto
 PROOFS = [
     pytest.param(KILLS, marks=(pytest.mark.paired, pytest.mark.long), id="a kill around a start"),
     pytest.param(STOPS, marks=pytest.mark.alone, id="a stop just after start-up"),
-    pytest.param(STALE, marks=pytest.mark.long, id="retained, expired, replayed and queued commands"),
+    pytest.param(STALE, marks=pytest.mark.long, id="commands that were queued or waited in a socket"),
     pytest.param(STALLED, marks=pytest.mark.alone, id="a start that a standing broker held"),
 ]
 

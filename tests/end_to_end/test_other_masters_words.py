@@ -1,13 +1,9 @@
-"""The gateway against Modbus servers that share no code with it."""
+"""The gateway against a Modbus server that shares no code with it."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-import pytest
-
-from tests.end_to_end.libmodbus_server import library
 from tests.end_to_end.pty_pair import PtyPair
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import StartMosquitto
@@ -23,19 +19,8 @@ WORDS = dict.fromkeys((5, 6, 7, 11, 14, 30, 31, 32, 50, 81), 0) | {
 }
 
 
-@pytest.fixture(params=["pymodbus_server", "libmodbus_server"])
-def server(request: pytest.FixtureRequest) -> str:
-    name = str(request.param)
-    if name == "libmodbus_server" and library() is None:
-        text = "not installed: libmodbus (apt-get install libmodbus5)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(text)
-        pytest.skip(text)
-    return name
-
-
 async def test_the_values_of_another_projects_server_are_published_as_they_are(
-    server: str, start_mosquitto: StartMosquitto, tmp_path: Path
+    start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     broker = start_mosquitto()
     cells = [f"{address}={word}" for address, word in sorted(WORDS.items())]
@@ -43,7 +28,7 @@ async def test_the_values_of_another_projects_server_are_published_as_they_are(
         text = site_config(broker_port=broker.port, port=pair.left, starters=STARTER, framing="8E1")
         config = write_config(tmp_path, text)
         async with (
-            Program(f"tests.end_to_end.{server}", pair.right, "19200", "7", *cells) as serving,
+            Program("tests.end_to_end.pymodbus_server", pair.right, "19200", "7", *cells) as serving,
             broker.watch("starters/plant/#") as watcher,
         ):
             await serving.says("serving")

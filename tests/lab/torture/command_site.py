@@ -104,10 +104,6 @@ class CommandSite:
         """Return how many start frames all starters have received."""
         return sum(len(ear.unit.start_frames) for ear in self.ears.values())
 
-    def writes(self) -> int:
-        """Return how many writes of any kind all starters have received."""
-        return sum(len(ear.writes()) for ear in self.ears.values())
-
     def mark(self, starter: str) -> int:
         return len(self.ears[starter].received)
 
@@ -187,11 +183,6 @@ class CommandSite:
         self.check(bool(self.written(starter, since=received)), f"{starter} has received no stop frame")
         unit = self.ears[starter].unit
         await until(lambda: not unit.motor.is_turned_on, f"{starter} is off", within_s=10.0)
-
-    async def restart(self) -> None:
-        """Stop the gateway and start it again."""
-        await self.gateway.stop()
-        await self.begin()
 
     async def begin(self) -> None:
         lives = len(self.gateway.lives)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, SSW07, WEB, line, operator, starter, table
+from tests.rig.sites import ALICE, FOUR, SSW07, line, operator, starter, table
 from tests.scenarios.cli.lines import LineRow, line_row, play_line
 
 MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
@@ -159,181 +159,24 @@ RIGHT = [
     ),
 ]
 
-MISTAKES = [  # what is wrong, in which configuration, and what is said of it
+MISTAKES = [  # the others: tests/config
     (
         "an unknown key is answered with those that there are",
         SSW07 + "[web]\nport = 1\n",
         "line 18: web.port: unknown key (one of listen, ",
     ),
     (
-        "a mistyped key with the one that was meant",
-        SSW07 + 'famly = "ssw07"\n',
-        "line[0].starter[0].famly: unknown key (did you mean family?)",
-    ),
-    ("a missing key", SSW07.replace("address = 1\n", ""), "line[0].starter[0].address: is missing"),
-    (
-        "two starters of one name",
-        SSW07 + line("fans") + starter("pump", 1, "ssw06"),
-        "line[1].starter[0].name: 'pump' is also line[0].starter[0].name (each starter needs its own name",
-    ),
-    (
-        "two starters at one address",
-        SSW07 + starter("fan", 1, "ssw06"),
-        "line[0].starter[1].address: 1 is also line[0].starter[0].address (each starter on",
-    ),
-    (
-        "address 0 is for broadcasts",
-        line() + starter("pump", 0, "ssw07"),
-        "address: is 0 (must be at least 1)",
-    ),
-    ("address 248", line() + starter("pump", 248, "ssw07"), "address: is 248 (must be at most 247)"),
-    ("a text for a number", SSW07.replace("= 1\n", '= "1"\n', 1), "address: is '1' (must be a whole number)"),
-    (
-        "a name that is no level of a topic",
-        line() + starter("Pump 1", 1, "ssw07"),
-        "is 'Pump 1' (only a-z, 0-9, _ and -)",
-    ),
-    ("an unknown family", line() + starter("pump", 1, "ssw99"), "is 'ssw99' (did you mean ssw900 or ssw07?)"),
-    (
-        "a framing that the manual does not have",
-        line(framing="8E1") + starter("belt", 1, "sst"),
-        "line[0].framing: '8E1' is not for sst (belt) (its manual allows 8N2)",
-    ),
-    (
-        "a rate that the manual does not have",
-        line(baud=115200) + starter("pump", 1, "ssw07"),
-        "line[0].baud: 115200 is not for ssw07 (pump) (its manual allows 9600, 19200, 38400)",
-    ),
-    (
-        "a rate that no starter has",
-        line(baud=1234) + starter("pump", 1, "ssw07"),
-        "is 1234 (must be 1200, 2400, ",
-    ),
-    (
-        "a port that is none",
-        SSW07.replace("/dev/pumps", "COM3"),
-        "line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/..., or socket://host:port)",
-    ),
-    (
-        "one port in two lines",
-        SSW07 + line("fans").replace("/dev/fans", "/dev/pumps") + starter("fan", 2, "ssw06"),
-        "line[1].port: '/dev/pumps' is also line[0].port (put all starters of a port under one [[line]])",
-    ),
-    (
-        "a negative period",
-        line() + starter("pump", 1, "ssw07", every_s=-1.0),
-        "every_s: is -1.0 (must be at least 0)",
-    ),
-    (
-        "a slot of a starter that has none",
-        line() + starter("pump", 1, "ssw07", slot=1),
-        "line[0].starter[0].slot: ssw07 has no slots (leave it out)",
-    ),
-    (
-        "a broker elsewhere without TLS",
-        '[mqtt]\nurl = "mqtt://broker.plant"\n' + SSW07,
-        "mqtt.url: would send passwords and commands unencrypted (use mqtts://, or allow_plaintext = true)",
-    ),
-    (
-        "an address that is no broker's",
-        '[mqtt]\nurl = "http://x"\n' + SSW07,
-        "'http://x' is no broker address",
-    ),
-    (
         "a password file that is missing",
         '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n' + SSW07,
         "mqtt.password: password_file: No such file or directory (create it, mode 0600)",
     ),
-    (
-        "a pattern that fits nothing",
-        SSW07 + operator("alice", starters=("mill-*",)),
-        "operator[0].starters[0]: 'mill-*' fits no starter (one of pump)",
-    ),
-    (
-        "a verb that is none",
-        SSW07 + operator("alice", may=("strat",)),
-        "may[0]: is 'strat' (did you mean start?)",
-    ),
-    (
-        "a group with a starter's name",
-        SSW07 + table("[group]", name="pump", starters=["pump"]),
-        "group[0].name: 'pump' is also line[0].starter[0].name",
-    ),
-    (
-        "one bracket too few",
-        SSW07 + table("rules", starts_per_hour=2),
-        "rules: is not a list of tables (write [[rules]]",
-    ),
-    (
-        "the time between two starts without their feeder",
-        line() + starter("pump", 1, "ssw07", rules={"stagger_s": 3.0}),
-        "'pump' has stagger_s without feeder",
-    ),
-    (
-        "a page for others without TLS",
-        SSW07 + table("web", listen="0.0.0.0:8480"),
-        "web.listen: would send passwords and commands unencrypted (give cert_file and key_file",
-    ),
-    (
-        "a page for others without logins",
-        SSW07 + table("web", listen="0.0.0.0:8480", allow_plaintext=True),
-        "web.listen: opens the page to other machines without any login (add a [[web.user]]",
-    ),
-    (
-        "a login with the rights of an unknown operator",
-        SSW07 + ALICE + WEB + table("[web.user]", name="x", operator="carol", password="secret"),
-        "web.user[0].operator: 'carol' is no [[operator]]'s client (one of alice)",
-    ),
-    (
-        "Home Assistant as an unknown operator",
-        SSW07 + ALICE + table("homeassistant", operator="carol"),
-        "homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)",
-    ),
-    (
-        "Home Assistant's prefix with a space",
-        SSW07 + HOME_ASSISTANT + 'discovery_prefix = "home assistant"\n',
-        "is 'home assistant' (levels of a topic, ",
-    ),
-    (
-        "a page's address that is none",
-        SSW07 + HOME_ASSISTANT + 'page_url = "mcc1"\n',
-        "is 'mcc1' (an address that begins with http:// or https://)",
-    ),
-    (
-        "a Sparkplug group of two levels",
-        SSW07 + table("sparkplug", group="a/b"),
-        "sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)",
-    ),
-    ("no [gateway]'s name", '[gateway]\nstate_dir = "state"\n' + SSW07, "gateway.name: is missing"),
     ("no line", ALICE, "line: is missing (at least one [[line]] is needed)"),
-    (
-        "an unknown language",
-        '[gateway]\nname = "a"\nlanguage = "de"\n' + SSW07,
-        "language: is 'de' (one of en, es, pt)",
-    ),
     ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: a header [...] is not closed"),
-    ("a key that is given twice", SSW07 + "every_s = 2.0\n", "line 17: syntax: a key is given twice"),
     (
         "a watchdog that the line cannot keep",
         line(baud=9600) + MANY,
         "line[0].starter[18].watchdog_s: p19: 1 s is too short: the watchdogs on this "
         "line need 278% of the line's time (14 of its 19 starters on another line, or no watchdog below 3 s)",
-    ),
-    # Removed in 0.3.0, each with what to do instead
-    (
-        "fast_words are no longer",
-        line() + starter("mill", 3, "ssw900", fast_words=True),
-        "line[0].starter[0].fast_words: was removed in 0.3.0 (leave it out",
-    ),
-    (
-        "response times are not learnt",
-        line(learn_response_times=True) + starter("pump", 1, "ssw07"),
-        "line[0].learn_response_times: was removed in 0.3.0 (leave it out; where replies are sure to be ",
-    ),
-    (
-        "a boot proves nothing",
-        SSW07 + operator("alice", freshness="boot"),
-        "operator[0].freshness: was removed in 0.3.0 (leave it out; the client sends the token",
     ),
 ]
 
