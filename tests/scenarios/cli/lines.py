@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ import pytest
 
 from tests.rig import Ran, RigPlant, run_cli
 from tests.rig.plant import GATEWAY, MQTT
-from tests.rig.rows import Expectation
+from tests.rig.rows import Action, Expectation, row
 
 Texts = str | re.Pattern[str] | tuple[str | re.Pattern[str], ...]
 
@@ -68,6 +68,18 @@ def cli(words: str, **said: Any) -> Expectation:
             return expected.wrong(run_cli(*_split(words, plant.path)))
 
     return check
+
+
+def beside(name: str, given: str, *said: Expectation, at_s: float = 3.0, **options: Any) -> Any:
+    """Return a row of a plant that runs, in which nothing else happens than what these lines do."""
+    return row(name, given=given, then={at_s: said}, **options)
+
+
+def ended(
+    name: str, given: str, *said: Expectation, then: Sequence[Action] = (), end_s: float = 3.0, **options: Any
+) -> Any:
+    """Return a row of a plant whose gateway has ended: `then` is done, and after it what these lines do."""
+    return row(name, given=given, at={end_s: ["end", *then]}, then={end_s: said}, **options)
 
 
 @dataclass(frozen=True)

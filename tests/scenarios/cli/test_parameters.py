@@ -12,7 +12,7 @@ import pytest
 from tests.rig import RigPlant, ScenarioRow, frames, play, row
 from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, line, starter
 from tests.rig.state import stored_document, with_document
-from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
 
@@ -50,18 +50,14 @@ CROWD += "".join(starter(f"f{n}", n, "ssw07") for n in range(17, 61))
 END = {1.0: "end"}
 SETS = [
     *(
-        row(
+        ended(
             f"everything that {name} reports is saved, and differs from it in nothing",
-            given=given,
-            at=END,
-            then={
-                1.0: [
-                    cli(f"parameters save CONFIG {name} DIR/set.toml", out=f"{count} parameters of {name}\n"),
-                    cli(f"parameters diff DIR/set.toml CONFIG:{name}", out="no setting differs"),
-                    restore(name, "--command-sources", out="nothing to write"),
-                    frames(name),
-                ]
-            },
+            given,
+            cli(f"parameters save CONFIG {name} DIR/set.toml", out=f"{count} parameters of {name}\n"),
+            cli(f"parameters diff DIR/set.toml CONFIG:{name}", out="no setting differs"),
+            restore(name, "--command-sources", out="nothing to write"),
+            frames(name),
+            end_s=1.0,
         )
         for given, name, count in (
             (SSW06, "fan", 71),
@@ -84,41 +80,28 @@ SETS = [
             ]
         },
     ),
-    row(
+    ended(
         "parameters without a name are saved as raw words where they are asked for",
-        given=SSW07,
+        SSW07,
+        cli("parameters save CONFIG pump - --unnamed", out=(re.compile(r"P500 = .*raw = \[77\]"), "P501 = ")),
+        end_s=1.0,
         sim={"pump": {"settings": {500: 77}}},
-        at=END,
-        then={
-            1.0: cli(
-                "parameters save CONFIG pump - --unnamed",
-                out=(re.compile(r"P500 = .*raw = \[77\]"), "P501 = "),
-            )
-        },
     ),
-    row(
+    ended(
         "a setting is written once, whatever else the file has",
-        given=SSW07,
-        at=END,
-        then={
-            1.0: [
-                restore("pump", out=("read back: P314", "left as it is: P308"), err="writing P314"),
-                frames("pump", "06 01 3a 00 1e"),
-            ]
-        },
+        SSW07,
+        restore("pump", out=("read back: P314", "left as it is: P308"), err="writing P314"),
+        frames("pump", "06 01 3a 00 1e"),
+        end_s=1.0,
         **wanted("ssw07", P314=30, P313=1, P003=7, P308=9),
     ),
-    row(
+    ended(
         "settings may be given by their names in the manual",
-        given=SSW900,
-        at=END,
-        then={
-            1.0: [
-                restore("mill", out="written and read back: C8.2.5.3, C8.2.5.1, C8.2.5.2"),
-                restore("mill", out="nothing to write"),
-                frames("mill", "06 02 de 00 0f", "06 02 e4 00 02", "06 02 e5 00 01"),
-            ]
-        },
+        SSW900,
+        restore("mill", out="written and read back: C8.2.5.3, C8.2.5.1, C8.2.5.2"),
+        restore("mill", out="nothing to write"),
+        frames("mill", "06 02 de 00 0f", "06 02 e4 00 02", "06 02 e5 00 01"),
+        end_s=1.0,
         **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
     ),
     row(
@@ -134,17 +117,13 @@ SETS = [
         },
         **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
     ),
-    row(
+    ended(
         "an SST is configured once for all its registers",
-        given=SST,
-        at=END,
-        then={
-            1.0: [
-                restore("belt", out="written and read back: "),
-                entered_once,
-                restore("belt", out="nothing to write"),
-            ]
-        },
+        SST,
+        restore("belt", out="written and read back: "),
+        entered_once,
+        restore("belt", out="nothing to write"),
+        end_s=1.0,
         **wanted("sst", R41=9, R42=20, R36=40),
     ),
     *(
@@ -170,70 +149,62 @@ SETS = [
             ("belt", "sst", "R41", 9),
         )
     ),
-    row(
+    ended(
         "who commands the motor is left as it is unless asked for, and then run = 0 comes before",
-        given=SSW07,
-        at=END,
-        then={
-            1.0: [
-                restore("pump", out="--command-sources"),
-                frames("pump"),
-                restore("pump", "--command-sources", out="run = 0 was written first"),
-                restore("pump", "--command-sources", out="nothing to write"),
-            ]
-        },
+        SSW07,
+        restore("pump", out="--command-sources"),
+        frames("pump"),
+        restore("pump", "--command-sources", out="run = 0 was written first"),
+        restore("pump", "--command-sources", out="nothing to write"),
+        end_s=1.0,
         **wanted("ssw07", P230="DI"),
     ),
-    row(
+    ended(
         "a set of another model is refused unless asked for",
-        given=SSW07,
-        at=END,
-        then={
-            1.0: [
-                restore("pump", code=2, err="--other-model"),
-                frames("pump"),
-                restore("pump", "--other-model", out="written and read back: P314"),
-            ]
-        },
+        SSW07,
+        restore("pump", code=2, err="--other-model"),
+        frames("pump"),
+        restore("pump", "--other-model", out="written and read back: P314"),
+        end_s=1.0,
         **wanted("ssw07", model="SSW-07 17.0A", P314=3),
     ),
-    row(
+    ended(
         "a watchdog that the line cannot keep is not restored",
-        given=CROWD,
+        CROWD,
+        restore(
+            "pump",
+            code=1,
+            err=("watchdog_unkept: ", "the shortest watchdog of pump that the line can meet is"),
+        ),
+        restore("pump", "--dry-run", out="would be refused"),
+        frames("pump"),
+        end_s=1.0,
         absent=tuple(f"f{n}" for n in range(2, 61)),
-        at=END,
-        then={
-            1.0: [
-                restore(
-                    "pump",
-                    code=1,
-                    err=("watchdog_unkept: ", "the shortest watchdog of pump that the line can meet is"),
-                ),
-                restore("pump", "--dry-run", out="would be refused"),
-                frames("pump"),
-            ]
-        },
         **wanted("ssw07", P314=1),
     ),
-    row(
+    ended(
         "one that it can keep is, and known to the next run",
-        given=CROWD,
+        CROWD,
+        restore("pump", out="read back: P314"),
+        _watchdog_stored,
+        end_s=1.0,
         absent=tuple(f"f{n}" for n in range(2, 61)),
-        at=END,
-        then={1.0: [restore("pump", out="read back: P314"), _watchdog_stored]},
         **wanted("ssw07", P314=60),
     ),
-    row(
+    beside(
         "while the gateway holds the port nothing is written",
-        given=SSW07,
-        then={2.0: [restore("pump", code=1, err="a gateway or another program holds it"), frames("pump")]},
+        SSW07,
+        restore("pump", code=1, err="a gateway or another program holds it"),
+        frames("pump"),
+        at_s=2.0,
         **wanted("ssw07", P314=30),
     ),
-    row(
+    ended(
         "writes that cannot be counted are reported",
-        given=SSW07,
-        at={1.0: ["end", with_document("writes", "damaged")]},
-        then={1.0: restore("pump", out="writes to the memory of pump that are not counted: 1")},
+        SSW07,
+        restore("pump", out="writes to the memory of pump that are not counted: 1"),
+        end_s=1.0,
+        then=[with_document("writes", "damaged")],
         **wanted("ssw07", P314=30),
     ),
 ]

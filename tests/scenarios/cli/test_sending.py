@@ -8,7 +8,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, results, row
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
-from tests.scenarios.cli.lines import cli
+from tests.scenarios.cli.lines import beside, cli
 
 BOB = operator("bob", may=("stop", "read"))
 HALL = SSW07 + starter("fan", 2, "ssw06") + ALICE + table("[group]", name="hall", starters=["pump", "fan"])
@@ -30,10 +30,11 @@ def _two_steps(plant: RigPlant) -> str:
 
 
 SENDING = [
-    row(
+    beside(
         "a start is confirmed, and every phase shown",
-        given=SSW07 + ALICE,
-        then={3.0: [cli(START, out=CONFIRMED, err=""), frames("pump", "05 00 64 ff 00")]},
+        SSW07 + ALICE,
+        cli(START, out=CONFIRMED, err=""),
+        frames("pump", "05 00 64 ff 00"),
     ),
     row(
         "a command that is refused says why, and that nothing was written",
@@ -67,73 +68,54 @@ SENDING = [
         at={3.0: fault("silent", "pump")},
         then={30.0: [cli(START, code=1, out="rejected [offline]"), frames("pump")]},
     ),
-    row(
+    beside(
         "a client without the right is refused",
-        given=SSW07 + ALICE + BOB,
-        then={
-            3.0: [
-                cli(
-                    f"{START} --client bob",
-                    code=1,
-                    out="rejected [not_allowed]: bob has no right to start pump",
-                ),
-                cli(f"{START} --client carol", code=1, out="rejected [not_allowed]"),
-                cli("send CONFIG pump stop --client bob", out="confirmed"),
-            ]
-        },
+        SSW07 + ALICE + BOB,
+        cli(f"{START} --client bob", code=1, out="rejected [not_allowed]: bob has no right to start pump"),
+        cli(f"{START} --client carol", code=1, out="rejected [not_allowed]"),
+        cli("send CONFIG pump stop --client bob", out="confirmed"),
     ),
-    row(
+    beside(
         "of several operators one must be named",
-        given=SSW07 + ALICE + BOB,
-        then={
-            3.0: [
-                cli(START, code=2, out="", err="which operator? (--client with one of alice, bob)"),
-                results(),
-            ]
-        },
+        SSW07 + ALICE + BOB,
+        cli(START, code=2, out="", err="which operator? (--client with one of alice, bob)"),
+        results(),
     ),
-    row(
+    beside(
         "a setting is written and read back",
-        given=SSW07 + ALICE,
-        then={
-            3.0: [
-                cli(
-                    "send CONFIG pump set parameter=P314 value=30",
-                    out="confirmed: read back from the starter = 30.0 s",
-                ),
-                frames("pump", "06 01 3a 00 1e"),
-                cli("send CONFIG pump read parameter=P314", out="confirmed: read = 30.0 s"),
-            ]
-        },
+        SSW07 + ALICE,
+        cli(
+            "send CONFIG pump set parameter=P314 value=30",
+            out="confirmed: read back from the starter = 30.0 s",
+        ),
+        frames("pump", "06 01 3a 00 1e"),
+        cli("send CONFIG pump read parameter=P314", out="confirmed: read = 30.0 s"),
     ),
-    row(
+    beside(
         "an expectation that does not hold prevents the start",
-        given=SSW07 + ALICE,
-        then={
-            3.0: [
-                cli(
-                    f"{START} expect=state:running",
-                    code=1,
-                    out="rejected [not_as_expected]: state is ready, but the command expects running",
-                ),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE,
+        cli(
+            f"{START} expect=state:running",
+            code=1,
+            out="rejected [not_as_expected]: state is ready, but the command expects running",
+        ),
+        frames("pump"),
     ),
-    row(
+    beside(
         "one that holds does not",
-        given=SSW07 + ALICE,
-        then={3.0: cli(f"{START} expect=state:ready,remote:true", out="confirmed")},
+        SSW07 + ALICE,
+        cli(f"{START} expect=state:ready,remote:true", out="confirmed"),
     ),
-    row(
+    beside(
         "where two steps are demanded, a start alone is refused",
-        given=SSW07 + ALICE + table("[rules]", starters=["pump"], two_step=["start"]),
-        then={3.0: [cli(START, code=1, out="rejected [select_first]"), _two_steps]},
+        SSW07 + ALICE + table("[rules]", starters=["pump"], two_step=["start"]),
+        cli(START, code=1, out="rejected [select_first]"),
+        _two_steps,
     ),
-    row(
+    beside(
         "a wrong token selects nothing",
-        given=SSW07 + ALICE,
-        then={3.0: cli(f"{START} select=0123456789abcdef", code=1, out="rejected [not_selected]")},
+        SSW07 + ALICE,
+        cli(f"{START} select=0123456789abcdef", code=1, out="rejected [not_selected]"),
     ),
     row(
         "a group is stopped by one command",
@@ -142,72 +124,55 @@ SENDING = [
         at={3.0: command("pump/alice/start")},
         then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 starters were read back")},
     ),
-    row(
+    beside(
         "a group takes no other verb",
-        given=HALL,
-        then={
-            3.0: [
-                cli("send CONFIG hall start", code=1, out="rejected [group_only_stop]"),
-                frames("pump"),
-                frames("fan"),
-            ]
-        },
+        HALL,
+        cli("send CONFIG hall start", code=1, out="rejected [group_only_stop]"),
+        frames("pump"),
+        frames("fan"),
     ),
-    row(
+    beside(
         "a verb that the family does not have",
-        given=SSW07 + ALICE,
-        then={3.0: cli("send CONFIG pump configure", code=1, out="rejected [unknown_verb]")},
+        SSW07 + ALICE,
+        cli("send CONFIG pump configure", code=1, out="rejected [unknown_verb]"),
     ),
-    row(
+    beside(
         "an argument that is missing",
-        given=SSW07 + ALICE,
-        then={3.0: cli("send CONFIG pump set parameter=P314", code=1, out="rejected [bad_arguments]")},
+        SSW07 + ALICE,
+        cli("send CONFIG pump set parameter=P314", code=1, out="rejected [bad_arguments]"),
     ),
-    row(
+    beside(
         "a value outside the manual's range",
-        given=SSW07 + ALICE,
-        then={
-            3.0: [
-                cli("send CONFIG pump set parameter=P314 value=1000", code=1, out="[out_of_range]"),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE,
+        cli("send CONFIG pump set parameter=P314 value=1000", code=1, out="[out_of_range]"),
+        frames("pump"),
     ),
-    row(
+    beside(
         "a lock by one holds for all",
-        given=SSW07 + ALICE,
-        then={
-            3.0: [
-                cli("send CONFIG pump lock reason=bearing", out="confirmed"),
-                cli(START, code=1, out="rejected [locked]"),
-                cli("send CONFIG pump unlock", out="confirmed"),
-                cli(START, out="confirmed"),
-            ]
-        },
+        SSW07 + ALICE,
+        cli("send CONFIG pump lock reason=bearing", out="confirmed"),
+        cli(START, code=1, out="rejected [locked]"),
+        cli("send CONFIG pump unlock", out="confirmed"),
+        cli(START, out="confirmed"),
     ),
-    row(
+    beside(
         "a site without operators takes no command",
-        given=SSW07,
-        then={3.0: [cli(f"{START} --client alice", code=1, out="rejected [not_allowed]"), frames("pump")]},
+        SSW07,
+        cli(f"{START} --client alice", code=1, out="rejected [not_allowed]"),
+        frames("pump"),
     ),
-    row(
+    beside(
         "several values are read at once, each on a line",
-        given=SSW07 + ALICE,
-        then={
-            3.0: cli(
-                "send CONFIG pump read parameters=P003,P220",
-                out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
-            )
-        },
+        SSW07 + ALICE,
+        cli(
+            "send CONFIG pump read parameters=P003,P220",
+            out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
+        ),
     ),
-    row(
+    beside(
         "without a final result in time the command has failed",
-        given=SSW07 + ALICE,
-        then={
-            3.0: cli(
-                f"{START} --timeout 0.01", code=1, err="no final result within 0.01 s: look at the starter"
-            )
-        },
+        SSW07 + ALICE,
+        cli(f"{START} --timeout 0.01", code=1, err="no final result within 0.01 s: look at the starter"),
     ),
     row(
         "a gateway that never was is not waited for",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import json
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,9 @@ import comtrade
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
-from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
 from tests.rig.state import stored_document, with_document, with_sql
-from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
@@ -27,18 +25,6 @@ NAMED = (
     + SSW07
     + ALICE
 )
-
-
-def beside(
-    name: str,
-    given: str,
-    *said: Expectation,
-    then: Iterable[Action] = (),
-    end_s: float = 3.0,
-    **options: Any,
-) -> Any:
-    """Return a row of a plant whose gateway has ended: `then` is done, and the tools are run."""
-    return row(name, given=given, at={end_s: ["end", *then]}, then={end_s: said}, **options)
 
 
 def lines_of(name: str, *texts: str, but: tuple[str, ...] = ()) -> Any:
@@ -138,7 +124,7 @@ OTHER_P314 = changed(
 )
 
 SCANNING = [
-    beside(
+    ended(
         "a scan finds every family and prints a site that check accepts",
         FOUR,
         cli(
@@ -156,23 +142,23 @@ SCANNING = [
         frames("pump"),
         frames("belt"),
     ),
-    beside(
+    ended(
         "a line without starters is no success",
         SSW07,
         cli(f"{SCAN} 9", code=1, out="", err="no starter was found"),
     ),
-    beside(
+    ended(
         "a port that is not there is named",
         SSW07,
         cli("scan /dev/none --baud 19200 --framing 8N2 --address 1", code=1, out="", err="port /dev/none: "),
     ),
-    beside(
+    ended(
         "a watchdog that the scan has started stands in the site that it prints",
         SSW07,
         cli(f"{SCAN} 1-2", out="watchdog_s = 30.0", err="P314 runs since this scan: after 30 s"),
         sim={"pump": {"settings": {314: 30}}},
     ),
-    beside(
+    ended(
         "what another setting of the line would find is not found at this one",
         SSW07.replace("19200", "9600"),
         cli(f"{SCAN} 1-2", code=1, err="no starter was found"),
@@ -181,7 +167,7 @@ SCANNING = [
 ]
 
 DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 too
-    beside(
+    ended(
         "doctor looks at port, broker, identity and settings, and changes nothing",
         SSW07,
         cli(
@@ -196,7 +182,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         ),
         frames("pump"),
     ),
-    beside(
+    ended(
         "a broker that is away is an error",
         SSW07,
         cli(
@@ -206,25 +192,25 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         ),
         then=["broker down"],
     ),
-    beside(
+    ended(
         "a line whose adapter is gone is an error",
         SSW07,
         cli("doctor CONFIG", code=1, out=re.compile(r"error   line pumps: ")),
         then=["line pumps unplug"],
     ),
-    beside(
+    ended(
         "another starter than the one configured is an error",
         SSW07,
         cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*SSW-06")),
         sim={"pump": {"family": "ssw06"}},
     ),
-    beside(
+    ended(
         "a starter that does not answer is an error",
         SSW07,
         cli("doctor CONFIG", code=1, out=re.compile(r"error   starter pump: ")),
         absent=("pump",),
     ),
-    beside(
+    ended(
         "a watchdog that the polls keep quiet is a note, with what it would do",
         SSW07,
         cli(
@@ -234,7 +220,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         ),
         sim={"pump": {"settings": {314: 30, 313: 2}}},
     ),
-    beside(
+    ended(
         "four starters that are set up well are no problem",
         FOUR,
         cli("doctor CONFIG", code=None, out=re.compile(r"\n0 errors, |\nno problems")),
@@ -243,44 +229,44 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         ),
         *(frames(name) for name in ("pump", "fan", "mill", "belt")),
     ),
-    beside(
+    ended(
         "a start that its starter would not execute is a problem",
         SSW07,
         cli("doctor CONFIG", code=1, out="starter pump: a start is not executed"),
         sim={"pump": {"settings": {230: 0}}},
     ),
-    beside(
+    ended(
         "a watchdog that the polls do not keep is a problem",
         line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 9)),
         cli("doctor CONFIG", code=1, out=("it may act although all is well", "P314 runs since this look")),
         sim={"p1": {"settings": {314: 1}}},
         absent=tuple(f"p{n}" for n in range(2, 9)),
     ),
-    beside(
+    ended(
         "settings that stand as delivered are named",
         SSW07,
         cli("doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")),
         sim={"pump": {"settings": {220: 3, 230: 2}}},
     ),
-    row(
+    beside(
         "where a gateway holds the port it is asked instead",
-        given=SSW900 + ALICE,
-        then={
-            5.0: cli(
-                "doctor CONFIG --client alice",
-                code=None,
-                out=(
-                    "is in use; the gateway is asked over MQTT",
-                    "starter mill: answers the gateway",
-                    "C3.2 = 0",
-                ),
-            )
-        },
+        SSW900 + ALICE,
+        cli(
+            "doctor CONFIG --client alice",
+            code=None,
+            out=(
+                "is in use; the gateway is asked over MQTT",
+                "starter mill: answers the gateway",
+                "C3.2 = 0",
+            ),
+        ),
+        at_s=5.0,
     ),
-    row(
+    beside(
         "a gateway that no operator may ask is a problem",
-        given=SSW900,
-        then={5.0: cli("doctor CONFIG", code=1, out="cannot be asked: no [[operator]] doctor may read it")},
+        SSW900,
+        cli("doctor CONFIG", code=1, out="cannot be asked: no [[operator]] doctor may read it"),
+        at_s=5.0,
     ),
     row(
         "what the gateway knows of a silent starter is said",
@@ -288,13 +274,14 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         at={3.0: fault("silent", "pump")},
         then={30.0: cli("doctor CONFIG", code=1, out="starter pump: the gateway says: offline since ")},
     ),
-    row(
-        "and of one of another family",
-        given=SSW07 + ALICE,
-        sim={"pump": {"family": "ssw06"}},
-        then={10.0: cli("doctor CONFIG", code=1, out=re.compile("gateway says: .*it is ssw06, not ssw07"))},
-    ),
     beside(
+        "and of one of another family",
+        SSW07 + ALICE,
+        cli("doctor CONFIG", code=1, out=re.compile("gateway says: .*it is ssw06, not ssw07")),
+        at_s=10.0,
+        sim={"pump": {"family": "ssw06"}},
+    ),
+    ended(
         "a port that is lost on the way is a problem",
         SSW07,
         cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error")),
@@ -309,7 +296,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
 ]
 
 PARAMETERS = [
-    beside(
+    ended(
         "a saved set equals the starter that it was read from",
         SSW07,
         cli(SAVED, out=re.compile(r"pump\.toml: \d+ parameters of pump"), err="100%"),
@@ -317,7 +304,7 @@ PARAMETERS = [
         cli("parameters diff DIR/pump.toml CONFIG:pump"),
         cli(SAVED, code=2, err="pump.toml"),
     ),
-    beside(
+    ended(
         "a difference is printed and ends with 1",
         SSW07,
         cli(
@@ -327,14 +314,14 @@ PARAMETERS = [
         ),
         then=[ran(SAVED), OTHER_P314],
     ),
-    beside(
+    ended(
         "a dry run says what a restore would write, and writes nothing",
         SSW07,
         cli(f"{RESTORE} --dry-run", out="would write: P314"),
         frames("pump"),
         then=[ran(SAVED), OTHER_P314],
     ),
-    beside(
+    ended(
         "a restore writes it, and then there is no difference",
         SSW07,
         cli(RESTORE),
@@ -342,14 +329,14 @@ PARAMETERS = [
         cli("parameters diff DIR/pump.toml CONFIG:pump"),
         then=[ran(SAVED), OTHER_P314],
     ),
-    beside(
+    ended(
         "nothing is restored while the motor runs",
         SSW07,
         cli(RESTORE, code=1, out="[motor_running]"),
         frames("pump"),
         then=[ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"],
     ),
-    beside(
+    ended(
         "a set of another family is refused",
         SSW07 + starter("fan", 2, "ssw06"),
         cli(
@@ -360,19 +347,19 @@ PARAMETERS = [
         frames("fan"),
         then=[ran(SAVED)],
     ),
-    beside(
+    ended(
         "against the factory's settings only what differs is printed",
         SSW07,
         cli("parameters diff DIR/pump.toml --factory", code=1, out=("P220 ", "as delivered: ", "P314")),
         then=[ran(SAVED)],
     ),
-    beside(
+    ended(
         "the writes of a restore are counted",
         SSW07,
         lambda plant: "" if stored_document(plant, "writes") == {"pump": 1} else "not counted",
         then=[ran(SAVED), OTHER_P314, ran(RESTORE)],
     ),
-    beside(
+    ended(
         "where nothing differs nothing is written",
         SSW07,
         cli(RESTORE, out="nothing to write"),
@@ -401,7 +388,7 @@ PARAMETERS = [
             ]
         },
     ),
-    beside(
+    ended(
         "nor to another starter than the gateway knows",
         SSW07 + ALICE,
         cli(RESTORE, code=1, err=("identity_changed: ", "firmware was 1.30, is now 1.40", "send accept")),
@@ -410,27 +397,27 @@ PARAMETERS = [
         end_s=12.0,
         then=[ran(SAVED), OTHER_P314, with_sql("UPDATE documents SET body = replace(body, '1.40', '1.30')")],
     ),
-    beside(
+    ended(
         "nor where it cannot be read whether it is locked",
         SSW07,
         cli(RESTORE, code=1, err=("locked: ", "is damaged")),
         frames("pump"),
         then=[ran(SAVED), OTHER_P314, with_document("locks", "[")],
     ),
-    beside(
+    ended(
         "a starter that is silent is not saved",
         SSW07,
         cli(SAVED, code=1, err="does not answer at address 1"),
         file_there("pump.toml", is_there=False),
         absent=("pump",),
     ),
-    beside(
+    ended(
         "nor one of another family than the one configured",
         SSW07,
         cli(SAVED, code=1, err="it is ssw06, not ssw07"),
         sim={"pump": {"family": "ssw06"}},
     ),
-    beside(
+    ended(
         "nor one whose port is not there",
         SSW07,
         cli(SAVED, code=1, err="port "),
@@ -491,14 +478,14 @@ AUDIT = [
         at={3.0: command("pump/alice/start"), 6.0: "end"},
         then={6.0: _cut_off},
     ),
-    beside(
+    ended(
         "an anchor that cannot be read is a problem",
         SSW07,
         cli("audit verify CONFIG", code=1, out="before its first line cannot be read"),
         then=[with_document("audit", "nonsense")],
     ),
     *(
-        beside(
+        ended(
             f"what is no entry is shown as such: {text}",
             SSW07,
             cli("audit show CONFIG --last 1", out=f"?  {text!r}\n"),
@@ -506,7 +493,7 @@ AUDIT = [
         )
         for text in ("nonsense", "[]")
     ),
-    beside(
+    ended(
         "an empty table is an empty chain",
         SSW07,
         cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
@@ -561,7 +548,7 @@ HISTORY = [
             ]
         },
     ),
-    beside(
+    ended(
         "a starter without records says so",
         SSW07,
         cli("history CONFIG pump", out="no starts and no trips are recorded yet"),
@@ -649,12 +636,12 @@ WATCH = [
             )
         },
     ),
-    row(
-        "a broker's address will do",
-        given=SSW07,
-        then={3.0: cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE")},
-    ),
     beside(
+        "a broker's address will do",
+        SSW07,
+        cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE"),
+    ),
+    ended(
         "what is not live is never shown as if it were",
         SSW07,
         cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
@@ -669,7 +656,7 @@ WATCH = [
             )
         },
     ),
-    beside(
+    ended(
         "a stop of the gateway would interrupt nothing while no watchdog is shorter",
         SSW07,
         cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 30.0}),
@@ -679,49 +666,45 @@ WATCH = [
 
 
 UPGRADE = [
-    row(
+    beside(
         "a watchdog that a restart would trip ends with 75, and with what to do",
-        given=SSW07 + starter("fan", 2, "ssw06"),
+        SSW07 + starter("fan", 2, "ssw06"),
+        while_it_runs(
+            "check CONFIG --upgrade",
+            code=75,
+            out=(
+                re.compile(r"pump: a restart may leave it .* s at the worst; its watchdog of 5 s is "),
+                "stop these motors first, or make their watchdogs longer",
+            ),
+        ),
+        while_it_runs(
+            "check CONFIG --upgrade --json",
+            code=75,
+            json={"is_restart_safe": False, "starters/0/is_safe": False, "starters/1/is_safe": True},
+        ),
+        at_s=6.0,
         sim={"pump": {"settings": {314: 5, 313: 1}}},
-        then={
-            6.0: [
-                while_it_runs(
-                    "check CONFIG --upgrade",
-                    code=75,
-                    out=(
-                        re.compile(
-                            r"pump: a restart may leave it .* s at the worst; its watchdog of 5 s is "
-                        ),
-                        "stop these motors first, or make their watchdogs longer",
-                    ),
-                ),
-                while_it_runs(
-                    "check CONFIG --upgrade --json",
-                    code=75,
-                    json={"is_restart_safe": False, "starters/0/is_safe": False, "starters/1/is_safe": True},
-                ),
-            ]
-        },
-    ),
-    row(
-        "one of the configuration counts as well",
-        given=SSW07 + "watchdog_s = 7.0\n",
-        then={3.0: while_it_runs("check CONFIG --upgrade", code=75, out="pump: a restart may leave it")},
-    ),
-    row(
-        "a restart is safe for a watchdog that is long enough",
-        given=SSW07,
-        sim={"pump": {"settings": {314: 60, 313: 1}}},
-        then={6.0: while_it_runs("check CONFIG --upgrade", out="a restart is safe: no")},
     ),
     beside(
+        "one of the configuration counts as well",
+        SSW07 + "watchdog_s = 7.0\n",
+        while_it_runs("check CONFIG --upgrade", code=75, out="pump: a restart may leave it"),
+    ),
+    beside(
+        "a restart is safe for a watchdog that is long enough",
+        SSW07,
+        while_it_runs("check CONFIG --upgrade", out="a restart is safe: no"),
+        at_s=6.0,
+        sim={"pump": {"settings": {314: 60, 313: 1}}},
+    ),
+    ended(
         "where no gateway runs a short one is interrupted by nothing",
         SSW07,
         cli("check CONFIG --upgrade", out="no gateway runs with this state_dir"),
         end_s=6.0,
         sim={"pump": {"settings": {314: 5, 313: 1}}},
     ),
-    beside(
+    ended(
         "a state of a later version is refused and stays as it is",
         SSW07,
         cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
