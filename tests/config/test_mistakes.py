@@ -118,7 +118,7 @@ address = 1 => address = "1" | address: is '1' (must be a whole number)
 19200 => 115200 | line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
 19200 => 1234 | is 1234 (must be 1200, 2400,
 /dev/rs485-pumps => COM3 | line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
-[[operator]]\n => [[line]]\nname = "b"\nport = "/dev/rs485-pumps"\nbaud = 9600\nframing = "8N2"\n[[operator]]\n
+[[operator]] => [[line]]\nname = "b"\nport = "/dev/rs485-pumps"\nbaud = 9600\nframing = "8N2"\n[[operator]]
     | line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[line]])
 every_s = 2.0 => every_s = -1.0 | every_s: is -1.0 (must be at least 0)
 family = "ssw07" => family = "ssw07"\nslot = 1 | line[0].starter[0].slot: ssw07 has no slots (leave it out)

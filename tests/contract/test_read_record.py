@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import pytest
 
-from gateway.contract import Phase, ResultRecord, read_record
+from gateway.contract import Phase, ResultRecord, StartRecord, read_record, read_stored
+from tests.contract.examples import START
 
 WHOLE = (
     b'{"id":"1","verb":"read","phase":"confirmed","code":"ok","text":"","time":"2026-11-21T01:02:03.456Z",'
@@ -47,3 +51,25 @@ def test_a_time_that_is_not_known_stays_null() -> None:
 def test_anything_else_is_no_record(old: bytes, new: bytes, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         read(WHOLE.replace(old, new))
+
+
+def test_a_stored_start_is_the_record_again() -> None:
+    again = read_stored(StartRecord, json.loads(START.payload()), starter="pump")
+
+    assert (again.payload(), again.cause, again.samples) == (START.payload(), START.cause, START.samples)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"outcome": "exploded"},
+        {"time": "yesterday"},
+        {"cause": 7},
+        {"peak_a": "high"},
+        {"drift": {"x": {}}},
+        {"samples": {"t_s": ["x"]}},
+    ],
+)
+def test_what_is_no_stored_start_is_an_error(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="validation error"):
+        read_stored(StartRecord, {**START.fields(), **wrong}, starter="pump")
