@@ -61,6 +61,9 @@ class PagePlant:
         await self.scada.set_knob(starter, control, setting)
 
 
+PumpPage = tuple[PagePlant, Page]
+
+
 def page_table(port: int, line: str, web: str = "") -> str:
     """Return the page's tables of a configuration, with one user whose password's line this is."""
     return f'[web]\nlisten = "127.0.0.1:{port}"\n{web}' + table(

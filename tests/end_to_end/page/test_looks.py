@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.base import AXE_FILE_PATH
 from playwright.async_api import Page, expect
 
-from tests.end_to_end.page.support import browser, logged_in, need_chromium, page_plant
+from tests.end_to_end.page.support import browser, logged_in, page_plant
 from tests.mosquitto import StartMosquitto
 
 pytestmark = [pytest.mark.long]
@@ -18,11 +18,6 @@ pytestmark = [pytest.mark.long]
 AXE = Path(AXE_FILE_PATH).read_text("utf-8")
 PAGES = ("", "#/starter/pump", "#/lines", "#/events", "#/gateway")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
-
-
-@pytest.fixture(autouse=True)
-def chromium() -> None:
-    need_chromium()
 
 
 async def findings(page: Page) -> list[str]:

@@ -15,10 +15,10 @@ from playwright.async_api import Page, Route, expect
 from tests.end_to_end.page.support import (
     HOLD,
     PagePlant,
+    PumpPage,
     browser,
     hold_for,
     logged_in,
-    need_chromium,
     page_plant,
     select_start,
 )
@@ -33,11 +33,6 @@ NOT_LIVE_MS = 14_000.0  # 12 s, and the next look
 QUICK_TIMERS = (
     "const slow = setInterval; window.setInterval = (f, ms) => slow(f, ms >= 10000 ? ms / 20 : ms);"
 )
-
-
-@pytest.fixture(autouse=True)
-def chromium() -> None:
-    need_chromium()
 
 
 async def nothing_started(page: Page, plant: PagePlant, deed: str) -> None:
@@ -139,24 +134,20 @@ async def test_what_is_no_second_of_holding_starts_nothing(
             await page.context.close()
 
 
-async def test_a_selection_that_is_answered_late_is_given_up(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
+async def test_a_selection_that_is_answered_late_is_given_up(pump: PumpPage) -> None:
+    plant, page = pump
 
-        async def late(route: Route) -> None:
-            answer = await route.fetch()
-            await asyncio.sleep(7.0)
-            await route.fulfill(response=answer)
+    async def late(route: Route) -> None:
+        answer = await route.fetch()
+        await asyncio.sleep(7.0)
+        await route.fulfill(response=answer)
 
-        await page.route("**/select", late)
-        await page.locator("button[data-action^='start ']:enabled").click()
-        await plant.scada.result("pump", verb="select", phase="confirmed")
-        await plant.scada.result("pump", verb="cancel", phase="confirmed")
+    await page.route("**/select", late)
+    await page.locator("button[data-action^='start ']:enabled").click()
+    await plant.scada.result("pump", verb="select", phase="confirmed")
+    await plant.scada.result("pump", verb="cancel", phase="confirmed")
 
-        await expect(page.locator(".hold-box")).to_be_hidden()
+    await expect(page.locator(".hold-box")).to_be_hidden()
 
 
 async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_browser_at_once(
@@ -234,21 +225,17 @@ async def stop_place(page: Page) -> list[float]:
     return [float(each) for each in found]
 
 
-async def test_a_starter_that_a_reload_removes_shows_nothing_old_and_takes_no_command(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(1)
-        text = plant.config.read_text("utf-8")
-        without = text.replace(
-            text[text.index("[[line.starter]]") : text.index('name = "fan"')], "[[line.starter]]\n"
-        )
-        plant.config.write_text(without, "utf-8")
-        plant.gateway.signal(signal.SIGHUP)
+async def test_a_starter_that_a_reload_removes_shows_nothing_old_and_takes_no_command(pump: PumpPage) -> None:
+    plant, page = pump
+    await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(1)
+    text = plant.config.read_text("utf-8")
+    without = text.replace(
+        text[text.index("[[line.starter]]") : text.index('name = "fan"')], "[[line.starter]]\n"
+    )
+    plant.config.write_text(without, "utf-8")
+    plant.gateway.signal(signal.SIGHUP)
 
-        await expect(page.locator(".trouble").first).to_contain_text("no starter pump")
-        await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(0)
-        await expect(page.locator(".big-state")).to_have_text("")
-        await expect(page.locator(".big-current")).to_have_text("")
+    await expect(page.locator(".trouble").first).to_contain_text("no starter pump")
+    await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(0)
+    await expect(page.locator(".big-state")).to_have_text("")
+    await expect(page.locator(".big-current")).to_have_text("")

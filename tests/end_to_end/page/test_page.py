@@ -11,22 +11,17 @@ from playwright.async_api import expect
 
 from tests.end_to_end.page.support import (
     STARTERS,
+    PumpPage,
     browser,
     hold_for,
     hold_to_start,
     logged_in,
-    need_chromium,
     page_plant,
     select_start,
 )
 from tests.mosquitto import StartMosquitto
 
 pytestmark = [pytest.mark.long]
-
-
-@pytest.fixture(autouse=True)
-def chromium() -> None:
-    need_chromium()
 
 
 async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
@@ -54,69 +49,56 @@ async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
         await expect(page.locator("li[data-starter]")).to_have_count(1)
 
 
-async def test_a_start_is_selected_and_held_and_a_stop_is_one_click(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
+async def test_a_start_is_selected_and_held_and_a_stop_is_one_click(pump: PumpPage) -> None:
+    plant, page = pump
+    await select_start(page)
+    await hold_for(page, 400)  # not long enough
+    await page.wait_for_timeout(1200.0)
+    await expect(page.locator(".big-state")).to_have_text("ready")
+    await page.get_by_role("button", name="Cancel").click()
 
-        await select_start(page)
-        await hold_for(page, 400)  # not long enough
-        await page.wait_for_timeout(1200.0)
-        await expect(page.locator(".big-state")).to_have_text("ready")
-        await page.get_by_role("button", name="Cancel").click()
+    await hold_to_start(page)
+    await plant.scada.result("pump", verb="start", phase="confirmed")
+    await expect(page.locator(".big-state")).to_have_text(re.compile("starting|running"))
+    await expect(page.locator(".toast.good").last).to_contain_text("accepted → written → confirmed")
 
-        await hold_to_start(page)
-        await plant.scada.result("pump", verb="start", phase="confirmed")
-        await expect(page.locator(".big-state")).to_have_text(re.compile("starting|running"))
-        await expect(page.locator(".toast.good").last).to_contain_text("accepted → written → confirmed")
-
-        await page.click("button.stop")
-        stopped = await plant.scada.result("pump", verb="stop", phase="confirmed")
-        await expect(page.locator(".toast.good").last).to_contain_text("stop pump")
+    await page.click("button.stop")
+    stopped = await plant.scada.result("pump", verb="stop", phase="confirmed")
+    await expect(page.locator(".toast.good").last).to_contain_text("stop pump")
 
     starts = [each for each in plant.scada.results if each["verb"] == "start" and each["phase"] == "written"]
     assert len(starts) == 1
     assert stopped["code"] == "ok"
 
 
-async def test_a_selected_start_falls_when_the_state_changes_before_it_is_held(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        await page.locator("button[data-action^='start ']:enabled").click()
-        await page.locator(".hold-box:not([hidden])").wait_for()
+async def test_a_selected_start_falls_when_the_state_changes_before_it_is_held(pump: PumpPage) -> None:
+    plant, page = pump
+    await page.locator("button[data-action^='start ']:enabled").click()
+    await page.locator(".hold-box:not([hidden])").wait_for()
 
-        await plant.by_hand("pump", "trip", "E05")
+    await plant.by_hand("pump", "trip", "E05")
 
-        await page.locator(".hold-box").wait_for(state="hidden")
-        await expect(page.locator(".big-state")).to_have_text("fault")
-        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
+    await page.locator(".hold-box").wait_for(state="hidden")
+    await expect(page.locator(".big-state")).to_have_text("fault")
+    await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
     assert not any(each["verb"] == "start" for each in plant.scada.results)
 
 
-async def test_when_the_gateway_stands_still_the_page_says_so_and_stop_still_tries(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        plant.gateway.signal(signal.SIGSTOP)
+async def test_when_the_gateway_stands_still_the_page_says_so_and_stop_still_tries(pump: PumpPage) -> None:
+    plant, page = pump
+    plant.gateway.signal(signal.SIGSTOP)
 
-        await expect(page.locator("#veil")).to_contain_text("NOT LIVE")
-        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
-        await expect(page.locator("button.stop")).to_be_enabled()
-        await page.click("button.stop")
-        await page.wait_for_timeout(1000.0)
-        await expect(page.locator(".toast").last).to_contain_text("sent")
+    await expect(page.locator("#veil")).to_contain_text("NOT LIVE")
+    await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
+    await expect(page.locator("button.stop")).to_be_enabled()
+    await page.click("button.stop")
+    await page.wait_for_timeout(1000.0)
+    await expect(page.locator(".toast").last).to_contain_text("sent")
 
-        plant.gateway.signal(signal.SIGCONT)
-        await expect(page.locator("#veil")).to_be_hidden()
-        await plant.scada.result("pump", verb="stop", phase="confirmed")
-        await expect(page.locator(".toast").last).to_contain_text("confirmed")
+    plant.gateway.signal(signal.SIGCONT)
+    await expect(page.locator("#veil")).to_be_hidden()
+    await plant.scada.result("pump", verb="stop", phase="confirmed")
+    await expect(page.locator(".toast").last).to_contain_text("confirmed")
 
 
 async def test_the_keyboard_alone_is_enough(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
@@ -186,17 +168,13 @@ async def test_the_pages_of_lines_events_and_the_gateway_show_what_is_published(
         await expect(page.locator("pre").first).to_contain_text("exit code 0", timeout=60_000.0)
 
 
-async def test_parameters_are_read_and_set_with_the_old_value_beside(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/pump")
-        await logged_in(page)
-        await page.locator("details.parameters > summary").click()
-        await page.get_by_label("Search parameters").fill("P314")
-        await page.get_by_role("button", name="Set P314").click()
-        await expect(page.locator(".set-form")).to_contain_text("now ")
-        await page.get_by_label("New value of P314").fill("30")
-        await page.locator(".set-form button[type=submit]").click()
-        await plant.scada.result("pump", verb="set", phase="confirmed")
-        await expect(page.locator("details.parameters table")).to_contain_text("30 s")
+async def test_parameters_are_read_and_set_with_the_old_value_beside(pump: PumpPage) -> None:
+    plant, page = pump
+    await page.locator("details.parameters > summary").click()
+    await page.get_by_label("Search parameters").fill("P314")
+    await page.get_by_role("button", name="Set P314").click()
+    await expect(page.locator(".set-form")).to_contain_text("now ")
+    await page.get_by_label("New value of P314").fill("30")
+    await page.locator(".set-form button[type=submit]").click()
+    await plant.scada.result("pump", verb="set", phase="confirmed")
+    await expect(page.locator("details.parameters table")).to_contain_text("30 s")

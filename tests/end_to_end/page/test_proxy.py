@@ -11,17 +11,12 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
-from tests.end_to_end.page.support import browser, hold_to_start, logged_in, need_chromium, page_plant
+from tests.end_to_end.page.support import browser, hold_to_start, logged_in, page_plant
 from tests.mosquitto import Certificate, StartMosquitto
 
 pytestmark = [pytest.mark.long]
 
 PROXIED = '\nbase_path = "/mcc1"\nhosts = ["localhost"]\ntrusted_proxies = ["127.0.0.1"]\n'
-
-
-@pytest.fixture(autouse=True)
-def chromium() -> None:
-    need_chromium()
 
 
 @asynccontextmanager

@@ -13,18 +13,13 @@ from gateway.contract import StatusRecord
 from gateway.plugins.web.accounts import IDLE_S
 from gateway.plugins.web.server import Server
 from gateway.plugins.web.static_files import read_files
-from tests.end_to_end.page.support import browser, need_chromium
+from tests.end_to_end.page.support import browser
 from tests.web.support import PageRig, web_settings
 
 pytestmark = [pytest.mark.long]
 
 STOP = {"verb": "stop", "args": {}, "permitted": True, "two_step": False, "code": "", "text": ""}
 START = {**STOP, "verb": "start", "two_step": True}
-
-
-@pytest.fixture(autouse=True)
-def chromium() -> None:
-    need_chromium()
 
 
 @asynccontextmanager

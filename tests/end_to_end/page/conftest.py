@@ -1,0 +1,25 @@
+"""What tests of the page have: Chromium, and a page that is open at the pump, where somebody is logged in."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.page.support import PumpPage, browser, logged_in, need_chromium, page_plant
+from tests.mosquitto import StartMosquitto
+
+
+@pytest.fixture(autouse=True)
+def _installed() -> None:
+    need_chromium()
+
+
+@pytest.fixture
+async def pump(start_mosquitto: StartMosquitto, tmp_path: Path) -> AsyncIterator[PumpPage]:
+    """Give a plant and the page of its pump."""
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        await logged_in(page)
+        yield plant, page
