@@ -19,8 +19,7 @@ from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.report import make_report
 from gateway.cli.report.text import WIDTH, to_text
 from gateway.store import HistoryRow
-from tests.history.year import STARTER, Year, lived, write
-from tests.report_picture import PUBLISHED
+from tests.history.year import PUBLISHED, STARTER, Year, lived, write
 
 LANGUAGES = ("en", "es", "pt")
 EVIL = '<script>alert("1")</script>&'

@@ -54,6 +54,33 @@ model = "SSW-07 200A"
 """
 
 
+PUBLISHED: dict[str, dict[str, Any]] = {  # what the gateway says of it at the end
+    "starters/cement-mill/gateway/line/cooling": {
+        "utilisation": 0.41,
+        "units": {
+            "7": {
+                "asked": 1_904_322,
+                "answered": 1_898_006,
+                "silent": 1407,
+                "corrupted": 4909,
+                "late": 0,
+                "response_time_s": {"p50": 0.0121, "p99": 0.0184},
+            }
+        },
+        "cable": {
+            "texts": [
+                "errors from cooling-fan-2 (address 7) on: check the cable after cooling-fan-1 "
+                "(address 6) (2.4 % of 1180 replies in 10 min: 22 corrupted, 6 lost)"
+            ],
+            "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},
+        },
+    },
+    f"starters/cement-mill/starter/{STARTER}/value/starts_left": {"value": 4},
+    f"starters/cement-mill/starter/{STARTER}/value/standstill_s": {"value": 27_400.0},
+    f"starters/cement-mill/starter/{STARTER}/info": {"firmware": "1.60", "rated_current_a": 200},
+}
+
+
 class YearClock(Clock):
     """Stands where the readings are."""
 
