@@ -76,7 +76,6 @@ def measure(throttle: Throttle, lines: int, starters: int, *, seconds: float, ha
     """Run the gateway within the share on saturated lines, with stops over MQTT."""
     spec = Spec(lines=lines, units=starters, family="ssw07")
     with bench_site(spec, has_page=has_page, starting=throttle.applied()) as site:
-        throttle.add(site.process.pid)
         # All are identified first, and their settings looked at.
         time.sleep(10.0 + 0.4 * starters * max(lines / 2, 1.0))
         for _ in range(STREAMS if has_page else 0):

@@ -1,4 +1,4 @@
-"""Gives a process a share of one processor: a control group, version 2 or 1, else a pause signal's rhythm.
+"""Gives a process a share of one processor by a control group, version 2 or 1; only root may make one.
 
 A group's quota lets a process run for SLICE_S at full speed and then wait; a slower processor would spread
 the same work. What takes less than SLICE_S is therefore faster here than on a slow box, the sum is the same.
@@ -7,8 +7,6 @@ the same work. What takes less than SLICE_S is therefore faster here than on a s
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,29 +14,22 @@ from pathlib import Path
 
 SLICE_S = 0.001  # the shortest quota that Linux takes
 V2, V1 = Path("/sys/fs/cgroup"), Path("/sys/fs/cgroup/cpu")
-PAUSES_S = 0.005  # the rhythm of the stand-in
 
 
 class Throttle:
-    """One share for the processes that are started within `applied` or added."""
+    """One share for the processes that are started within `applied`; RuntimeError where there is no group."""
 
     def __init__(self, share: float) -> None:
         self.share = share
         self.how = "not throttled"
         self._folder: Path | None = None
-        self._pausing: list[int] = []
-        self._is_over = threading.Event()
 
     def __enter__(self) -> Throttle:
         if self.share < 1.0:
             self._folder = self._make()
-        if self.share < 1.0 and self._folder is None:
-            self.how = "SIGSTOP and SIGCONT"
-            threading.Thread(target=self._pause, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._is_over.set()
         if self._folder is not None:
             for _ in range(50):
                 with suppress(OSError):  # while a process in it is still ending
@@ -60,12 +51,7 @@ class Throttle:
         finally:
             (home / "cgroup.procs").write_text(str(own))
 
-    def add(self, pid: int) -> None:
-        """Throttle a process that was started within `applied`, where that has not done it."""
-        if self._folder is None and self.share < 1.0:
-            self._pausing.append(pid)
-
-    def _make(self) -> Path | None:
+    def _make(self) -> Path:
         period_us, quota_us = round(SLICE_S / self.share * 1e6), round(SLICE_S * 1e6)
         for top, version in ((V2, "2"), (V1, "1")):
             folder = top / f"slow-box-{os.getpid()}"
@@ -87,18 +73,7 @@ class Throttle:
                 continue
             self.how = f"control group, version {version}: {quota_us} of {period_us} us"
             return folder
-        return None
-
-    def _pause(self) -> None:
-        while not self._is_over.is_set():
-            for number, span_s in ((signal.SIGCONT, self.share), (signal.SIGSTOP, 1.0 - self.share)):
-                for pid in list(self._pausing):
-                    with suppress(ProcessLookupError):
-                        os.kill(pid, number)
-                time.sleep(PAUSES_S * span_s)
-        for pid in self._pausing:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
+        raise RuntimeError("a share of a processor needs control groups, and root")
 
 
 def _home_of(pid: int, top: Path) -> Path:
