@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
+from pymodbus.framer import FramerType
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
@@ -91,11 +92,10 @@ async def box(device: Path, send: Send) -> AsyncIterator[str]:
 
 
 @asynccontextmanager
-async def modbus_tcp() -> AsyncIterator[str]:
-    """Run an independent server of Modbus TCP; give the URL that does not fit it."""
+async def foreign_server(framer: FramerType, cells: list[SimData]) -> AsyncIterator[str]:
+    """Run a server of another project behind a TCP port; give the URL of a serial server there."""
     port = free_port()
-    device = SimDevice(1, [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)])
-    server = ModbusTcpServer(device, address=("127.0.0.1", port))
+    server = ModbusTcpServer(SimDevice(1, cells), framer=framer, address=("127.0.0.1", port))
     await server.serve_forever(background=True)
     try:
         yield f"socket://127.0.0.1:{port}"
@@ -123,7 +123,8 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
         urls = {
             name: await stack.enter_async_context(box(devices[name], send)) for name, send in ways.items()
         }
-        urls["wrong"] = await stack.enter_async_context(modbus_tcp())
+        zeros = [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)]
+        urls["wrong"] = await stack.enter_async_context(foreign_server(FramerType.SOCKET, zeros))
         lines = "".join(
             LINE.format(name=name, port=url, allowance_s=allowances_s.get(name, 0.3))
             for name, url in urls.items()
@@ -144,3 +145,29 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
     assert answered == {"clear", "packed", "gaps"}
     assert found["packed"]["units"]["1"]["response_time_s"]["p50"] > PACKING_S
     assert found["unsaid"]["stray_bytes"] > 0  # answers that come when they are not waited for any more
+
+
+# ready, general enabled, remote, supplied; P001-P003; P014; all other registers of the family
+WORDS = dict.fromkeys((5, 6, 7, 11, 14, 30, 31, 32, 50, 81), 0) | {1: 300, 2: 500, 3: 400, 5001: 0x4102}
+
+
+async def test_the_values_of_another_projects_server_are_published_as_they_are(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    cells = [SimData(at, values=word, datatype=DataType.REGISTERS) for at, word in sorted(WORDS.items())]
+    head = f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "{broker.url}"\n'
+    async with (
+        foreign_server(FramerType.RTU, cells) as url,
+        broker.watch("starters/plant/#") as watcher,
+    ):
+        config = write_config(tmp_path, head + LINE.format(name="pump", port=url, allowance_s=0.3))
+        async with Program("gateway", "run", str(config)):
+            scada = Scada(broker, watcher)
+            state = await scada.until("starter/pump-1/state", quality="good")
+            current = await scada.until("starter/pump-1/value/current", quality="good")
+            current_pct = await scada.until("starter/pump-1/value/current_pct", quality="good")
+
+    assert state["state"] == "ready"
+    assert (current["value"], current["unit"]) == (40.0, "A")
+    assert (current_pct["value"], current_pct["unit"]) == (50.0, "%")
