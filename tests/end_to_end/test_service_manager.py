@@ -28,16 +28,3 @@ async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker
     manager.close()
 
     assert code == 0
-
-
-async def test_a_wrong_configuration_ends_with_78_and_names_every_mistake(tmp_path: Path) -> None:
-    text = site_config(broker_port=UNUSED_PORT, port="/dev/ttyX").replace("address = 2", "address = 1")
-    config = write_config(tmp_path, text.replace('family = "sst"', 'family = "sts"'))
-
-    async with Program("gateway", "run", str(config)) as gateway:
-        code = await gateway.exit_code()
-
-    assert code == 78
-    assert "address" in gateway.output
-    assert "sst" in gateway.output
-    assert "Traceback" not in gateway.output

@@ -14,11 +14,10 @@ from tests.lab.bench.account import (
     Submitted,
     account,
     between,
-    quantile,
     stops,
     sweeps_s,
 )
-from tests.lab.bench.report import Goal, table
+from tests.lab.bench.report import Goal
 
 LAW = Law(LineTiming(19200, Framing.parse("8N2")), delay_s=0.005)
 SILENCE_S = LAW.timing.silence_s
@@ -79,13 +78,6 @@ def test_time_of_unanswered_requests_is_the_share_of_the_silent() -> None:
     assert found.whole + found.silent_share == pytest.approx(1.0)
 
 
-def test_nothing_seen_gives_no_results_rather_than_wrong_ones() -> None:
-    found = account([], LAW)
-
-    assert math.isnan(found.efficiency)
-    assert (found.whole, found.silent_share) == (0.0, 0.0)
-
-
 def test_a_stop_is_charged_only_for_what_it_need_not_have_waited() -> None:
     seen = line(0.0)
     write = SeenRequest(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
@@ -121,21 +113,8 @@ def test_sweeps_are_the_times_between_requests_to_one_unit() -> None:
     assert between(seen, 100.0, 100.001) == [seen[0], seen[2]]
 
 
-def test_a_quantile_is_one_of_the_values() -> None:
-    assert quantile([3.0, 1.0, 2.0], 0.5) == 2.0
-    assert quantile([3.0, 1.0, 2.0], 1.0) == 3.0
-    assert math.isnan(quantile([], 0.5))
-
-
 def test_a_goal_is_met_at_its_limit_and_never_by_nothing_measured() -> None:
     assert Goal("at least", 0.99, 0.99).is_met
     assert Goal("at most", 0, 0, is_most=True).is_met
     assert not Goal("nothing", math.nan, 0.0, is_most=True).is_met
     assert Goal("low", 0.5, 0.99).cells() == ("low", "0.5", ">= 0.99", "MISSED")
-
-
-def test_a_table_lines_its_columns_up() -> None:
-    lines = table("T", ["a", "b"], [["long name", "1"]], note="n").splitlines()
-
-    assert lines[2:5] == ["| a         | b |", "| --------- | - |", "| long name | 1 |"]
-    assert lines[-1] == "n"
