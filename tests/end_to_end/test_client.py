@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
 from gateway.client import Client, Result
 from gateway.contract import FreshRecord, Phase, ResultCode, ResultRecord, StatusRecord, Topics
-from gateway.errors import BrokerError, NoResultError, UsageError
-from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
+from gateway.errors import NoResultError, UsageError
+from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher
 
 TOPICS = Topics("starters/mcc1")
 NOW_S = 1_795_222_923.0
@@ -25,8 +25,10 @@ class PlayedGateway:
         self._watcher = watcher
 
     @staticmethod
-    def come_online(broker: MosquittoBroker, state: Literal["online", "offline"] = "online") -> None:
-        status = StatusRecord(state=state, time_s=NOW_S, boot="boot-1", since_s=NOW_S, reason=None, run="run")
+    def come_online(broker: MosquittoBroker) -> None:
+        status = StatusRecord(
+            state="online", time_s=NOW_S, boot="boot-1", since_s=NOW_S, reason=None, run="run"
+        )
         for record in (FreshRecord(token="token-1", time_s=NOW_S), status):
             broker.publish(TOPICS.of(type(record)), record.payload().decode(), "-r")
 
@@ -127,23 +129,6 @@ async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosqu
     assert "look at the starter" in str(unknown.value)
 
 
-@pytest.mark.parametrize("state", ["offline", None])
-async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
-    start_mosquitto: StartMosquitto, state: Literal["offline"] | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gateway.mqtt.connection.command_client.TROUBLED_WITHIN_S", 0.1)
-    broker = start_mosquitto()
-    if state is not None:
-        PlayedGateway.come_online(broker, state)
-    async with broker.watch(TOPICS.command_filter) as watcher:
-        with pytest.raises(BrokerError, match="the stop was sent, and no gateway answered"):
-            await client(broker).stop("pump-1")
-        topic, body = await PlayedGateway(broker, watcher).command()
-
-    assert topic == "starters/mcc1/command/pump-1/alice/stop"
-    assert "boot" not in body
-
-
 async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
     start_mosquitto: StartMosquitto,
 ) -> None:
@@ -158,14 +143,6 @@ async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
             await asking
 
     assert unknown.value.id == body["id"]
-
-
-async def test_a_broker_that_is_away_means_that_nothing_was_sent() -> None:
-    absent = Client(f"mqtt://127.0.0.1:{free_port()}", base="starters/mcc1", client="alice")
-
-    for verb in ("start", "stop"):
-        with pytest.raises(BrokerError, match="nothing listens there"):
-            await absent.command("pump-1", verb)
 
 
 @pytest.mark.parametrize(
