@@ -1,12 +1,10 @@
-import json
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.contract import read_stored, stored
-from gateway.plugins.history.counters import MotorCounters, Totals, band_of, counted
+from gateway.plugins.history.counters import MotorCounters, band_of, counted
 from gateway.starters.state import Readings
 
 
@@ -21,18 +19,6 @@ def run(
     while at_s <= until_s + 1e-9:
         counters.note_readings(readings(at_s, running=counters.is_operating, **more))
         at_s += every_s
-
-
-def test_hours_are_the_time_between_readings_of_a_motor_that_runs() -> None:
-    counters = MotorCounters()
-    counters.note_state("ready")
-    run(counters, 0, 100)
-    counters.note_state("running")
-    run(counters, 101, 700)
-    counters.note_state("ready")
-    run(counters, 701, 900)
-
-    assert counters.totals.operating_s == 600.0  # up to the reading that showed the standstill
 
 
 def test_a_gap_between_readings_does_not_count_even_where_the_state_stayed_known() -> None:
@@ -107,18 +93,6 @@ def test_trips_count_by_code_within_bounds() -> None:
     assert trips["e5"] == 2
     assert sum(trips.values()) == 201
     assert len(trips) == 65
-
-
-def test_totals_survive_their_json() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    run(counters, 0, 10, current_pct=100.0, active_power=5.0)
-    counters.note_start()
-    counters.note_trip("e05")
-
-    data = json.loads(json.dumps(stored(counters.totals)))
-
-    assert stored(read_stored(Totals, data)) == data
 
 
 @pytest.mark.parametrize(
