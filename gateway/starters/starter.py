@@ -300,8 +300,9 @@ class StarterTelemetry:
         new = read(points, decoded.points, at_s=at_s, time_s=time_s)
         if decoded.missing:
             new = {**bad(points, decoded.missing), **new}
-        if self._distrust:
-            new = bad(new, new, self._distrust)
+        contradiction = self.contradiction
+        if contradiction:
+            new = bad(new, new, contradiction)
         self._look(new, time_s=time_s)
         self.on_readings(Readings(at_s, time_s, self.state, good_values(new)))
 
@@ -372,18 +373,15 @@ class StarterTelemetry:
             reason = self.availability.lost_reason
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
         standing = self._contact.standing
-        return self._distrust if standing.is_readable else standing.reason
-
-    @property
-    def _distrust(self) -> str:
-        """Return why every value is bad, as it was judged last; empty: it is not."""
-        return next(iter(self.snapshot.readings.values())).reason
+        return standing.contradiction if standing.is_readable else standing.reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
         points, reason = self.snapshot.readings, self.contradiction
-        self.set_trouble(IDENTITY_TOPIC, phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else "")
-        if reason == self._distrust:
+        before = self.availability.trouble(IDENTITY_TOPIC)
+        trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
+        self.set_trouble(IDENTITY_TOPIC, trouble)
+        if trouble == before:
             return
         if not reason:
             self._polling.expedite()
