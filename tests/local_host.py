@@ -24,7 +24,7 @@ class LocalHost:
         self._events = EventQueue(
             lambda batch: loop.call_soon(deliver, batch, handle), polls_wait_s=polls_wait_s
         )
-        self._lines: dict[str, tuple[asyncio.Task[None], Line]] = {}
+        self.lines: dict[str, tuple[asyncio.Task[None], Line]] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
     def add_line(
@@ -49,11 +49,11 @@ class LocalHost:
             deaf_after_s=deaf_after_s,
         )
         task = asyncio.create_task(self._run(line, tuple(self._ending)))
-        self._lines[name] = (task, line)
+        self.lines[name] = (task, line)
         return LineClient(line, post_here)
 
     def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
-        task, line = self._lines.pop(name)
+        task, line = self.lines.pop(name)
         line.events.is_muted = True
         task.cancel()
         self._ending.add(task)
@@ -61,7 +61,7 @@ class LocalHost:
         return asyncio.wait((task,))
 
     async def stop(self) -> None:
-        for name in tuple(self._lines):
+        for name in tuple(self.lines):
             await self.remove_line(name)
 
     async def _run(self, line: Line, earlier: Sequence[asyncio.Task[None]]) -> None:

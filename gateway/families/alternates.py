@@ -18,7 +18,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 
 MOST = 8  # alternates of one request
-LONGEST_FENCE = 8  # registers
+FENCES = 8  # with fewer shapes lost and late replies leave a unit out of step for long
 
 Cut = Callable[[Any], Any]
 Alternate = tuple[Request, Cut]
@@ -48,26 +48,27 @@ def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
 
 @lru_cache(maxsize=64)
 def fences(profile: Profile) -> tuple[Request, ...]:
-    """Return reads that every starter of this family replies to, no two of them in the same shape.
+    """Return the shortest reads that every starter of this family replies to, no two in the same shape.
 
-    They are bits in one and two bytes, one to eight registers of each table, first those for which the manual
-    vouches, and a read by each function that the family does not have: a refusal is a reply too [APP 7].
+    They are bits in one or more bytes, registers, first those for which the manual vouches, and a read by
+    each function that the family does not have: a refusal is a reply too [APP 7].
     """
     found: dict[tuple[Table, int], Request] = {}
-    for table, first, end in sorted(profile.readable_runs, key=partial(_doubts, profile)):
-        for step in range(1, LONGEST_FENCE + 1):
+    for table, first, end in sorted(profile.readable_runs, key=partial(_is_doubtful, profile)):
+        for step in range(1, FENCES + 1):
             size = step * _BYTE_BITS if table.is_bits else step
             if size <= end - first:
                 found.setdefault((table, step), read_run(table, first, size))
-    without = [table for table, kind in READS.items() if kind.function not in profile.limits.functions]
-    return (*found.values(), *(read_run(table, 0, 1) for table in without))
+    for table, kind in READS.items():
+        if kind.function not in profile.limits.functions:
+            found[table, 1] = read_run(table, 0, 1)
+    return tuple(sorted(found.values(), key=lambda read: read.reply_size() or 0)[:FENCES])
 
 
-def _doubts(profile: Profile, run: tuple[Table, int, int]) -> tuple[bool, bool]:
-    """Return the rank of a run among fences: bits are the shortest, and some rows may not be there."""
+def _is_doubtful(profile: Profile, run: tuple[Table, int, int]) -> bool:
     table, first, end = run
     rows = (row for at in range(first, end) for row in profile.rows_at.get((table, at), ()))
-    return not all(row.is_sure for row in rows), not table.is_bits
+    return not all(row.is_sure for row in rows)
 
 
 def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:

@@ -1,13 +1,17 @@
-"""What a line has done so far, in numbers."""
+"""What a line has done so far, in numbers.
+
+Response times are counted in classes of 5 %, old ones at half their weight from time to time, so that the
+memory is bounded and follows a starter that changes.
+"""
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
-from math import inf
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, inf, log
 from typing import Any, NamedTuple
 
-from gateway.line.response_times import UnitResponseTimes
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
 from gateway.line.rtu.reply import whole_frame
 from gateway.line.scheduler.requests import Poll, Slot
@@ -18,6 +22,11 @@ _COMPUTED_AT_ONCE = 8
 _COMPUTED_EVERY_S = 10.0
 _STOP_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
+_CLASS = log(1.05)
+_SHORTEST_S = 0.0001  # what is shorter counts as this
+_FORGET_FROM = 4096  # answers, then each counts half
+
+Quantiles = dict[str, float | None]
 
 
 class LineTimes(NamedTuple):
@@ -200,3 +209,95 @@ class _UnitStatistics:
     def to_dict(self) -> dict[str, Any]:
         asked = sum(self.outcomes.values())
         return {"asked": asked, **self.outcomes, "corrupted": self.corrupted, **self.times}
+
+
+@dataclass(slots=True)
+class _Class:
+    """The answers whose times lie within 5 %."""
+
+    count: int = 0
+    sum_s: float = 0.0
+
+
+class ResponseTimes:
+    """A running distribution of response times."""
+
+    def __init__(self) -> None:
+        self._classes: dict[int, _Class] = {}
+        self._total = 0
+
+    @property
+    def classes(self) -> Iterable[tuple[int, int, float]]:
+        """What was counted: class, answers in it, the sum of their times."""
+        return ((at, each.count, each.sum_s) for at, each in self._classes.items())
+
+    def note(self, response_time_s: float) -> None:
+        """Count one answer."""
+        at = int(log(max(response_time_s, _SHORTEST_S)) / _CLASS)
+        each = self._classes.get(at)
+        if each is None:
+            each = self._classes[at] = _Class()
+        each.count += 1
+        each.sum_s += response_time_s
+        self._total += 1
+        if self._total >= _FORGET_FROM:
+            self._forget()
+
+    def _forget(self) -> None:
+        left = {
+            at: _Class(each.count // 2, each.sum_s / each.count * (each.count // 2))
+            for at, each in self._classes.items()
+            if each.count > 1
+        }
+        self._classes = left
+        self._total = sum(each.count for each in left.values())
+
+
+def quantile_s(distributions: Iterable[ResponseTimes], share: float) -> float | None:
+    """Return the time within which this share of all answers came, to about 5 %; None of nothing."""
+    return _quantiles(distributions, {"": share})[""]
+
+
+def _quantiles(distributions: Iterable[ResponseTimes], shares: Mapping[str, float]) -> Quantiles:
+    """Return the times within which these shares of all answers came; the least share first."""
+    joined = sorted(each for times in distributions for each in times.classes)
+    total = sum(count for _, count, _ in joined)
+    found: Quantiles = dict.fromkeys(shares)
+    wanted = [(max(ceil(share * total), 1), name) for name, share in shares.items()]
+    passed = 0
+    for _, count, sum_s in joined:
+        passed += count
+        while wanted and wanted[0][0] <= passed:
+            found[wanted.pop(0)[1]] = sum_s / count
+    return found
+
+
+class UnitResponseTimes:
+    """The response times of a line's units, by unit and function."""
+
+    def __init__(self) -> None:
+        self._times: dict[int, dict[int, ResponseTimes]] = {}
+
+    def note_answer(self, unit: int, function: int, response_time_s: float) -> None:
+        """Count an answer of a unit."""
+        functions = self._times.setdefault(unit, {})
+        times = functions.get(function)
+        if times is None:
+            times = functions[function] = ResponseTimes()
+        times.note(response_time_s)
+
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more."""
+        self._times.pop(unit, None)
+
+    def quantiles(self, unit: int) -> Quantiles:
+        """Return p50 and p99 of a unit's response times, all functions together; None of nothing."""
+        return _quantiles(self._times.get(unit, {}).values(), {"p50": 0.50, "p99": 0.99})
+
+    def functions(self, unit: int) -> dict[int, Quantiles]:
+        """Return p50, p99 and p99.9 of a unit by function."""
+        shares = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
+        return {
+            int(function): _quantiles((times,), shares)
+            for function, times in self._times.get(unit, {}).items()
+        }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -29,15 +27,6 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     longest = max(profile.limits.read_registers, profile.limits.read_bits)
     assert all(count(each) <= longest for each in reads)
     assert all(not each.request.is_write for each in reads)
-
-
-def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
-    profile = load_profile("ssw900")
-
-    reads = bulk_reads(profile, readable_codes(profile))
-
-    assert sum(count(each) == 1 for each in reads) > 5
-    assert all(count(read) != count(following) for read, following in pairwise(reads))
 
 
 def test_a_refused_read_is_halved_down_to_its_rows() -> None:

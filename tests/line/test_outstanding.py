@@ -67,7 +67,7 @@ def test_a_shape_distinguishes_replies_of_a_unit(request_: Request, reply: bytes
         ((READ_1, READ_2), (READ_1, READ_2), (READ_3,), READ_3),  # no form is free: a fence
         ((READ_1, READ_2), (READ_1, READ_2), (READ_3, COILS), COILS),  # whose refusal proves as much
         ((READ_1, COILS), (READ_1,), (READ_2, COILS), READ_2),
-        ((READ_1, READ_2, COILS), (READ_1, READ_2), (COILS,), COILS),  # none: whose reply cuts most off
+        ((READ_1, READ_2, COILS), (READ_1, READ_2), (COILS,), READ_2),  # none: whose reply cuts most off
         ((READ_2, READ_1, READ_2, READ_2), (READ_1, READ_2), (), READ_1),
     ],
 )

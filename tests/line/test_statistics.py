@@ -4,10 +4,9 @@ import random
 
 import pytest
 
-from gateway.line.response_times import ResponseTimes, quantile_s
 from gateway.line.rtu.outcome import Answered
 from gateway.line.scheduler.requests import Slot
-from gateway.line.statistics import Statistics
+from gateway.line.statistics import ResponseTimes, Statistics, quantile_s
 from tests.line.fakes import poll
 
 

@@ -16,7 +16,7 @@ from gateway.line.rtu.outstanding import Outstanding, Shape, expected_shape
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 
 GIVEN_UP_S = 3600.0  # a form that was refused is tried again after that
 
@@ -50,7 +50,7 @@ class Forms:
 # Of a device of which nothing is known: whatever it does not have it refuses, and that is an answer too.
 ANYONE = Forms(
     no_alternates,
-    (ReadHoldingRegisters(0, 1), ReadInputRegisters(0, 1), ReadCoils(0, 1), ReadDiscreteInputs(0, 1)),
+    tuple(read(0, count) for count in range(1, 5) for read in (ReadHoldingRegisters, ReadInputRegisters)),
 )
 
 

@@ -6,7 +6,7 @@ order in which it was asked, and so does the way to it. So there is one list per
 not answered, in the order asked; a unit without a list is *in step*.
 
 1. Ask in a form whose shape is not listed. Where none is free a fence goes first: any readable row of that
-   unit in a free shape. Where no shape is free at all, ask the one whose reply cuts the most off the list.
+   unit in a free shape. Where no shape is free at all, ask in the form whose reply cuts the list most.
 2. Believe a reply to the request under way whose shape (of a refusal: whose function) is not listed. Whatever
    is older can come no more: the list is emptied.
 3. Drop any other whole frame, and cut the list up to and including the oldest entry of its shape (of a
@@ -98,7 +98,7 @@ class Outstanding:
         shapes = (*forms, *fences)
         free = [place for place, shape in enumerate(shapes) if shape not in first_at]
         if not free:
-            return max(range(len(shapes)), key=lambda place: first_at[shapes[place]])
+            return max(range(len(forms) or len(fences)), key=lambda place: first_at[shapes[place]])
         if free[0] < len(forms):
             return free[0]
         return next((place for place in free if shapes[place][0] not in functions), free[0])

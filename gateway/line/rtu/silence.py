@@ -51,7 +51,7 @@ class Silence:
 
     async def hush(self, quiet_s: float) -> bool:
         """Wait for the silence until then; False when there is more to wait for, which `settle` does."""
-        if self._strays or self._listens_until_s > quiet_s:
+        if self._strays.waiting or self._listens_until_s > quiet_s:
             return False
         stray = await self._port.read(until_s=quiet_s)
         if stray:
@@ -67,14 +67,14 @@ class Silence:
         began_s = max(self._time(), self._listens_until_s)
         while True:
             quiet_s = self.quiet_from_s()
-            if self._strays and self._time() >= quiet_s:
+            if self._strays.waiting and self._time() >= quiet_s:
                 self._judge_strays()
-            due_s = quiet_s if self._strays else max(quiet_s, self._listens_until_s)
+            due_s = quiet_s if self._strays.waiting else max(quiet_s, self._listens_until_s)
             chunk = await self._port.read(until_s=due_s)
             now_s = self._time()
             if chunk:
                 self.drop(chunk)
-            elif not self._strays and now_s >= max(self.quiet_from_s(), self._listens_until_s):
+            elif not self._strays.waiting and now_s >= max(self.quiet_from_s(), self._listens_until_s):
                 return None
             limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():

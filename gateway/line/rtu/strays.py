@@ -1,6 +1,8 @@
 """What came on a line and was not waited for: late replies, frames of others, noise.
 
 Whole frames cut the list of their unit (`outstanding.py`, rule 3); all of it are signs for `bus_faults.py`.
+While a reply is awaited a frame is judged at once. What comes at any other time is judged when the line is
+quiet, since the rest of a frame may be under way.
 """
 
 from __future__ import annotations
@@ -25,21 +27,18 @@ class Strays:
         self._outstanding = outstanding
         self._bus_faults = bus_faults
         self._time = time
-        self._waiting = bytearray()
-
-    def __bool__(self) -> bool:
-        return bool(self._waiting)
+        self.waiting = bytearray()  # to be judged once the line is quiet
 
     def take(self, received: bytes) -> None:
         """Count bytes; the last of them are judged later."""
         self.count += len(received)
-        self._waiting += received
-        del self._waiting[:-_STORED_BYTES]
+        self.waiting += received
+        del self.waiting[:-_STORED_BYTES]
 
     def judge(self) -> None:
         """Judge what waits: frames one by one, and what is none."""
-        received = bytes(self._waiting)
-        self._waiting.clear()
+        received = bytes(self.waiting)
+        self.waiting.clear()
         for piece, is_frame in frames(received):
             if is_frame:
                 self.drop(piece)
@@ -56,7 +55,7 @@ class Strays:
 
     def give_up(self, size: int) -> bytes:
         """Forget what waits, on a line that is never quiet, and return the last of it."""
-        tail = bytes(self._waiting[-size:])
-        self._waiting.clear()
+        tail = bytes(self.waiting[-size:])
+        self.waiting.clear()
         self._bus_faults.note_never_quiet(tail, self._time())
         return tail
