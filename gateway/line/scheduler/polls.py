@@ -14,7 +14,7 @@ from gateway.line.scheduler.line_time import (
     overload_factor,
 )
 from gateway.line.scheduler.requests import Poll, Slot
-from gateway.line.scheduler.units import ScheduledPoll, Visit, Unit
+from gateway.line.scheduler.units import ScheduledPoll, Unit, Visit
 from gateway.modbus.adu import BROADCAST
 
 # Of the line's time, for all silent units together: with the listening for a late reply that follows each
