@@ -53,7 +53,7 @@ class Forecast:
     watchdog_load: float  # share of the line's time that the watchdogs need when no poll helps them
     watchdog_gaps_s: Mapping[int, float]  # by unit with a watchdog: the longest time between two requests
     missed: tuple[Missed, ...]  # the watchdogs whose time is shorter than that
-    gaps_s: Mapping[int, float]  # by unit: an estimate of the same where nobody gives commands
+    gaps_s: Mapping[int, float]  # by unit: an estimate of the same without commands
 
     @property
     def is_overloaded(self) -> bool:

@@ -14,7 +14,7 @@ from gateway.line.scheduler.line_time import (
     overload_factor,
 )
 from gateway.line.scheduler.requests import Poll, Slot
-from gateway.line.scheduler.units import ScheduledPoll, Turn, Unit
+from gateway.line.scheduler.units import ScheduledPoll, Unit, Visit
 from gateway.modbus.adu import BROADCAST
 
 # Of the line's time, for all silent units together: with the listening for a late reply that follows each
@@ -39,7 +39,7 @@ class PollTable:
         self._answering: EdfQueue[ScheduledPoll] = EdfQueue()
         self._suspect: EdfQueue[ScheduledPoll] = EdfQueue()
         self._silent: EdfQueue[Unit] = EdfQueue()
-        self._turns: EdfQueue[Turn] = EdfQueue()  # by the unit's latest request
+        self._visits: EdfQueue[Visit] = EdfQueue()  # by the unit's latest request
         self._polls: dict[str, ScheduledPoll] = {}
         self._units: dict[int, Unit] = {}
         self._load = self._others = 0.0  # shares of the line's time: of the queued polls, of all else
@@ -165,12 +165,12 @@ class PollTable:
         Polls go by due time, and those of a full line that begins are all due: without this a unit would have
         all of its polls in a row, and none until all others had theirs.
         """
-        while (turn := self._turns.first(now_s)) is not None:
-            polls = turn.unit.polls
+        while (visit := self._visits.first(now_s)) is not None:
+            polls = visit.unit.polls
             waiting = [each for each in polls if each.queue is self._answering and each.release_s <= now_s]
             if waiting:
                 return min(waiting, key=attrgetter("deadline_s"))
-            turn.leave()  # until its next answer
+            visit.leave()  # until its next answer
         return None
 
     def next_s(self) -> float:
@@ -237,7 +237,7 @@ class PollTable:
         if is_answer and unit.polls:
             patience_s = max(len(self._units) * unit.polls[0].cost_s / 2, _PATIENCE_S)
             due_s = min(each.deadline_s for each in unit.polls)
-            self._turns.put(unit.turn, max(sent_s, due_s) + patience_s, sent_s)
+            self._visits.put(unit.visit, max(sent_s, due_s) + patience_s, sent_s)
         return unit.news()
 
     def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:

@@ -6,7 +6,7 @@
   of them goes first once at most; on an idle line it may go after its own period, however stretched. A poll
   without a period has one of 5 s in this, and may always go.
 - The unit that was left for longest goes before that order, once half a sweep has passed since a poll of it
-  was due. The polls of a line that begins are all due: so they come one from each unit in turn.
+  was due. The polls of a line that begins are all due: so they come one from each unit, again and again.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
   wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:

@@ -50,7 +50,7 @@ class ScheduledPoll(Queued):
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Turn(Queued):
+class Visit(Queued):
     """A unit's place among those that are left without a request; due when it has been left for long."""
 
     unit: Unit
@@ -62,7 +62,7 @@ class Unit(Queued):
 
     number: int
     polls: list[ScheduledPoll] = field(default_factory=list)
-    turn: Turn = field(init=False)
+    visit: Visit = field(init=False)
     misses: int = 0  # in a row
     was_received: bool = False  # anything ever, corrupted or not
     is_online: bool | None = None  # as last reported
@@ -74,7 +74,7 @@ class Unit(Queued):
     reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
 
     def __post_init__(self) -> None:
-        self.turn = Turn(unit=self)
+        self.visit = Visit(unit=self)
 
     @property
     def is_silent(self) -> bool:
