@@ -176,7 +176,7 @@ ENDS = [
         "a command that is under way has its final result before the end",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={4.0: command("pump/alice/start"), 4.2: "end"},
+        at={4.0: command("pump/alice/start"), 4.1: "end"},
         then={4.2: [result("start unconfirmed shutting_down"), frames("pump", START), last_words]},
     ),
 ]
@@ -196,7 +196,7 @@ MEMORY = [
     row(
         "a start under way at a kill ends unconfirmed, crashed, in the next run, and is not repeated",
         given=SSW07 + ALICE,
-        at={4.0: command("pump/alice/start", id="one"), 4.2: "kill", 6.0: "start", 12.0: again()},
+        at={4.0: command("pump/alice/start", id="one"), 4.1: "kill", 6.0: "start", 12.0: again()},
         then={
             11.0: [
                 result("start unconfirmed crashed"),
