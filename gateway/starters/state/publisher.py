@@ -1,18 +1,21 @@
-"""Publishes one starter when that is due, and has it looked at again when the next thing is."""
+"""Publishes one starter when that is due, and has it looked at again when the next thing is.
+
+All timers run out on ticks, so that the loop wakes up once for many starters.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import math
 from collections.abc import Callable
-from math import inf
 
 from gateway.contract import InfoRecord
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.decoding import deadbands_of, flags_of
 from gateway.starters.state.emitter import Emitter
-from gateway.starters.state.publication import REFRESH_S, Published, due_status, due_values
+from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
 from gateway.starters.state.published_faults import PublishedFaults
 from gateway.starters.state.starter_state import Happenings, StarterState
-from gateway.starters.state.tick_timer import TickTimer
 from gateway.system.clock import Clock
 
 
@@ -79,18 +82,52 @@ class Publisher:
 
     def expire(self) -> bool:
         """Have the state published again by the next look; return whether it ever was."""
-        self._published = self._published._replace(status_s=-inf)
+        self._published = self._published._replace(status_s=-math.inf)
         return self._published.status is not None
 
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again this long after they were sent, from now on."""
         self._refresh_s = refresh_s
-        self._published = self._published._replace(refresh_at_s=-inf)  # counted again by the next look
+        self._published = self._published._replace(refresh_at_s=-math.inf)  # counted again by the next look
 
     def close(self) -> None:
         """Look no more by itself."""
         self.is_closed = True
         self._timer.cancel()
+
+
+class TickTimer:
+    """Calls back when it is time, up to a tick later, or sooner: then the callee asks again."""
+
+    def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
+        self._clock = clock
+        self._call = call
+        self._timer: asyncio.TimerHandle | None = None
+        self._due_s = 0.0
+
+    def at(self, due_s: float) -> None:
+        """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
+        if self._timer is not None and self._due_s <= due_s:
+            return
+        if due_s == math.inf:
+            return
+        now_s = self._clock.now_s()
+        tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        if self._timer is not None and self._due_s <= tick_s:
+            return
+        self.cancel()
+        self._due_s = tick_s
+        self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
+
+    def cancel(self) -> None:
+        """Call no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _run(self) -> None:
+        self._timer = None
+        self._call()
 
 
 @once_per_profile

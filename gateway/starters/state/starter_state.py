@@ -321,7 +321,7 @@ def _tripped(
 def _moved(
     motion: Motion, settled: Settled, first: FirstSeen | None, time_s: float
 ) -> tuple[Motion, list[Happening]]:
-    """Return the start or stop that brought the motor into its settled state; `first` is its first reading."""
+    """Return the start or stop that brought the motor into its settled state, read first as `first`."""
     now = settled.values.get(STATE)
     if now is None or STATE in settled.waiting or now == motion.state:
         return motion, []

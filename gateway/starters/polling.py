@@ -1,4 +1,4 @@
-"""Which rows of one starter are asked for again and again, how often, and which are overdue.
+"""Which rows of one starter are asked for again and again, how often, and which are overdue, refused or lost.
 
 1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. It
    is asked for as a whole again after a minute: that costs a working starter nothing that lasts.
@@ -6,6 +6,7 @@
    decides state, fault or watchdog is asked for all the same, every `REFUSED_EVERY_S`.
 3. After a silence everything is asked for again.
 4. A value that was not read for `OVERDUE_PERIODS` of its period, as the line stretches it, is stale.
+5. A starter of which `POOR` of the last `OF` polls were lost is degraded: a poor line is not a lost starter.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.modbus.codes import exception_name
-from gateway.starters.polling.losses import PollLosses
 from gateway.starters.setup import StarterSetup, blocks_of
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
@@ -34,6 +34,10 @@ GAP_PERIODS = 2  # between two answers at most, as the line stretches them: a lo
 IN_ROW = 2
 REFUSED_EVERY_S = 5.0
 WHOLE_AFTER_S, REFUSED_AFTER_S = 60.0, 3600.0
+
+OF = 200  # polls are looked at
+POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
+_ALL = (1 << OF) - 1
 
 
 @dataclass(slots=True)
@@ -251,6 +255,33 @@ class Polling:
         if self._state in BUSY_STATES and block.group != "slow":
             return min(every_s, FAST_S)
         return every_s * IDLE_FACTOR if self._state in IDLE_STATES and block.group == "values" else every_s
+
+
+class PollLosses:
+    """Counts the lost polls among the latest."""
+
+    def __init__(self) -> None:
+        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
+        self._count = self._lost = 0
+        self._is_poor = False
+
+    def note(self, *, is_lost: bool) -> str | None:
+        """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
+        self._lost += is_lost - (self._latest >> (OF - 1))
+        self._latest = (self._latest << 1 | is_lost) & _ALL
+        self._count = min(self._count + 1, OF)
+        was_poor = self._is_poor
+        self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
+        if self._is_poor is was_poor:
+            return None
+        if not self._is_poor:
+            return ""
+        return phrase(EventCode.DEGRADED, "polls_lost", lost=self._lost, count=self._count)
+
+    def clear(self) -> None:
+        """Count from the beginning: the starter itself was lost."""
+        self._latest = self._count = self._lost = 0
+        self._is_poor = False
 
 
 @once_per_profile
