@@ -1,7 +1,7 @@
 """Which rows of one starter are asked for again and again, how often, and which are overdue, refused or lost.
 
-1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. It
-   is asked for as a whole again after a minute: that costs a working starter nothing that lasts.
+1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. A
+   minute later it is asked for as a whole again, unless one of its rows is refused alone.
 2. A row that is refused alone in `IN_ROW` polls running is not asked for until an hour later. One that
    decides state, fault or watchdog is asked for all the same, every `REFUSED_EVERY_S`.
 3. After a silence everything is asked for again.
@@ -33,7 +33,7 @@ GAP_PERIODS = 2  # between two answers at most, as the line stretches them: a lo
 
 IN_ROW = 2
 REFUSED_EVERY_S = 5.0
-WHOLE_AFTER_S, REFUSED_AFTER_S = 60.0, 3600.0
+WHOLE_AFTER_S, AGAIN_AFTER_S = 60.0, 3600.0
 
 OF = 200  # polls are looked at
 POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
@@ -88,7 +88,9 @@ class Polling:
         self._soonest_overdue_s = inf  # nothing becomes overdue before
         self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
-        self._whole_at_s = inf  # when to ask for the whole plan again
+        self._whole_at_s = inf  # when to ask for whole blocks again
+        self._given_up: list[reading.Block] = []  # single rows
+        self._again_at_s = inf  # when to ask for these again
 
     def block(self, key: str) -> reading.Block | None:
         """Return what a poll asks for; None when it is withdrawn."""
@@ -107,8 +109,7 @@ class Polling:
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
-        if at_s >= self._whole_at_s:
-            self.restore()
+        self._mend(at_s)
 
     def note_refusal(self, key: str, code: int, *, at_s: float) -> tuple[str, ...]:
         """Record that a poll was refused; return the codes of which nothing is known any more."""
@@ -117,17 +118,17 @@ class Polling:
         if not polled.is_refused:
             return ()
         if len(polled.block.codes) > 1:
-            if self._whole_at_s == inf:
-                self._whole_at_s = at_s + WHOLE_AFTER_S
+            self._whole_at_s = at_s + WHOLE_AFTER_S
             self._withdraw((key,))
             for row in reading.split(polled.block):
                 self._add(row)
             return ()
-        self._whole_at_s = at_s + REFUSED_AFTER_S
         if self.is_vital(polled.block) or len(self._polled) == 1:
             self._keep_pace()
         else:
             self._withdraw((key,))
+            self._given_up.append(polled.block)
+            self._again_at_s = at_s + AGAIN_AFTER_S
         return polled.block.codes
 
     def is_vital(self, block: reading.Block) -> bool:
@@ -165,7 +166,8 @@ class Polling:
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
-        self._whole_at_s = inf
+        self._whole_at_s = self._again_at_s = inf
+        self._given_up.clear()
         wanted = {self._setup.key_of(block): block for block in self._plan}
         self._withdraw([key for key, polled in self._polled.items() if wanted.get(key) != polled.block])
         for block in self._plan:
@@ -228,6 +230,18 @@ class Polling:
     def patience_s(self) -> float:
         """Return the age up to which a row of the status is still current."""
         return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
+
+    def _mend(self, now_s: float) -> None:
+        """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
+        if now_s >= self._again_at_s:
+            rows, self._given_up = self._given_up, []
+            self._again_at_s, self._whole_at_s = inf, now_s + WHOLE_AFTER_S
+            for row in rows:
+                self._add(row)
+        if now_s < self._whole_at_s or self._given_up:
+            return
+        if not any(polled.is_refused for polled in self._polled.values()):
+            self.restore()
 
     def _add(self, block: reading.Block) -> None:
         key = self._setup.key_of(block)
