@@ -109,7 +109,7 @@ class Polling:
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
-        self._mend(at_s)
+        self._restore_due(at_s)
 
     def note_refusal(self, key: str, code: int, *, at_s: float) -> tuple[str, ...]:
         """Record that a poll was refused; return the codes of which nothing is known any more."""
@@ -231,7 +231,7 @@ class Polling:
         """Return the age up to which a row of the status is still current."""
         return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
 
-    def _mend(self, now_s: float) -> None:
+    def _restore_due(self, now_s: float) -> None:
         """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
         if now_s >= self._again_at_s:
             rows, self._given_up = self._given_up, []

@@ -31,13 +31,13 @@ from gateway.starters.state import (
     DecodedPoints,
     Emitter,
     LockOf,
-    News,
+    NewReadings,
     Points,
     PublishedFaults,
-    Publisher,
     Readings,
     Rows,
     Snapshot,
+    StatePublisher,
     advance,
     bad,
     good_values,
@@ -80,7 +80,7 @@ class StarterTelemetry:
         self._clock = records.clock
         self._answers = AnswerCache(setup.profile)
         self._polling = Polling(setup, line)
-        self._publisher = Publisher(
+        self._publisher = StatePublisher(
             self.emitter,
             setup.profile,
             clock=records.clock,
@@ -174,7 +174,7 @@ class StarterTelemetry:
         self._contact.cancel()
         self.availability.end(reason)
         points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = News(stale(points, points), now_s, self._clock.utc_s())
+        news = NewReadings(stale(points, points), now_s, self._clock.utc_s())
         self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
         self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
@@ -318,7 +318,7 @@ class StarterTelemetry:
             self._contact.note_overdue()
         before = self.snapshot.state
         utc_s = self._clock.utc_s() if time_s is None else time_s
-        state, happenings = advance(before, News(new or {}, now_s, utc_s), self.profile)
+        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again

@@ -9,17 +9,22 @@ import asyncio
 import math
 from collections.abc import Callable
 
+from pydantic import TypeAdapter
+
 from gateway.contract import InfoRecord
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.decoding import deadbands_of, flags_of
 from gateway.starters.state.emitter import Emitter
 from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
-from gateway.starters.state.published_faults import PublishedFaults
 from gateway.starters.state.starter_state import Happenings, StarterState
+from gateway.store import Documents
 from gateway.system.clock import Clock
 
+FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
+LASTING_S = 5.0
 
-class Publisher:
+
+class StatePublisher:
     """Of one starter; `look` is called when it is time to look again."""
 
     def __init__(
@@ -59,9 +64,8 @@ class Publisher:
         if happenings:
             self._emitter.happenings(happenings, state.points)
         self.publish_values(state, now_s=now_s)
-        told = state.told_faults
-        if told is not None:
-            self._faults.note(self._emitter.starter, told)
+        if state.published_faults is not None:
+            self._faults.note(self._emitter.starter, state.published_faults)
         self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> None:
@@ -128,6 +132,34 @@ class TickTimer:
     def _run(self) -> None:
         self._timer = None
         self._call()
+
+
+class PublishedFaults:
+    """The standing faults of all starters whose events were published, also by an earlier run.
+
+    The document is saved `LASTING_S` after a change: the event is on the disk long before, so that it is not
+    lost by being counted as published. After a kill before that, the next run publishes it once more.
+    """
+
+    def __init__(self, documents: Documents | None = None) -> None:
+        self._document = (documents or Documents()).open(
+            "faults", FAULTS, lambda: self._codes, delay_s=LASTING_S
+        )
+        self._codes = self._document.loaded or {}
+
+    def of(self, starter: str) -> tuple[str, ...]:
+        """Return the codes of the fault that was published; empty for none."""
+        return self._codes.get(starter, ())
+
+    def note(self, starter: str, codes: tuple[str, ...]) -> None:
+        """Record the fault that stands and was published; empty when there is none."""
+        if self.of(starter) == codes:
+            return
+        if codes:
+            self._codes[starter] = codes
+        else:
+            del self._codes[starter]
+        self._document.touch()
 
 
 @once_per_profile
