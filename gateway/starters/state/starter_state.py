@@ -4,8 +4,8 @@
 2. Two readings in a row that agree make events (`settled`), dated by the first of them. A motor that starts
    or stops, local and remote operation, an alarm that comes or goes: all follow from settled values.
 3. A trip is one event, which names its faults. It waits for its number, read since the fault was seen, at
-   the latest until `NUMBER_WITHIN_S` after the fault was read first. It is published even if the fault is over
-   by then, or the starter is lost. A fault keeps its number until it has another one or is over.
+   the latest until `NUMBER_WITHIN_S` after the fault was read first. It is published even if the fault is
+   over by then, or the starter is lost. A fault keeps its number until it has another one or is over.
 4. While a point that decides is not known, nothing is said: neither that an alarm came nor that it went.
 """
 
@@ -120,7 +120,7 @@ class NewReadings(NamedTuple):
 
 
 class Happening(NamedTuple):
-    """An event with its time, and the circumstances of its first reading; None: its earlier say nothing."""
+    """An event with its time; `first` where the values before its first reading belong to it."""
 
     event: Event
     time_s: float  # UTC
