@@ -109,7 +109,8 @@ class Polling:
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
-        self._restore_due(at_s)
+        if at_s >= min(self._again_at_s, self._whole_at_s):
+            self._restore_due(at_s)
 
     def note_refusal(self, key: str, code: int, *, at_s: float) -> tuple[str, ...]:
         """Record that a poll was refused; return the codes of which nothing is known any more."""

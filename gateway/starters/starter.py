@@ -236,7 +236,7 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if not setting_codes(self.profile).isdisjoint(rows) and not self._identity.is_mismatched:
+        if not setting_codes(self.setup.profile).isdisjoint(rows) and not self._identity.is_mismatched:
             self.note_settings(rows)
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
@@ -292,7 +292,7 @@ class StarterTelemetry:
 
     def _take_rows_now(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
         """Take what rows say into the state, publish it, and hand its good values to the recorders."""
-        points = self.snapshot.readings
+        points = self.snapshot.state.points
         time_s = self._clock.utc_s(at_s)
         if decoded is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
@@ -303,7 +303,7 @@ class StarterTelemetry:
         if self._distrust:
             new = bad(new, new, self._distrust)
         self._look(new, time_s=time_s)
-        self.on_readings(Readings(at_s, time_s, self.state, good_values(new)))
+        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, good_values(new)))
 
     def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
         """Look at all that is known now, with new readings, and publish what is due.
@@ -318,7 +318,7 @@ class StarterTelemetry:
             self._contact.note_overdue()
         before = self.snapshot.state
         utc_s = self._clock.utc_s() if time_s is None else time_s
-        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.profile)
+        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.setup.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
@@ -386,7 +386,7 @@ class StarterTelemetry:
     @property
     def _distrust(self) -> str:
         """Return why every value is bad, as it was judged last; empty: it is not."""
-        return next(iter(self.snapshot.readings.values())).reason
+        return next(iter(self.snapshot.state.points.values())).reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""

@@ -60,21 +60,24 @@ class StatePublisher:
 
         `reason` says why nothing is said of a starter.
         """
-        self.publish_status(state, now_s=now_s, reason=reason)
+        is_new = self.publish_status(state, now_s=now_s, reason=reason)
         if happenings:
             self._emitter.happenings(happenings, state.points)
         self.publish_values(state, now_s=now_s)
-        if state.published_faults is not None:
-            self._faults.note(self._emitter.starter, state.published_faults)
+        if is_new or happenings:
+            faults = state.published_faults
+            if faults is not None:
+                self._faults.note(self._emitter.starter, faults)
         self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
 
-    def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> None:
-        """Publish the state if that is due."""
+    def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
+        """Publish the state if that is due; return whether it was."""
         self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
         if is_due:
             times = [state.points[name].time_s for name in self._status_flags]
             time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest
             self._emitter.state(state.status, time_s=time_s, reason=reason)
+        return is_due
 
     def publish_values(self, state: StarterState, *, now_s: float) -> None:
         """Publish the values that are due."""
