@@ -30,13 +30,13 @@ from gateway.starters.state import (
     DecodedPoints,
     Emitter,
     LockOf,
-    News,
+    NewReadings,
     Points,
     PublishedFaults,
-    Publisher,
     Readings,
     Rows,
     Snapshot,
+    StatePublisher,
     advance,
     bad,
     good_values,
@@ -78,7 +78,7 @@ class StarterTelemetry:
         self._clock = records.clock
         self._answers = AnswerCache(setup.profile)
         self._polling = Polling(setup, line)
-        self._publisher = Publisher(
+        self._publisher = StatePublisher(
             self.emitter,
             setup.profile,
             clock=records.clock,
@@ -176,7 +176,7 @@ class StarterTelemetry:
         self._contact.cancel()
         self.availability.end(reason)
         points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = News(stale(points, points), now_s, self._clock.utc_s())
+        news = NewReadings(stale(points, points), now_s, self._clock.utc_s())
         self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
         self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
@@ -239,8 +239,12 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
+<<<<<<< HEAD
         is_other = self.identity_standing is IdentityStatus.MISMATCHED
         if not setting_codes(self.profile).isdisjoint(rows) and not is_other:
+=======
+        if not setting_codes(self.setup.profile).isdisjoint(rows) and not self._identity.is_mismatched:
+>>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
             self.note_settings(rows)
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
@@ -292,7 +296,7 @@ class StarterTelemetry:
 
     def _take_rows_now(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
         """Take what rows say into the state, publish it, and hand its good values to the recorders."""
-        points = self.snapshot.readings
+        points = self.snapshot.state.points
         time_s = self._clock.utc_s(at_s)
         if decoded is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
@@ -304,7 +308,7 @@ class StarterTelemetry:
         if contradiction:
             new = bad(new, new, contradiction)
         self._look(new, time_s=time_s)
-        self.on_readings(Readings(at_s, time_s, self.state, good_values(new)))
+        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, good_values(new)))
 
     def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
         """Look at all that is known now, with new readings, and publish what is due.
@@ -318,7 +322,7 @@ class StarterTelemetry:
             new = {**stale(points, sources_of(self.profile).fed_by(overdue)), **(new or {})}
         before = self.snapshot.state
         utc_s = self._clock.utc_s() if time_s is None else time_s
-        state, happenings = advance(before, News(new or {}, now_s, utc_s), self.profile)
+        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.setup.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
@@ -370,10 +374,22 @@ class StarterTelemetry:
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
+<<<<<<< HEAD
             reason = self.availability.lost_reason
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
         standing = self._contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
+=======
+            reason, before = self.availability.lost_reason, self._identity.before_silence
+            gone = phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
+            return joined(gone, before and phrase(EventCode.WENT_SILENT, "earlier", contradiction=before))
+        return "it is being identified" if self._contact.withheld.is_open else self._distrust
+
+    @property
+    def _distrust(self) -> str:
+        """Return why every value is bad, as it was judged last; empty: it is not."""
+        return next(iter(self.snapshot.state.points.values())).reason
+>>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""

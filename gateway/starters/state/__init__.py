@@ -16,11 +16,10 @@ from gateway.starters.state.decoding import (
 )
 from gateway.starters.state.emitter import Emitter, LockOf
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
-from gateway.starters.state.published_faults import PublishedFaults
-from gateway.starters.state.publisher import Publisher
+from gateway.starters.state.publisher import PublishedFaults, StatePublisher
 from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
 from gateway.starters.state.snapshot import Snapshot
-from gateway.starters.state.starter_state import UNKNOWN, News, StarterState, advance, unread
+from gateway.starters.state.starter_state import UNKNOWN, NewReadings, StarterState, advance, unread
 
 __all__ = [
     "REFRESH_S",
@@ -31,16 +30,16 @@ __all__ = [
     "DecodedPoints",
     "Emitter",
     "LockOf",
-    "News",
+    "NewReadings",
     "PointSources",
     "Points",
     "PublishedFaults",
-    "Publisher",
     "Reading",
     "Readings",
     "Rows",
     "Snapshot",
     "StarterState",
+    "StatePublisher",
     "Value",
     "advance",
     "bad",

@@ -120,8 +120,8 @@ def _before(first: FirstSeen, points: Iterable[str]) -> list[dict[str, Any]]:
     """Return the values that were good before an event, the oldest first."""
     names = tuple(points)
     found: list[dict[str, Any]] = []
-    for moment in first.moments:
-        good = {name: value for name, value in zip(names, moment.values, strict=True) if value is not None}
+    for then in first.earlier:
+        good = {name: value for name, value in zip(names, then.values, strict=True) if value is not None}
         if good:
-            found.append({"seconds_before": round(first.now_s - moment.at_s, 3), "values": good})
+            found.append({"seconds_before": round(first.now_s - then.at_s, 3), "values": good})
     return found

@@ -1,22 +1,30 @@
-"""Publishes one starter when that is due, and has it looked at again when the next thing is."""
+"""Publishes one starter when that is due, and has it looked at again when the next thing is.
+
+All timers run out on ticks, so that the loop wakes up once for many starters.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import math
 from collections.abc import Callable
-from math import inf
+
+from pydantic import TypeAdapter
 
 from gateway.contract import InfoRecord
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.decoding import deadbands_of, flags_of
 from gateway.starters.state.emitter import Emitter
-from gateway.starters.state.publication import REFRESH_S, Published, due_status, due_values
-from gateway.starters.state.published_faults import PublishedFaults
+from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
 from gateway.starters.state.starter_state import Happenings, StarterState
-from gateway.starters.state.tick_timer import TickTimer
+from gateway.store import Documents
 from gateway.system.clock import Clock
 
+FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
+LASTING_S = 5.0
 
-class Publisher:
+
+class StatePublisher:
     """Of one starter; `look` is called when it is time to look again."""
 
     def __init__(
@@ -52,22 +60,24 @@ class Publisher:
 
         `reason` says why nothing is said of a starter.
         """
-        self.publish_status(state, now_s=now_s, reason=reason)
+        is_new = self.publish_status(state, now_s=now_s, reason=reason)
         if happenings:
             self._emitter.happenings(happenings, state.points)
         self.publish_values(state, now_s=now_s)
-        told = state.told_faults
-        if told is not None:
-            self._faults.note(self._emitter.starter, told)
+        if is_new or happenings:
+            faults = state.published_faults
+            if faults is not None:
+                self._faults.note(self._emitter.starter, faults)
         self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
 
-    def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> None:
-        """Publish the state if that is due."""
+    def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
+        """Publish the state if that is due; return whether it was."""
         self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
         if is_due:
             times = [state.points[name].time_s for name in self._status_flags]
             time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest
             self._emitter.state(state.status, time_s=time_s, reason=reason)
+        return is_due
 
     def publish_values(self, state: StarterState, *, now_s: float) -> None:
         """Publish the values that are due."""
@@ -79,18 +89,80 @@ class Publisher:
 
     def expire(self) -> bool:
         """Have the state published again by the next look; return whether it ever was."""
-        self._published = self._published._replace(status_s=-inf)
+        self._published = self._published._replace(status_s=-math.inf)
         return self._published.status is not None
 
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again this long after they were sent, from now on."""
         self._refresh_s = refresh_s
-        self._published = self._published._replace(refresh_at_s=-inf)  # counted again by the next look
+        self._published = self._published._replace(refresh_at_s=-math.inf)  # counted again by the next look
 
     def close(self) -> None:
         """Look no more by itself."""
         self.is_closed = True
         self._timer.cancel()
+
+
+class TickTimer:
+    """Calls back when it is time, up to a tick later, or sooner: then the callee asks again."""
+
+    def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
+        self._clock = clock
+        self._call = call
+        self._timer: asyncio.TimerHandle | None = None
+        self._due_s = 0.0
+
+    def at(self, due_s: float) -> None:
+        """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
+        if self._timer is not None and self._due_s <= due_s:
+            return
+        if due_s == math.inf:
+            return
+        now_s = self._clock.now_s()
+        tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        if self._timer is not None and self._due_s <= tick_s:
+            return
+        self.cancel()
+        self._due_s = tick_s
+        self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
+
+    def cancel(self) -> None:
+        """Call no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _run(self) -> None:
+        self._timer = None
+        self._call()
+
+
+class PublishedFaults:
+    """The standing faults of all starters whose events were published, also by an earlier run.
+
+    The document is saved `LASTING_S` after a change: the event is on the disk long before, so that it is not
+    lost by being counted as published. After a kill before that, the next run publishes it once more.
+    """
+
+    def __init__(self, documents: Documents | None = None) -> None:
+        self._document = (documents or Documents()).open(
+            "faults", FAULTS, lambda: self._codes, delay_s=LASTING_S
+        )
+        self._codes = self._document.loaded or {}
+
+    def of(self, starter: str) -> tuple[str, ...]:
+        """Return the codes of the fault that was published; empty for none."""
+        return self._codes.get(starter, ())
+
+    def note(self, starter: str, codes: tuple[str, ...]) -> None:
+        """Record the fault that stands and was published; empty when there is none."""
+        if self.of(starter) == codes:
+            return
+        if codes:
+            self._codes[starter] = codes
+        else:
+            del self._codes[starter]
+        self._document.touch()
 
 
 @once_per_profile

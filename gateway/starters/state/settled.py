@@ -17,7 +17,7 @@ STARTED = frozenset({"starting", "running"})
 _NOTHING = object()
 
 
-class Moment(NamedTuple):
+class EarlierValues(NamedTuple):
     """What all points said when a new status came; `at_s` is the status's, on the steady clock."""
 
     at_s: float
@@ -31,7 +31,7 @@ class FirstSeen(NamedTuple):
     at_s: float  # of its reply, steady clock
     now_s: float  # when it was looked at
     utc_s: float
-    moments: tuple[Moment, ...]  # before it, the oldest first
+    earlier: tuple[EarlierValues, ...]  # before it, the oldest first
 
 
 @dataclass(frozen=True, slots=True)

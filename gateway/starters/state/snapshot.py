@@ -12,7 +12,7 @@ Words = tuple[int, ...]
 
 
 class Snapshot:
-    """`state` is replaced whole with each reading; raw words are kept by the manual's code, however old."""
+    """`state` is replaced whole with each reading; raw words stay, by the manual's code, however old."""
 
     def __init__(self, points: Points) -> None:
         self.state = StarterState(points)

@@ -4,8 +4,8 @@
 2. Two readings in a row that agree make events (`settled`), dated by the first of them. A motor that starts
    or stops, local and remote operation, an alarm that comes or goes: all follow from settled values.
 3. A trip is one event, which names its faults. It waits for its number, read since the fault was seen, at
-   the latest `NUMBER_WITHIN_S` after the fault was read first. It is told even if the fault has gone by then,
-   or the starter. A fault keeps its number until it has another one or is over.
+   the latest until `NUMBER_WITHIN_S` after the fault was read first. It is published even if the fault is
+   over by then, or the starter is lost. A fault keeps its number until it has another one or is over.
 4. While a point that decides is not known, nothing is said: neither that an alarm came nor that it went.
 """
 
@@ -22,13 +22,13 @@ from gateway.families import Alarm, Profile, device_of, once_per_profile, state_
 from gateway.starters.state.alarms import AlarmBook, AlarmStatus, active_faults, events_of, named, updated
 from gateway.starters.state.decoding import flags_of, units_of
 from gateway.starters.state.readings import Points, Reading, Value, good_values
-from gateway.starters.state.settled import STARTED, FirstSeen, Moment, Settled, settle
+from gateway.starters.state.settled import STARTED, EarlierValues, FirstSeen, Settled, settle
 
 UNKNOWN: Word = "unknown"
 TURNING = STARTED | {"stopping"}
 AT_REST = frozenset({"ready", "not_ready"})
 
-MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
+SETS_BEFORE = 3  # sets of values that an event carries from before it
 NUMBER_WITHIN_S = 2.0  # of a fault's first reading; then its event is published without its number
 FAULT, FAULT_CODE, REMOTE = "fault", "fault_code", "remote"
 STATE = "state"  # among what settles; no point has this name
@@ -44,12 +44,12 @@ class Status(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Trip:
+class StarterTrip:
     """A fault that is there."""
 
     first: FirstSeen
     is_sure: bool = False  # two readings have shown it
-    is_told: bool = False
+    is_published: bool = False
     number: int | None = None  # as settled since it was seen first
 
 
@@ -72,8 +72,8 @@ class StarterState(NamedTuple):
     versions: dict[str, int] = {}  # noqa: RUF012 - never changed. In which points began to say this, the newest last; absent: 0
     status: Status = Status()
     settled: Settled = Settled()
-    moments: tuple[Moment, ...] = ()
-    trip: Trip | None = None
+    earlier: tuple[EarlierValues, ...] = ()
+    trip: StarterTrip | None = None
     motion: Motion = Motion()
     alarms: AlarmBook = {}  # noqa: RUF012 - never changed
 
@@ -89,18 +89,18 @@ class StarterState(NamedTuple):
     @property
     def is_awaiting(self) -> bool:
         """Return whether something that has changed needs a second reading, or a trip its number."""
-        return bool(self.settled.waiting) or (self.trip is not None and not self.trip.is_told)
+        return bool(self.settled.waiting) or (self.trip is not None and not self.trip.is_published)
 
     @property
     def due_s(self) -> float:
-        """Return when to look again if nothing is read until then: a trip is told by then."""
-        is_open = self.trip is not None and self.trip.is_sure and not self.trip.is_told
+        """Return when to look again if nothing is read until then: a trip is published by then."""
+        is_open = self.trip is not None and self.trip.is_sure and not self.trip.is_published
         return self.trip.first.at_s + NUMBER_WITHIN_S if self.trip is not None and is_open else inf
 
     @property
-    def told_faults(self) -> tuple[str, ...] | None:
+    def published_faults(self) -> tuple[str, ...] | None:
         """Return the codes of the standing fault whose event was published; None while that is open."""
-        if self.status.word == UNKNOWN or (self.trip is not None and not self.trip.is_told):
+        if self.status.word == UNKNOWN or (self.trip is not None and not self.trip.is_published):
             return None
         return tuple(known.alarm.code for known in active_faults(self.alarms)) if self.trip else ()
 
@@ -111,7 +111,7 @@ def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState
     return StarterState(points, known_faults, status=_status(points, {}, UNKNOWN, profile, None))
 
 
-class News(NamedTuple):
+class NewReadings(NamedTuple):
     """The readings that are new at one moment; without any, only time has passed."""
 
     points: Points
@@ -120,7 +120,7 @@ class News(NamedTuple):
 
 
 class Happening(NamedTuple):
-    """An event with its time, and the circumstances of its first reading; None: its moments say nothing."""
+    """An event with its time; `first` where the values before its first reading belong to it."""
 
     event: Event
     time_s: float  # UTC
@@ -130,15 +130,15 @@ class Happening(NamedTuple):
 Happenings = tuple[AlarmStatus | Happening, ...]  # an alarm that came or went, and events
 
 
-def advance(before: StarterState, news: News, profile: Profile) -> tuple[StarterState, Happenings]:
+def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
     """Return the state after news, and what has happened. Without news that decides this costs little."""
     points, version, versions, is_decisive = _merged(before, news.points)
-    moments = before.moments
+    earlier = before.earlier
     status, good = news.points.get(FAULT), Quality.GOOD
     if status is not None and status.quality is good and status.at_s is not None:
         values = [each.value if each.quality is good else None for each in before.points.values()]
-        moments = (*moments[1 - MOMENTS_BEFORE :], Moment(status.at_s, tuple(values)))
-    after = before._replace(points=points, version=version, versions=versions, moments=moments)
+        earlier = (*earlier[1 - SETS_BEFORE :], EarlierValues(status.at_s, tuple(values)))
+    after = before._replace(points=points, version=version, versions=versions, earlier=earlier)
     if not is_decisive and not before.is_awaiting:
         return after, ()
     return _judged(after, news, profile)
@@ -176,11 +176,11 @@ def _is_equal(one: Value, other: Value) -> bool:
     return one == other and type(one) is type(other)
 
 
-def _judged(state: StarterState, news: News, profile: Profile) -> tuple[StarterState, Happenings]:
+def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
     """Return the state after a look at all points, and what has happened."""
     good = good_values(state.points)
     word = state_of(profile, good)
-    earlier = state.settled.values
+    before = state.settled.values
     settled, new = settle(state.settled, _seen(state, good, word, news, profile))
     oldest = min(new.values(), key=lambda first: first.utc_s, default=None)
     time_s = news.utc_s if oldest is None else oldest.utc_s
@@ -191,12 +191,12 @@ def _judged(state: StarterState, news: News, profile: Profile) -> tuple[StarterS
     book, changed = state.alarms, list[AlarmStatus]()
     if trip is not None and _is_due(trip, state.points, news, is_over=is_over):
         # The faults are raised with the event that names them, also those of a fault that is over by now.
-        trip = replace(trip, is_told=True)
-        shown = {**earlier, FAULT: True} if is_over else settled.values
+        trip = replace(trip, is_published=True)
+        shown = {**before, FAULT: True} if is_over else settled.values
         book, came = _booked(book, shown, trip, profile, time_s=trip.first.utc_s)
         changed += came
-        motion, told = _tripped(motion, active_faults(book), state.known_faults, trip.first)
-        events += told
+        motion, tripped = _tripped(motion, active_faults(book), state.known_faults, trip.first)
+        events += tripped
         events += [
             Happening(event, time_s) for event in events_of([each for each in came if not each.is_fault])
         ]
@@ -219,23 +219,23 @@ def _judged(state: StarterState, news: News, profile: Profile) -> tuple[StarterS
 
 
 def _seen(
-    state: StarterState, good: Mapping[str, Value], word: Word, news: News, profile: Profile
+    state: StarterState, good: Mapping[str, Value], word: Word, news: NewReadings, profile: Profile
 ) -> dict[str, FirstSeen]:
     """Return what may settle: the booleans, the numbers of alarms, and the word of one reading as a whole."""
     flags = flags_of(profile)
     seen = {
-        name: FirstSeen(good[name], state.points[name].at_s or 0.0, news.now_s, news.utc_s, state.moments)
+        name: FirstSeen(good[name], state.points[name].at_s or 0.0, news.now_s, news.utc_s, state.earlier)
         for name in (*flags, *profile.alarm_points)
         if name in good
     }
     if word != UNKNOWN:  # flags that settle one by one may never have been there together
         at_s = min([seen[name].at_s for name in flags if name in seen])
-        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.utc_s, state.moments)
+        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.utc_s, state.earlier)
     return seen
 
 
 def _status(
-    points: Points, good: Mapping[str, Value], word: Word, profile: Profile, trip: Trip | None
+    points: Points, good: Mapping[str, Value], word: Word, profile: Profile, trip: StarterTrip | None
 ) -> Status:
     """Return what is shown now."""
     flags = flags_of(profile)
@@ -248,19 +248,21 @@ def _status(
     return Status(word, quality, {name: good.get(name) for name in flags}, shown or None)
 
 
-def _is_since(number: Reading | None, trip: Trip) -> bool:
+def _is_since(number: Reading | None, trip: StarterTrip) -> bool:
     """Return whether a number was read since the fault was: P014 of an SSW-07 is that of the last fault."""
     return number is not None and number.at_s is not None and number.at_s >= trip.first.at_s
 
 
-def _followed(state: StarterState, good: Mapping[str, Value], settled: Settled, news: News) -> Trip | None:
+def _followed(
+    state: StarterState, good: Mapping[str, Value], settled: Settled, news: NewReadings
+) -> StarterTrip | None:
     """Return the trip as the newest readings show it; a fault that only one reading has shown was none."""
     trip, fault = state.trip, good.get(FAULT)
     if trip is None:
         if not fault:
             return None
         at_s = state.points[FAULT].at_s or 0.0
-        return Trip(FirstSeen(fault, at_s, news.now_s, news.utc_s, state.moments))
+        return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.utc_s, state.earlier))
     if not trip.is_sure and fault is False:
         return None
     number = settled.values.get(FAULT_CODE)
@@ -269,23 +271,28 @@ def _followed(state: StarterState, good: Mapping[str, Value], settled: Settled, 
     return replace(trip, is_sure=trip.is_sure or settled.values.get(FAULT) is True)
 
 
-def _is_due(trip: Trip, points: Points, news: News, *, is_over: bool) -> bool:
+def _is_due(trip: StarterTrip, points: Points, news: NewReadings, *, is_over: bool) -> bool:
     """Return whether the event of a trip is to be published now."""
-    if trip.is_told or not trip.is_sure:
+    if trip.is_published or not trip.is_sure:
         return False
     is_complete = trip.number is not None or FAULT_CODE not in points
     return is_complete or is_over or news.now_s - trip.first.at_s >= NUMBER_WITHIN_S
 
 
 def _booked(
-    book: AlarmBook, settled: Mapping[str, Value], trip: Trip | None, profile: Profile, *, time_s: float
+    book: AlarmBook,
+    settled: Mapping[str, Value],
+    trip: StarterTrip | None,
+    profile: Profile,
+    *,
+    time_s: float,
 ) -> tuple[AlarmBook, Sequence[AlarmStatus]]:
-    """Return the alarm book after these settled values; nothing is in it of a fault that was not told yet."""
+    """Return the alarm book after these settled values; nothing is in it of a fault whose event waits."""
     if any(name not in settled for name in _summary_flags(profile)):
         return book, ()
     shown = settled if trip is None else {**settled, FAULT_CODE: trip.number}
     active: list[Alarm] = device_of(profile).alarms(profile, shown)
-    if trip is not None and not trip.is_told:
+    if trip is not None and not trip.is_published:
         active = [alarm for alarm in active if alarm.severity != "fault"]
     return updated(book, active, time_s=time_s)
 
@@ -321,7 +328,11 @@ def _tripped(
 def _moved(
     motion: Motion, settled: Settled, first: FirstSeen | None, time_s: float
 ) -> tuple[Motion, list[Happening]]:
+<<<<<<< HEAD
     """Return the start or stop that led to the motor's settled state; `first` is its first reading."""
+=======
+    """Return the start or stop that brought the motor into its settled state, read first as `first`."""
+>>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
     now = settled.values.get(STATE)
     if now is None or STATE in settled.waiting or now == motion.state:
         return motion, []

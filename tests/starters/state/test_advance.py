@@ -8,14 +8,14 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.starters.state.decoding import sources_of
 from gateway.starters.state.readings import read, stale
-from gateway.starters.state.starter_state import Happening, News, StarterState, advance, unread
+from gateway.starters.state.starter_state import Happening, NewReadings, StarterState, advance, unread
 
 REST, RUN, TRIP = "VB01=4102", "VB01=5123", "VB01=8100"
 LOCAL, RAMP = "VB01=4002", "VB01=410B"
 Step = tuple[float, str]
 
 
-def told(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[StarterState, list[str]]:
+def happened(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[StarterState, list[str]]:
     """Return the state after these readings (hexadecimal words) and what has happened.
 
     Without words time passes; `lost`: nothing is good any more.
@@ -30,7 +30,7 @@ def told(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[Star
         new = read(state.points, points, at_s=at_s, time_s=at_s)
         if words == "lost":
             new = stale(state.points, state.points)
-        state, happenings = advance(state, News(new, at_s, at_s), profile)
+        state, happenings = advance(state, NewReadings(new, at_s, at_s), profile)
         for each in happenings:
             if isinstance(each, Happening):
                 said.append(f"{each.time_s:g} {each.event.text}")
@@ -40,7 +40,7 @@ def told(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[Star
 
 
 def after(*steps: Step, family: str = "ssw07") -> list[str]:
-    return told(unread(load_profile(family)), *steps, family=family)[1]
+    return happened(unread(load_profile(family)), *steps, family=family)[1]
 
 
 BEGUN: tuple[Step, ...] = ((0, f"{REST} P014=0"), (1, f"{REST} P014=0"))
@@ -63,7 +63,7 @@ MOTION = [
 ]
 
 TRIPS = [
-    (((2, TRIP), (2.1, REST), (5, "")), []),  # nobody has read it twice
+    (((2, TRIP), (2.1, REST), (5, "")), []),  # a single reading
     (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (2.4, "P014=5")), ["e05 on", f"2 {OVERLOAD}"]),
     (((2, TRIP), (2.1, "P014=5"), (2.2, "P014=5"), (2.3, TRIP)), ["e05 on", f"2 {OVERLOAD}"]),
     (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (3.9, "")), []),  # its number has been read once
@@ -140,19 +140,19 @@ def test_a_fault_that_an_earlier_run_has_published_is_an_alarm_but_no_event(
 ) -> None:
     state = unread(load_profile("ssw07"), known)
 
-    state, said = told(state, (0, f"{TRIP} P014=5"), (1, f"{TRIP} P014=5"))
+    state, said = happened(state, (0, f"{TRIP} P014=5"), (1, f"{TRIP} P014=5"))
 
     assert len([each for each in said if OVERLOAD in each]) == events
     assert "e05 on" in said
-    assert state.told_faults == ("e05",)
+    assert state.published_faults == ("e05",)
 
 
-def test_the_faults_that_were_told_are_open_while_a_trip_waits_or_nothing_is_known() -> None:
+def test_the_faults_whose_event_was_published_are_open_while_a_trip_waits_or_nothing_is_known() -> None:
     state = unread(load_profile("ssw07"))
-    found = [state.told_faults]
+    found = [state.published_faults]
     for step in (*BEGUN, (2.0, TRIP), (2.1, TRIP), (4.0, ""), (5.0, "lost"), (6.0, REST), (7.0, REST)):
-        state, _ = told(state, step)
-        found.append(state.told_faults)
+        state, _ = happened(state, step)
+        found.append(state.published_faults)
 
     assert found == [None, (), (), None, None, ("fault",), None, ("fault",), ()]
 
@@ -161,7 +161,7 @@ def test_the_state_shows_the_number_of_the_present_fault_only() -> None:
     state = unread(load_profile("ssw07"))
     numbers = []
     for step in (*BEGUN, (1.5, "P014=7"), (2.0, TRIP), (2.2, "P014=5"), (3.0, REST)):
-        state, _ = told(state, step)
+        state, _ = happened(state, step)
         numbers.append(state.status.number)
 
     assert numbers == [None, None, None, None, 5, None]
@@ -169,16 +169,16 @@ def test_the_state_shows_the_number_of_the_present_fault_only() -> None:
 
 def test_an_event_carries_the_values_before_its_first_reading() -> None:
     profile = load_profile("ssw07")
-    state, _ = told(unread(profile), *BEGUN, (2, RUN))
-    state, happenings = advance(state, News({}, 3, 3), profile)
+    state, _ = happened(unread(profile), *BEGUN, (2, RUN))
+    state, happenings = advance(state, NewReadings({}, 3, 3), profile)
     assert happenings == ()
 
     points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}, known={}).points
-    _, (started,) = advance(state, News(read(state.points, points, at_s=4, time_s=4), 4, 4), profile)
+    _, (started,) = advance(state, NewReadings(read(state.points, points, at_s=4, time_s=4), 4, 4), profile)
 
     assert isinstance(started, Happening)
     assert started.first is not None
-    before = started.first.moments[-1]
+    before = started.first.earlier[-1]
     assert before.at_s == 2
     assert dict(zip(state.points, before.values, strict=True))["running"] is False
 
@@ -193,9 +193,9 @@ def test_an_event_carries_the_values_before_its_first_reading() -> None:
     ],
 )
 def test_a_consumer_asks_for_the_points_that_are_newer_than_its_version(words: str, newer: list[str]) -> None:
-    state, _ = told(unread(load_profile("ssw07")), *BEGUN, (1.2, "P003=0"))
+    state, _ = happened(unread(load_profile("ssw07")), *BEGUN, (1.2, "P003=0"))
 
-    later, _ = told(state, (2, words))
+    later, _ = happened(state, (2, words))
 
     assert set(newer) <= set(later.newer_than(state.version))
     assert bool(newer) is (later.version > state.version)

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.contract import Quality
-from gateway.starters.state.publication import REFRESH_S, SOONEST_S, Published, due_values, is_news
+from gateway.starters.state.publication import REFRESH_S, SOONEST_S, TICK_S, Published, due_values, is_news
+from gateway.starters.state.publisher import TickTimer
 from gateway.starters.state.readings import Reading, Value
 from gateway.starters.state.starter_state import StarterState
-from gateway.starters.state.tick_timer import TICK_S, TickTimer
 from tests.virtual_time import VirtualClock, run_virtually
 
 DEADBAND = 1.0

@@ -1,11 +1,12 @@
-"""Which rows of one starter are asked for again and again, how often, and which are overdue.
+"""Which rows of one starter are asked for again and again, how often, and which are overdue, refused or lost.
 
-1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. It
-   is asked for as a whole again after a minute: that costs a working starter nothing that lasts.
+1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. A
+   minute later it is asked for as a whole again, unless one of its rows is refused alone.
 2. A row that is refused alone in `IN_ROW` polls running is not asked for until an hour later. One that
    decides state, fault or watchdog is asked for all the same, every `REFUSED_EVERY_S`.
 3. After a silence everything is asked for again.
 4. A value that was not read for `OVERDUE_PERIODS` of its period, as the line stretches it, is stale.
+5. A starter of which `POOR` of the last `OF` polls were lost is degraded: a poor line is not a lost starter.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.modbus.codes import exception_name
-from gateway.starters.polling.losses import PollLosses
 from gateway.starters.setup import StarterSetup, blocks_of
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
@@ -33,7 +33,11 @@ GAP_PERIODS = 2  # between two answers at most, as the line stretches them: a lo
 
 IN_ROW = 2
 REFUSED_EVERY_S = 5.0
-WHOLE_AFTER_S, REFUSED_AFTER_S = 60.0, 3600.0
+WHOLE_AFTER_S, AGAIN_AFTER_S = 60.0, 3600.0
+
+OF = 200  # polls are looked at
+POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
+_ALL = (1 << OF) - 1
 
 
 @dataclass(slots=True)
@@ -84,7 +88,9 @@ class Polling:
         self._soonest_overdue_s = inf  # nothing becomes overdue before
         self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
-        self._whole_at_s = inf  # when to ask for the whole plan again
+        self._whole_at_s = inf  # when to ask for whole blocks again
+        self._given_up: list[reading.Block] = []  # single rows
+        self._again_at_s = inf  # when to ask for these again
 
     def block(self, key: str) -> reading.Block | None:
         """Return what a poll asks for; None when it is withdrawn."""
@@ -103,8 +109,8 @@ class Polling:
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
-        if at_s >= self._whole_at_s:
-            self.restore()
+        if at_s >= min(self._again_at_s, self._whole_at_s):
+            self._restore_due(at_s)
 
     def note_refusal(self, key: str, code: int, *, at_s: float) -> tuple[str, ...]:
         """Record that a poll was refused; return the codes of which nothing is known any more."""
@@ -113,17 +119,17 @@ class Polling:
         if not polled.is_refused:
             return ()
         if len(polled.block.codes) > 1:
-            if self._whole_at_s == inf:
-                self._whole_at_s = at_s + WHOLE_AFTER_S
+            self._whole_at_s = at_s + WHOLE_AFTER_S
             self._withdraw((key,))
             for row in reading.split(polled.block):
                 self._add(row)
             return ()
-        self._whole_at_s = at_s + REFUSED_AFTER_S
         if self.is_vital(polled.block) or len(self._polled) == 1:
             self._keep_pace()
         else:
             self._withdraw((key,))
+            self._given_up.append(polled.block)
+            self._again_at_s = at_s + AGAIN_AFTER_S
         return polled.block.codes
 
     def is_vital(self, block: reading.Block) -> bool:
@@ -161,7 +167,8 @@ class Polling:
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
-        self._whole_at_s = inf
+        self._whole_at_s = self._again_at_s = inf
+        self._given_up.clear()
         wanted = {self._setup.key_of(block): block for block in self._plan}
         self._withdraw([key for key, polled in self._polled.items() if wanted.get(key) != polled.block])
         for block in self._plan:
@@ -225,6 +232,18 @@ class Polling:
         """Return the age up to which a row of the status is still current."""
         return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
 
+    def _restore_due(self, now_s: float) -> None:
+        """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
+        if now_s >= self._again_at_s:
+            rows, self._given_up = self._given_up, []
+            self._again_at_s, self._whole_at_s = inf, now_s + WHOLE_AFTER_S
+            for row in rows:
+                self._add(row)
+        if now_s < self._whole_at_s or self._given_up:
+            return
+        if not any(polled.is_refused for polled in self._polled.values()):
+            self.restore()
+
     def _add(self, block: reading.Block) -> None:
         key = self._setup.key_of(block)
         if key not in self._polled:
@@ -251,6 +270,33 @@ class Polling:
         if self._state in BUSY_STATES and block.group != "slow":
             return min(every_s, FAST_S)
         return every_s * IDLE_FACTOR if self._state in IDLE_STATES and block.group == "values" else every_s
+
+
+class PollLosses:
+    """Counts the lost polls among the latest."""
+
+    def __init__(self) -> None:
+        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
+        self._count = self._lost = 0
+        self._is_poor = False
+
+    def note(self, *, is_lost: bool) -> str | None:
+        """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
+        self._lost += is_lost - (self._latest >> (OF - 1))
+        self._latest = (self._latest << 1 | is_lost) & _ALL
+        self._count = min(self._count + 1, OF)
+        was_poor = self._is_poor
+        self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
+        if self._is_poor is was_poor:
+            return None
+        if not self._is_poor:
+            return ""
+        return phrase(EventCode.DEGRADED, "polls_lost", lost=self._lost, count=self._count)
+
+    def clear(self) -> None:
+        """Count from the beginning: the starter itself was lost."""
+        self._latest = self._count = self._lost = 0
+        self._is_poor = False
 
 
 @once_per_profile
