@@ -239,12 +239,8 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-<<<<<<< HEAD
         is_other = self.identity_standing is IdentityStatus.MISMATCHED
-        if not setting_codes(self.profile).isdisjoint(rows) and not is_other:
-=======
-        if not setting_codes(self.setup.profile).isdisjoint(rows) and not self._identity.is_mismatched:
->>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
+        if not setting_codes(self.setup.profile).isdisjoint(rows) and not is_other:
             self.note_settings(rows)
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
@@ -374,22 +370,10 @@ class StarterTelemetry:
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
-<<<<<<< HEAD
             reason = self.availability.lost_reason
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
         standing = self._contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
-=======
-            reason, before = self.availability.lost_reason, self._identity.before_silence
-            gone = phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
-            return joined(gone, before and phrase(EventCode.WENT_SILENT, "earlier", contradiction=before))
-        return "it is being identified" if self._contact.withheld.is_open else self._distrust
-
-    @property
-    def _distrust(self) -> str:
-        """Return why every value is bad, as it was judged last; empty: it is not."""
-        return next(iter(self.snapshot.state.points.values())).reason
->>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""

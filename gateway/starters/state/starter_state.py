@@ -328,11 +328,7 @@ def _tripped(
 def _moved(
     motion: Motion, settled: Settled, first: FirstSeen | None, time_s: float
 ) -> tuple[Motion, list[Happening]]:
-<<<<<<< HEAD
-    """Return the start or stop that led to the motor's settled state; `first` is its first reading."""
-=======
     """Return the start or stop that brought the motor into its settled state, read first as `first`."""
->>>>>>> 34c004717cf2729d76a46ad668beb3c9bc5cfc3d
     now = settled.values.get(STATE)
     if now is None or STATE in settled.waiting or now == motion.state:
         return motion, []
