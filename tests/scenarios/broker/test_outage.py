@@ -125,7 +125,7 @@ OUTAGES = [
         "a final result that the broker missed comes at the return, once",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 3.2: "broker down", 20.0: "broker up"},
+        at={3.0: command("pump/alice/start"), 3.1: "broker down", 20.0: "broker up"},
         then={
             19.0: never("result/pump/alice", phase="confirmed"),
             40.0: [
