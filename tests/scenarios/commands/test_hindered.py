@@ -112,6 +112,17 @@ def hides_run(pdu: str, _: object) -> Answer:
     return 2 if is_coil or (function == "03" and address <= 5003 < address + length) else None
 
 
+def once_written(name: str, pdu: str, action: Action) -> Action:
+    """Do something right after a write has reached a starter."""
+
+    def wait(plant: RigPlant) -> None:
+        while pdu not in [each for _, each in plant.starter(name).writes]:
+            plant.run(until=plant.world.now_s() + 0.001)
+        act(plant, action)
+
+    return wait
+
+
 def no_more_than(name: str, *pdus: str) -> Expectation:
     """Nothing but these was written, some of them perhaps again."""
     return lambda plant: "" if {pdu for _, pdu in plant.starter(name).writes} <= set(pdus) else "more"
@@ -405,7 +416,10 @@ DECIDED = [
     row(
         "a line that is never quiet from the second of four writes on leaves a command unconfirmed",
         given=SITE,
-        at={2.0: "pump trip E05", 4.0: do("pump reset"), 4.266: chatter(0.002, 20.0)},
+        at={
+            2.0: "pump trip E05",
+            4.0: [do("pump reset"), once_written("pump", JOG_OFF, chatter(0.002, 20.0))],
+        },
         then={14.0: [result("reset unconfirmed no_answer"), frames("pump", RUN_OFF, JOG_OFF)]},
     ),
     row(
