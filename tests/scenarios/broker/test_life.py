@@ -177,7 +177,7 @@ ENDS = [
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={4.0: command("pump/alice/start"), 4.1: "end"},
-        then={4.1: [result("start unconfirmed shutting_down"), frames("pump", START), last_words]},
+        then={4.2: [result("start unconfirmed shutting_down"), frames("pump", START), last_words]},
     ),
 ]
 
