@@ -76,6 +76,8 @@ class Wire:
     def hand_over(self, request: Request, *, lane: Priority) -> asyncio.Future[Outcome]:
         """Hand a request to the line at once; what is to become of it is cancelled when halted."""
         asked = self._starter.ask(request, lane=lane)
+        if self._halted is not None:
+            asked.cancel()
         self._handed_over.add(asked)
         asked.add_done_callback(self._handed_over.discard)
         return asked
