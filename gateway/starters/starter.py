@@ -261,7 +261,7 @@ class StarterTelemetry:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
             logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
         self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
-        self._look(bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
+        self._look(bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown), self.contradiction))
 
     def _come_online(self) -> None:
         if self.availability.is_online:
@@ -300,8 +300,9 @@ class StarterTelemetry:
         new = read(points, decoded.points, at_s=at_s, time_s=time_s)
         if decoded.missing:
             new = {**bad(points, decoded.missing), **new}
-        if self._distrust:
-            new = bad(new, new, self._distrust)
+        contradiction = self.contradiction
+        if contradiction:
+            new = bad(new, new, contradiction)
         self._look(new, time_s=time_s)
         self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, good_values(new)))
 
@@ -381,18 +382,13 @@ class StarterTelemetry:
             reason, before = self.availability.lost_reason, self._identity.before_silence
             gone = phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
             return joined(gone, before and phrase(EventCode.WENT_SILENT, "earlier", contradiction=before))
-        return "it is being identified" if self._contact.withheld.is_open else self._distrust
-
-    @property
-    def _distrust(self) -> str:
-        """Return why every value is bad, as it was judged last; empty: it is not."""
-        return next(iter(self.snapshot.state.points.values())).reason
+        return "it is being identified" if self._contact.withheld.is_open else self.contradiction
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
         points, reason = self.snapshot.readings, self.contradiction
         self.set_trouble(IDENTITY_TOPIC, phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else "")
-        if reason == self._distrust:
+        if all(each.reason == reason for each in points.values()):
             return
         if not reason:
             self._polling.expedite()
