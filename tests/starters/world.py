@@ -52,7 +52,7 @@ PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
 READS = (1, 2, 3, 4)  # function codes
-SILENCE_S = 12.0  # so many polls are lost in it that a starter is offline
+SILENCE_S = 70.0  # four polls in a row are lost in it, though they may be 16 s apart
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
 
 
