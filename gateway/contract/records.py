@@ -390,9 +390,7 @@ class AuditRecord(Record):
         default_factory=dict
     )
     id: Annotated[str | None, Field(description="of the command")] = None
-    source: Annotated[
-        str, _maybe("which way it came, where not by MQTT: web, sparkplug, gateway (a start is taken back)")
-    ] = ""
+    source: Annotated[str, _maybe("which way it came, where not by MQTT: web, sparkplug, gateway")] = ""
     operator: Annotated[str | None, Field(description="who decided, a claim")]
     reason: Annotated[str | None, Field(description="why, a claim")] = None
     boot: Boot = ""

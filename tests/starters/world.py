@@ -52,7 +52,7 @@ PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
 READS = (1, 2, 3, 4)  # function codes
-SILENCE_S = 12.0  # so many polls are lost in it that a starter is offline
+SILENCE_S = 70.0  # four polls in a row are lost in it, though they may be 16 s apart
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
 
 
@@ -76,7 +76,7 @@ class MemoryDocuments(Documents):
         super().__init__(self)  # type: ignore[arg-type]
         self._bodies = bodies
 
-    def submit(self, work: object, *, is_urgent: bool) -> Future[None]:
+    def submit(self, work: object, *, is_urgent: bool, within_s: float = 0.0) -> Future[None]:
         done = Future[None]()
         done.set_result(None)
         return done

@@ -21,7 +21,7 @@ from gateway.contract import (
     joined,
 )
 from gateway.starters.command.ledger import Ledger
-from gateway.starters.command.steps import Life, Step
+from gateway.starters.command.steps import CommandStep, Life
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.store import Journal, NoJournal
 
@@ -115,7 +115,7 @@ class CommandReport:
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
-        self.life.advance(Step.QUEUED)
+        self.life.advance(CommandStep.QUEUED)
         end = Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted"))
         self._report(end, is_stored=True)
         self._audit(end)
@@ -129,7 +129,7 @@ class CommandReport:
         """Say that something went out to the starter; said once, however much is written."""
         if self.life.is_written:
             return
-        self.life.advance(Step.VERIFYING)
+        self.life.advance(CommandStep.VERIFYING)
         self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")), is_stored=True)
         if self._group is not None:
             self._group.note_written()

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from gateway.contract import Phase
 
 
-class Step(enum.Enum):
+class CommandStep(enum.Enum):
     """Where a command is."""
 
     RECEIVED = "received"
@@ -24,25 +24,33 @@ class Step(enum.Enum):
     DONE = "done"
 
 
-NEXT: Mapping[Step, frozenset[Step]] = {
-    Step.RECEIVED: frozenset({Step.QUEUED, Step.DONE}),
-    Step.QUEUED: frozenset({Step.READING, Step.VERIFYING, Step.DONE}),  # a stop reads nothing first
-    Step.READING: frozenset({Step.DECIDED, Step.DONE}),
-    Step.DECIDED: frozenset({Step.WRITING, Step.READING, Step.DONE}),  # what was read may have grown old
-    Step.WRITING: frozenset({Step.VERIFYING, Step.READING, Step.DONE}),  # it may not have been sent in time
-    Step.VERIFYING: frozenset({Step.DONE}),
-    Step.DONE: frozenset(),
+NEXT: Mapping[CommandStep, frozenset[CommandStep]] = {
+    CommandStep.RECEIVED: frozenset({CommandStep.QUEUED, CommandStep.DONE}),
+    CommandStep.QUEUED: frozenset(
+        {CommandStep.READING, CommandStep.VERIFYING, CommandStep.DONE}
+    ),  # a stop reads nothing first
+    CommandStep.READING: frozenset({CommandStep.DECIDED, CommandStep.DONE}),
+    CommandStep.DECIDED: frozenset(
+        {CommandStep.WRITING, CommandStep.READING, CommandStep.DONE}
+    ),  # what was read may have grown old
+    CommandStep.WRITING: frozenset(
+        {CommandStep.VERIFYING, CommandStep.READING, CommandStep.DONE}
+    ),  # it may not have been sent in time
+    CommandStep.VERIFYING: frozenset({CommandStep.DONE}),
+    CommandStep.DONE: frozenset(),
 }
 
 _UNWRITTEN = frozenset({Phase.REJECTED, Phase.FAILED})
-ENDS: Mapping[Step, frozenset[Phase]] = {
-    Step.RECEIVED: frozenset({Phase.REJECTED}),
-    Step.QUEUED: _UNWRITTEN | {Phase.CONFIRMED},  # the gateway's own verbs
-    Step.READING: _UNWRITTEN,
-    Step.DECIDED: _UNWRITTEN | {Phase.CONFIRMED},  # a read, or a value that the starter held already
-    Step.WRITING: _UNWRITTEN,
-    Step.VERIFYING: frozenset({Phase.CONFIRMED, Phase.FAILED, Phase.UNCONFIRMED}),  # never "nothing written"
-    Step.DONE: frozenset(),
+ENDS: Mapping[CommandStep, frozenset[Phase]] = {
+    CommandStep.RECEIVED: frozenset({Phase.REJECTED}),
+    CommandStep.QUEUED: _UNWRITTEN | {Phase.CONFIRMED},  # the gateway's own verbs
+    CommandStep.READING: _UNWRITTEN,
+    CommandStep.DECIDED: _UNWRITTEN | {Phase.CONFIRMED},  # a read, or a value that the starter held already
+    CommandStep.WRITING: _UNWRITTEN,
+    CommandStep.VERIFYING: frozenset(
+        {Phase.CONFIRMED, Phase.FAILED, Phase.UNCONFIRMED}
+    ),  # never "nothing written"
+    CommandStep.DONE: frozenset(),
 }
 
 
@@ -50,14 +58,14 @@ class Life:
     """One command's step; one that the tables do not list is a bug and raises ValueError."""
 
     def __init__(self) -> None:
-        self.step = Step.RECEIVED
+        self.step = CommandStep.RECEIVED
 
     @property
     def is_written(self) -> bool:
         """Return whether something has, or may have, reached the starter."""
-        return self.step is Step.VERIFYING
+        return self.step is CommandStep.VERIFYING
 
-    def advance(self, step: Step) -> None:
+    def advance(self, step: CommandStep) -> None:
         """Go on to another step."""
         if step not in NEXT[self.step]:
             raise ValueError(f"a command cannot go from {self.step.value} to {step.value}")
@@ -67,4 +75,4 @@ class Life:
         """End with a final phase."""
         if phase not in ENDS[self.step]:
             raise ValueError(f"a command that is {self.step.value} cannot end {phase}")
-        self.advance(Step.DONE)
+        self.advance(CommandStep.DONE)

@@ -7,19 +7,21 @@ import itertools
 import pytest
 
 from gateway.contract import Phase
-from gateway.starters.command.steps import ENDS, NEXT, Life, Step
+from gateway.starters.command.steps import ENDS, NEXT, CommandStep, Life
 
 FINALS = [phase for phase in Phase if phase.is_final]
 
 
-def at(step: Step) -> Life:
+def at(step: CommandStep) -> Life:
     life = Life()
     life.step = step
     return life
 
 
-@pytest.mark.parametrize(("before", "after"), [*itertools.product(Step, Step)])
-def test_a_step_follows_another_only_where_the_table_lists_it(before: Step, after: Step) -> None:
+@pytest.mark.parametrize(("before", "after"), [*itertools.product(CommandStep, CommandStep)])
+def test_a_step_follows_another_only_where_the_table_lists_it(
+    before: CommandStep, after: CommandStep
+) -> None:
     life = at(before)
     if after in NEXT[before]:
         life.advance(after)
@@ -29,23 +31,23 @@ def test_a_step_follows_another_only_where_the_table_lists_it(before: Step, afte
             life.advance(after)
 
 
-@pytest.mark.parametrize(("step", "phase"), [*itertools.product(Step, FINALS)])
-def test_a_command_ends_only_as_the_table_lists_it(step: Step, phase: Phase) -> None:
+@pytest.mark.parametrize(("step", "phase"), [*itertools.product(CommandStep, FINALS)])
+def test_a_command_ends_only_as_the_table_lists_it(step: CommandStep, phase: Phase) -> None:
     life = at(step)
     if phase in ENDS[step]:
         life.end(phase)
-        assert life.step is Step.DONE
+        assert life.step is CommandStep.DONE
     else:
         with pytest.raises(ValueError, match="cannot"):
             life.end(phase)
 
 
 def test_what_was_written_is_never_decided_again_nor_called_rejected() -> None:
-    assert NEXT[Step.VERIFYING] == {Step.DONE}
-    assert Phase.REJECTED not in ENDS[Step.VERIFYING]
-    assert [step for step in Step if Phase.UNCONFIRMED in ENDS[step]] == [Step.VERIFYING]
+    assert NEXT[CommandStep.VERIFYING] == {CommandStep.DONE}
+    assert Phase.REJECTED not in ENDS[CommandStep.VERIFYING]
+    assert [step for step in CommandStep if Phase.UNCONFIRMED in ENDS[step]] == [CommandStep.VERIFYING]
 
 
 def test_every_step_but_the_last_can_end() -> None:
-    assert [step for step in Step if not ENDS[step]] == [Step.DONE]
-    assert all(Step.DONE in NEXT[step] for step in Step if step is not Step.DONE)
+    assert [step for step in CommandStep if not ENDS[step]] == [CommandStep.DONE]
+    assert all(CommandStep.DONE in NEXT[step] for step in CommandStep if step is not CommandStep.DONE)

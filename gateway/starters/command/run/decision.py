@@ -20,7 +20,7 @@ from gateway.contract import READ, CommandError, ResultCode
 from gateway.families import Preparation, Procedure, command
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport
-from gateway.starters.command.steps import Step
+from gateway.starters.command.steps import CommandStep
 from gateway.starters.command.wire import Rows, Wire
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
@@ -36,7 +36,7 @@ ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, 
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class CommandDecision:
     """The writes that follow from a reading, and that reading."""
 
     procedure: Procedure
@@ -71,9 +71,9 @@ class Judge:
         self._wire = wire
         self._lane = lane
 
-    async def decide(self) -> Decision:
+    async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
-        self._report.life.advance(Step.READING)
+        self._report.life.advance(CommandStep.READING)
         earlier = self._judge_polls()
         for _ in range(MOST_READINGS):
             rows = await self._insist(lambda: self._wire.read(self._preparation.reads, lane=self._lane))
@@ -81,8 +81,8 @@ class Judge:
             procedure = self.judge(rows)
             is_enough = not self._preparation.reads or _only_reads(procedure)
             if is_enough or procedure == earlier:
-                self._report.life.advance(Step.DECIDED)
-                return Decision(procedure, rows)
+                self._report.life.advance(CommandStep.DECIDED)
+                return CommandDecision(procedure, rows)
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 

@@ -27,9 +27,9 @@ from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.starters.command.report import CommandReport, Final
 from gateway.starters.command.run import ends
-from gateway.starters.command.run.decision import Decision, Judge
+from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
-from gateway.starters.command.steps import Step
+from gateway.starters.command.steps import CommandStep
 from gateway.starters.command.wire import LAST_READING_S, HaltedError, OverdueError, RefusedError, Wire
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs
@@ -160,7 +160,7 @@ class CommandRun:
 
     # Writing
 
-    async def _write_all(self, decision: Decision) -> Final:
+    async def _write_all(self, decision: CommandDecision) -> Final:
         """Write each step once, each only after what the one before has to bring about; then read back."""
         procedure = decision.procedure
         self._outlook = replace(self._outlook, procedure=procedure)
@@ -181,7 +181,7 @@ class CommandRun:
             return await self._taken_back(end, procedure)
         return await self._abandoned(end.noted(*procedure.notes))
 
-    async def _take_step(self, decision: Decision, step: WriteStep, *, is_last: bool) -> Final | None:
+    async def _take_step(self, decision: CommandDecision, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(decision, step)
         is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
@@ -221,7 +221,7 @@ class CommandRun:
         reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
         return ends.run_not_cleared(reason, Phase.FAILED)
 
-    async def _write(self, decision: Decision, step: WriteStep) -> Outcome:
+    async def _write(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send one write, once, while it may go out."""
         if step.is_silence_expected:
             setup = self._starter.setup
@@ -235,9 +235,9 @@ class CommandRun:
         self._leave_slot()
         return outcome
 
-    async def _send_first(self, decision: Decision, step: WriteStep) -> Outcome:
+    async def _send_first(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
-        self.report.life.advance(Step.WRITING)
+        self.report.life.advance(CommandStep.WRITING)
         deadline_s = self._wire.until_s
         until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self.can_wait))
         self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
@@ -249,7 +249,7 @@ class CommandRun:
             raise _OutdatedError
         return outcome
 
-    async def _send_later(self, decision: Decision, step: WriteStep) -> Outcome:
+    async def _send_later(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send a write after the first; one that chooses who commands the motor only while that is safe."""
         if self.can_wait and not decision.procedure.is_source:
             return await self._wire.write(step.request, lane=self._lane)
