@@ -1,6 +1,5 @@
 """Verbs, interlocks and writes of all families. Start at `procedures`."""
 
-from gateway.families.command.distinctive import contradiction, distinctive_rows, with_distinctive_rows
 from gateway.families.command.interlock import demand, points_needed
 from gateway.families.command.procedures import TAKEN_BACK, build, prepare, stop, verbs
 from gateway.families.command.run_command import with_standstill

@@ -5,6 +5,8 @@ Start at `identification` and `readiness_check`.
 
 from gateway.families.diagnosis.identification import (
     candidates,
+    contradiction,
+    distinctive_rows,
     identify,
     identify_requests,
     matches,
@@ -12,6 +14,7 @@ from gateway.families.diagnosis.identification import (
     stop_note,
     stop_profile,
     why_not,
+    with_distinctive_rows,
 )
 from gateway.families.diagnosis.readiness_check import (
     as_delivered,

@@ -1,12 +1,15 @@
 """Which family answers: what a unit is asked, what its answers prove, and in whose words a stop is sent.
 
-Nothing is taken for granted: a unit that proves nothing has no family.
+Nothing is taken for granted: a unit that proves nothing has no family. The rows that distinguish a family are
+part of each reading on which a command decides. An SSW-07 has none: its status row excludes an SSW900 and an
+SST, and its coil 100 means run on an SSW-06 too.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 from gateway.contract import Note
@@ -14,7 +17,9 @@ from gateway.families.devices import DEVICES, device_of
 from gateway.families.devices.device import Identity, Question
 from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.procedure import Preparation, Seen
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
+from gateway.families.reading import with_rows
 from gateway.modbus.device_id import DeviceIdentification
 
 _PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
@@ -83,6 +88,25 @@ def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) 
     if seen in spoken:
         return Note("stop_changed", proved=seen, configured=family)
     return Note("stop_as_configured", proved=seen, configured=family)
+
+
+def distinctive_rows(profile: Profile) -> tuple[str, ...]:
+    """Return the rows that a device of another family does not have, or in which it has other numbers."""
+    return device_of(profile).distinctive_rows
+
+
+def contradiction(profile: Profile, seen: Seen) -> str:
+    """Return in words how the rows seen deny this family; empty when they do not, or were not seen."""
+    codes = distinctive_rows(profile)
+    if not seen.keys() >= set(codes) or device_of(profile).is_like(seen):
+        return ""
+    shown = " and ".join(f"{code} is {seen[code][0]}" for code in codes)
+    return f"it is not {profile.family}: {shown}"
+
+
+def with_distinctive_rows(profile: Profile, preparation: Preparation) -> Preparation:
+    """Return a preparation whose reading also shows whether the device is of another family."""
+    return replace(preparation, reads=with_rows(profile, preparation.reads, distinctive_rows(profile)))
 
 
 def _from_text(answer: DeviceIdentification | None) -> Identity:

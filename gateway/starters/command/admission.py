@@ -1,8 +1,8 @@
-"""Judges commands as they come in, without reading anything."""
+"""Judges commands as they come in, without reading anything, and answers those that are too many."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
 from gateway.contract import (
@@ -13,16 +13,20 @@ from gateway.contract import (
     STOP,
     CommandError,
     CommandRequest,
+    Note,
+    Phase,
+    Reason,
     ResultCode,
 )
-from gateway.families import Preparation, command, reading
-from gateway.starters.command.report import Reporting
+from gateway.families import Preparation, command, diagnosis, reading
+from gateway.starters.command.report import CommandReport, Final, Reporting
 from gateway.starters.command.run.pipeline import CAN_WAIT
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.rights import Rights
 from gateway.starters.view import StarterIo
+from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +95,7 @@ class Admission:
         guard = self._policy.guard(request, expectations)
         more = guard.codes
         if request.verb != READ:
-            more += command.distinctive_rows(starter.profile)
+            more += diagnosis.distinctive_rows(starter.profile)
         reads = reading.with_rows(starter.profile, preparation.reads, more)
         return replace(preparation, reads=reads), guard
 
@@ -182,3 +186,47 @@ def no_right(request: CommandRequest) -> CommandError:
         verb=request.verb,
         starter=request.starter,
     )
+
+
+class OverloadRefusals:
+    """Refuses for each client at most ten times a second, and never under an id that has a result."""
+
+    def __init__(self, reporting: Reporting) -> None:
+        self._reporting = reporting
+        self._refusals = Damped(self._refuse, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
+
+    def refuse(self, client: Hashable, request: CommandRequest) -> None:
+        """Refuse a command now, or count it; one whose id is known gets no answer."""
+        if self._reporting.ledger.find(request.client, request.id) is None:
+            self._refusals.put(client, request)
+
+    def answer_untracked_stop(self, client: Hashable, request: CommandRequest) -> None:
+        """Answer a stop whose frame goes out, but which is not followed up to an end of its own."""
+        if self._reporting.ledger.find(request.client, request.id) is None:
+            self._stops.put(client, request)
+
+    def close(self) -> None:
+        """Report now what has only been counted."""
+        self._refusals.close()
+        self._stops.close()
+
+    def _refuse(self, request: CommandRequest, count: int) -> None:
+        reason = Reason(ResultCode.TOO_MANY, "client")
+        if count:
+            request = replace(request, id=None, correlation=None)
+            reason = Reason(ResultCode.TOO_MANY, "client_more", count=count)
+        end = Final(Phase.REJECTED, reason, values={"count": count} if count else {})
+        CommandReport(request, self._reporting).refuse(end)
+
+    def _answer_stop(self, request: CommandRequest, count: int) -> None:
+        """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
+        reason = Reason(ResultCode.TOO_MANY, "stop")
+        if count:
+            request = replace(request, id=None, correlation=None)
+            reason = Reason(ResultCode.TOO_MANY, "stop_more", count=count)
+        report = CommandReport(request, self._reporting, is_stored=False)
+        report.accept()
+        report.write()
+        values = {"count": count} if count else {}
+        report.finish(Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_turning")), values=values))

@@ -18,9 +18,8 @@ from gateway.contract import (
     ResultCode,
     ResultRecord,
 )
-from gateway.starters.command.admission import Admission, no_right
+from gateway.starters.command.admission import Admission, OverloadRefusals, no_right
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, as_repetition, is_same
-from gateway.starters.command.overload import OverloadRefusals
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
 from gateway.starters.command.recovery import Recovery
 from gateway.starters.command.report import CommandReport, Final, Reporting, audit
@@ -222,8 +221,8 @@ class Dispatcher:
             error = CommandError(ResultCode.ID_REUSED, verb=earlier.verb, starter=earlier.starter)
             self._refuse(request, error, is_stored=False)
             return
-        is_told = self._reporting.ledger.is_published(request.client, request.id)
-        if is_told:  # else the answer of the first is still to come
+        is_published = self._reporting.ledger.is_published(request.client, request.id)
+        if is_published:  # else the answer of the first is still to come
             self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
 

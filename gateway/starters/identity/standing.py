@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gateway.contract import CommandError, EventCode, ResultCode, phrase
-from gateway.families import Identity, Profile, Question, command, diagnosis
+from gateway.families import Identity, Profile, Question, diagnosis
 from gateway.line import Answered, Outcome, Refused
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
@@ -210,7 +210,7 @@ def _is_read_without_name(profile: Profile, answers: Answers) -> bool:
     others = [each for each in diagnosis.identify_requests(profile) if each.tag != NAME]
     has_registers = all(each.tag in answers.said for each in others if each.is_always_there)
     is_clear = all(each.tag in answers.said or any(answers.misses.get(each.tag, ())) for each in others)
-    is_nameless = NAME not in answers.said and not command.distinctive_rows(profile)
+    is_nameless = NAME not in answers.said and not diagnosis.distinctive_rows(profile)
     return bool(others) and has_registers and is_clear and is_nameless
 
 

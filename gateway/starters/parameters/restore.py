@@ -16,7 +16,7 @@ from gateway.contract import (
     ResultCode,
     ResultRecord,
 )
-from gateway.families import command, decode
+from gateway.families import decode, diagnosis
 from gateway.starters.command.ledger import Ledger
 from gateway.starters.command.report import CommandReport, Reporting
 from gateway.starters.command.run.pipeline import CommandRun
@@ -90,7 +90,7 @@ class Restore:
     async def _carry_out(self, group: tuple[PlannedWrite, ...]) -> ResultRecord:
         verb, args = _command(group)
         starter = self._starter
-        preparation = command.with_distinctive_rows(
+        preparation = diagnosis.with_distinctive_rows(
             starter.profile, prepare_change(starter.profile, starter.variant, verb, args)
         )
         now_s = self._reporting.records.clock.now_s()

@@ -21,7 +21,7 @@ from gateway.store import Documents
 from gateway.system.clock import Clock
 
 FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
-LASTING_S = 5.0
+LASTING_S = 3.0
 
 
 class StatePublisher:

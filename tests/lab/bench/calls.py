@@ -229,8 +229,10 @@ async def _way() -> _Way:
     for coil in (101, 100):
         unit.handle(WriteCoil(coil, is_on=True).encode(), loop.time())
     await asyncio.sleep(121.0)
-    for _, line in host.lines.values():  # the other values are due at another time than the current
-        line.change(lambda scheduler, now_s: scheduler.polls.expedite(f"{name(0, 1)}/values:P014", now_s))
+    for _, line in host.lines.values():  # each poll is due at another time, so that none follows another
+        for key in tuple(line._scheduler.polls._polls):
+            line.change(lambda scheduler, now_s, key=key: scheduler.polls.expedite(key, now_s))
+            await asyncio.sleep(0.7)
     await asyncio.sleep(9.0)
     way.found.clear()
     await asyncio.sleep(600.0)

@@ -374,7 +374,7 @@ DECIDED = [
     row(
         "a start whose starter does not answer before its time is over is expired",
         given=SITE,
-        at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=1)]},
+        at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=0.2)]},
         then={5.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(

@@ -25,6 +25,7 @@ from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
 from tests.scenarios.line.wires import (
     EIGHT,
+    JOG_OFF_07,
     READY_07,
     RUNNING_07,
     START_07,
@@ -114,7 +115,7 @@ LOST = [
         given=SSW07,
         at={3.1: fault("cut", "pump", count=2)},
         then={
-            3.3: lambda plant: (
+            3.28: lambda plant: (
                 "" if (sent := len(requests_on_wires(plant, "pump", 3.1))) == 2 else f"{sent} requests"
             ),
             35.0: [*CALM, true_values, clean_line, msg("gateway/line/pumps", garbled=2)],
@@ -157,7 +158,7 @@ LOST = [
         "a start that a starter never gets is written once, is not confirmed, and is taken back",
         given=SSW07 + ALICE,
         at={3.0: command("pump/alice/start"), 3.025: fault("silent", "pump", for_s=2.0)},
-        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", STOP_07)]},
+        then={30.0: [never("result/pump/alice", phase="confirmed"), frames("pump", STOP_07, JOG_OFF_07)]},
     ),
 ]
 
@@ -216,7 +217,7 @@ LATE = [
     row(
         "of several late replies in one go each is dropped, and the next reply is believed",
         given=SSW07,
-        at={10.0: late_by(1, 1.2)},
+        at={10.0: late_by(1, 1.1)},
         then={
             20.0: [
                 never("starter/pump/availability", since=3.1, state="offline"),

@@ -24,6 +24,7 @@ MIXED = line() + "".join(
     starter(f"pump-{n}", n, family) for n, family in enumerate(("ssw07", "ssw06", "ssw900", "sst") * 2, 1)
 )
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
+JOG_OFF_07 = "05 00 66 00 00"
 START_07 = "05 00 64 ff 00"
 RUNNING_07, READY_07 = "VB01 = 0x5123", "VB01 = 0x4102"
 OCTET_S = 0.0006  # at 19200 bit/s

@@ -160,7 +160,8 @@ BIRTHS = [
                         "locked": False,
                     },
                 ),
-                of("DDATA", "pump", Properties__FW="1.40", state="ready", remote=True),
+                of("DDATA", "pump", Properties__FW="1.40"),
+                of("DDATA", "pump", state="ready", remote=True),
                 of("DDATA", "pump", current=0.0),
             ]
         },

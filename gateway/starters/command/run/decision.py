@@ -17,7 +17,7 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.contract import READ, CommandError, ResultCode
-from gateway.families import Preparation, Procedure, command
+from gateway.families import Preparation, Procedure, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport
 from gateway.starters.command.steps import CommandStep
@@ -104,7 +104,7 @@ class Judge:
         status = self._starter.identity_standing
         if status is not IdentityStatus.MATCHING:
             raise not_matching(status, self._starter.identity_reason)
-        if why := command.contradiction(self._starter.profile, rows):
+        if why := diagnosis.contradiction(self._starter.profile, rows):
             raise not_matching(IdentityStatus.MISMATCHED, why)
 
     async def demand_again(self) -> None:
@@ -119,7 +119,7 @@ class Judge:
             return None  # some of it may have been read before the gateway stood still
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
-        codes -= set(command.distinctive_rows(self._starter.profile))  # they are in the second reading
+        codes -= set(diagnosis.distinctive_rows(self._starter.profile))  # they are in the second reading
         if not codes <= recent.keys():
             return None
         try:

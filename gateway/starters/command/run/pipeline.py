@@ -22,7 +22,15 @@ from math import inf
 from typing import Any, Protocol, assert_never
 
 from gateway.contract import CommandError, Phase, Reason, ResultCode
-from gateway.families import Preparation, Procedure, WriteStep, command, decode, parameters, reading
+from gateway.families import (
+    Preparation,
+    Procedure,
+    WriteStep,
+    decode,
+    diagnosis,
+    parameters,
+    reading,
+)
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.starters.command.report import CommandReport, Final
@@ -313,9 +321,9 @@ class CommandRun:
         if procedure.take_back is None:
             return False
         at_rest = procedure.take_back.at_rest
-        rows = command.distinctive_rows(profile)
+        rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
-        return values is not None and not self._is_another and not command.contradiction(profile, values)
+        return values is not None and not self._is_another and not diagnosis.contradiction(profile, values)
 
     @property
     def _is_another(self) -> bool:
