@@ -52,6 +52,7 @@ def _steps(costs_s: dict[float, float], *, limit: int) -> Iterator[tuple[float, 
         if not ends:
             return
         end_s = ends[0][0]
+        # All requests whose deadline ends here; each comes again a period later.
         while ends[0][0] <= end_s + _SAME_S:
             _, count, period_s = ends[0]
             demand_s += costs_s[period_s]

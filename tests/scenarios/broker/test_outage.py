@@ -178,7 +178,7 @@ OUTAGES = [
     row(
         "what waits for the broker outlives a kill and goes out first, with the run that it had",
         given=SSW07,
-        at={5.0: "broker down", 8.0: TRIP, 12.0: "kill", 13.0: "start", 20.0: "broker up"},
+        at={5.0: "broker down", 8.0: TRIP, 10.5: "kill", 13.0: "start", 20.0: "broker up"},
         then={50.0: [_two_runs, _same_number_same_bytes]},
     ),
     row(
