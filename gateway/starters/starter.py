@@ -216,6 +216,7 @@ class StarterTelemetry:
         if self._publisher.is_closed or not self.setup.is_enabled:  # a stop asks a disabled one, too
             return
         if is_answering and self.is_answering:
+            self.snapshot.outdate_rows()
             self._contact.renew()  # the port was opened again
         elif is_answering:
             self._come_online()
@@ -273,6 +274,7 @@ class StarterTelemetry:
         self._contact.begin(is_known=self._watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
+        self.snapshot.outdate_rows()
         self._contact.note_silence()
         self.availability.go_offline(reason, frames)
         self._polling.note_silence()

@@ -117,6 +117,7 @@ class CommandTable(Journal):
         self._run = secrets.token_hex(4)  # names this run's stops without an id
         self._unsaved: OrderedDict[Key, Work] = OrderedDict()  # what is written behind
         self._is_saving = False
+        self._submitted: dict[Key, Work] = {}  # the latest of what is under way to the disk
 
     @property
     def trouble(self) -> str:
@@ -139,7 +140,7 @@ class CommandTable(Journal):
             if then is not None:
                 then()
         elif not result.id and is_final:  # a stop has ended, and cannot be repeated
-            self.forget([key])
+            self._put(key, _Forgetting(*key), _Waiting(None, is_limited=True))
             if then is not None:
                 then()
         else:
@@ -192,21 +193,24 @@ class CommandTable(Journal):
         return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
 
     def _put(self, key: Key, work: Work, waiting: _Waiting) -> None:
-        work = self._next(key, work)
+        work = self._submitted[key] = self._next(key, work)
 
         def noted(future: Future[None]) -> None:
-            error = future.exception()
+            error, is_latest = future.exception(), self._submitted.get(key) is work
+            if is_latest:
+                del self._submitted[key]
             if error is None or waiting.is_limited:
                 waiting.end()
             if error is None:
                 self._save_unsaved()
-            elif not isinstance(error, UnstorableError):  # else it would fail each time
+            elif is_latest and not isinstance(error, UnstorableError):  # else it would fail each time
                 self._unsaved.setdefault(key, work)
                 self._bound()
 
         self._store.submit(work, is_urgent=True).add_done_callback(on_this_loop(noted))
 
     def _put_behind(self, key: Key, work: Work) -> None:
+        self._submitted.pop(key, None)
         self._unsaved[key] = self._next(key, work)
         self._bound()
         self._save_unsaved()

@@ -146,10 +146,16 @@ class Database:
         The log is written back first: while the disk was full it could not be, and it has to be begun again.
         """
         if self._reserve.give_up():
-            self.tidy()
+            self._tidy_if_possible()
         answers = self.transact(works)
-        self.tidy()
+        self._tidy_if_possible()
         return answers
+
+    def _tidy_if_possible(self) -> None:
+        try:
+            self.tidy()
+        except StoreError as error:  # the work itself is done all the same
+            log.debug("store=%s %s", self.path, error)
 
     def tidy(self) -> None:
         """Write the log back into the file; give back to a full disk what the file does not need."""

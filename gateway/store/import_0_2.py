@@ -147,8 +147,11 @@ def _document(file: str, octets: bytes) -> str:
 def _demand_room(state_dir: Path) -> None:
     """Raise StoreError where the copies would fill the disk, and wear it out at each attempt."""
     names = [state_dir / name for name in DATABASES if (state_dir / name).exists()]
-    needed = 2 * sum(path.stat().st_size for path in names)  # in the write-ahead log and in the file
-    disk = os.statvfs(state_dir)
+    try:
+        needed = 2 * sum(path.stat().st_size for path in names)  # in the write-ahead log and in the file
+        disk = os.statvfs(state_dir)
+    except OSError as error:
+        raise StoreError(f"{error.filename or state_dir}: {error.strerror}") from error
     if disk.f_bavail * disk.f_frsize < needed:
         raise StoreError(f"{state_dir}: the import of what 0.2.0 has stored needs {needed / 2**20:.1f} MiB")
 

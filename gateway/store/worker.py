@@ -86,6 +86,7 @@ class Store:
         self._busy_since_s: float | None = None
         self._untidy = 0  # transactions since the log was written back
         self._is_closed = False
+        self._is_lost = False  # the file is gone, and no new one is open yet
 
     @property
     def trouble(self) -> str:
@@ -122,7 +123,7 @@ class Store:
         perhaps not a power cut. What is freeing only deletes, and is done on a full disk too: it should touch
         less than a quarter of the reserve.
         """
-        piece = _Piece(work, is_flushed, is_freeing)
+        piece = _Piece(work, is_urgent, is_flushed, is_freeing)
         if self._is_closed or len(self._urgent) + len(self._riding) + len(self._others) >= MOST_WAITING:
             why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
             piece.future.set_exception(StoreError(why))
@@ -203,13 +204,21 @@ class Store:
             self._untidy += bool(answers)
             for piece, answer in zip(batch, answers, strict=False):
                 piece.future.set_result(answer)
-            self._others.extendleft(reversed(batch[len(answers) :]))
+            self._put_back(batch[len(answers) :])
+
+    def _put_back(self, pieces: Sequence[_Piece]) -> None:
+        """Have what there was no time for done next, in its order and rank."""
+        self._urgent.extendleft(piece for piece in reversed(pieces) if piece.is_urgent)
+        self._others.extendleft(piece for piece in reversed(pieces) if not piece.is_urgent)
 
     def _open(self) -> None:
         """See to it that the file is open, where it belongs, and has room; StoreError when it is not now."""
         if self._file.is_open and not self._file.is_in_place:
             self._file.close()
+            self._is_lost = True
+        if self._is_lost and (not self._trouble or time.monotonic() >= self._retry_s):
             self._file.open(is_lost=True)
+            self._is_lost = False
             self._report(News.LOST, f"{self._file.path} was removed while in use; a new one is used")
         if not self._trouble:
             return
@@ -281,6 +290,7 @@ class Store:
 @dataclass(slots=True)
 class _Piece:
     work: Work
+    is_urgent: bool
     is_flushed: bool
     is_freeing: bool
     is_begun: bool = False

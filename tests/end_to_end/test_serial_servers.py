@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
+from pymodbus import ModbusDeviceIdentification
 from pymodbus.framer import FramerType
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
@@ -95,7 +96,10 @@ async def box(device: Path, send: Send) -> AsyncIterator[str]:
 async def foreign_server(framer: FramerType, cells: list[SimData]) -> AsyncIterator[str]:
     """Run a server of another project behind a TCP port; give the URL of a serial server there."""
     port = free_port()
-    server = ModbusTcpServer(SimDevice(1, cells), framer=framer, address=("127.0.0.1", port))
+    name = ModbusDeviceIdentification(
+        info_name={"VendorName": "WEG", "ProductCode": "SSW-07 85.0A", "MajorMinorRevision": "1.40"}
+    )
+    server = ModbusTcpServer(SimDevice(1, cells), framer=framer, identity=name, address=("127.0.0.1", port))
     await server.serve_forever(background=True)
     try:
         yield f"socket://127.0.0.1:{port}"

@@ -79,16 +79,16 @@ class BusFaults:
         reply, at_s = self._replies.get(unit, (b"", -inf))
         is_second = unit == asked and now_s - at_s <= RECENTLY_S
         if is_listed or frame == reply:
-            self._add(BusFault(EventCode.BABBLING, SOMEONE, "late"), LATE_FRAME, now_s)
+            self._add(BusFault(EventCode.FOREIGN_TRAFFIC, SOMEONE, "late"), LATE_FRAME, now_s)
         elif is_second:
             self._add(BusFault(EventCode.ADDRESS_CONFLICT, unit), OTHER_REPLY, now_s)
         else:
-            self._add(BusFault(EventCode.BABBLING, unit, "unit"), UNASKED_FRAME, now_s)
+            self._add(BusFault(EventCode.FOREIGN_TRAFFIC, unit, "unit"), UNASKED_FRAME, now_s)
 
     def note_noise(self, size: int, now_s: float) -> None:
         """Judge stray bytes that are no frame."""
         if size >= _NOISE_FROM:
-            self._add(BusFault(EventCode.BABBLING, SOMEONE, "unknown"), NOISE, now_s)
+            self._add(BusFault(EventCode.FOREIGN_TRAFFIC, SOMEONE, "unknown"), NOISE, now_s)
 
     def note_garbled(self, unit: int, size: int, reply_size: int | None, now_s: float) -> None:
         """Judge bytes that are no frame, where a unit's reply of this size was expected."""
@@ -101,7 +101,8 @@ class BusFaults:
     def note_never_quiet(self, received: bytes, now_s: float) -> None:
         """Record that the line does not become quiet although no unit is asked."""
         unit = _speaker(received)
-        self._add(BusFault(EventCode.BABBLING, unit, "unknown" if unit == SOMEONE else "unit"), ENOUGH, now_s)
+        case = "unknown" if unit == SOMEONE else "unit"
+        self._add(BusFault(EventCode.FOREIGN_TRAFFIC, unit, case), ENOUGH, now_s)
 
     def _add(self, fault: BusFault, weight: float, now_s: float) -> None:
         """Add a sign, and report the fault once there are enough."""

@@ -39,11 +39,12 @@ class Batch(NamedTuple):
     delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
     lost: Mapping[int, Rank] = {}  # likewise
     losses: Sequence[Loss] | None = None  # None: the table has them
+    is_relief: bool = False  # of a full disk: what is new is not in it
 
     @property
     def deletes_only(self) -> bool:
         """Return whether a full disk permits it."""
-        return not self.rows
+        return not self.rows and len(self.lost) <= MOST_DELETED
 
     @property
     def is_flushed(self) -> bool:
@@ -214,8 +215,8 @@ class Backlog:
             lost = dict(islice(self._lost.items(), MOST_DELETED))
             for id_ in lost:
                 del self._lost[id_]
-            losses = self.losses.unsaved() if lost else None
-            return Batch([], delivered, lost, losses) if delivered or lost else None
+            losses = self.losses.with_declared() if lost else None
+            return Batch([], delivered, lost, losses, is_relief=True) if delivered or lost else None
         if not (self._unwritten or self._lost or self.losses.is_unsaved):
             return Batch(delivered=delivered) if delivered else None
         ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
@@ -231,6 +232,10 @@ class Backlog:
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
         self._writing = frozenset()
+        if batch.is_relief and batch.losses is not None:
+            self.losses.save_again()  # without those whose event is written with them
+        elif not batch.is_relief:
+            self.losses.note_written()
         for row in batch.rows:
             if row.id in self._memory:
                 self._leave_to_table(self._memory[row.id])

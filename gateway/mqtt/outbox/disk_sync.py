@@ -18,7 +18,7 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from gateway.contract import PublishEvent
 from gateway.errors import StoreError
@@ -136,7 +136,7 @@ class DiskSync:
         self._outbox.disconnected()
         try:
             async with asyncio.timeout(within_s), self._stepping:
-                await self._write()
+                await self._write(may_wait=False)
         except (TimeoutError, StoreError) as error:
             log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
 
@@ -188,12 +188,12 @@ class DiskSync:
         table = self._table
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
-    async def _write(self) -> None:
+    async def _write(self, *, may_wait: bool = True) -> None:
         """Write what is to be written; where there was no room for it, delete what was delivered first."""
         while batch := self._next_batch():
             is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
             is_freeing = batch.deletes_only
-            within_s = BEHIND_S if is_freeing and self._outbox.backlog.is_empty else 0.0
+            within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
             works = self._works(batch)
             try:
                 await self._do(*works, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
@@ -249,9 +249,11 @@ class DiskSync:
         submit = partial(self._store.submit, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
         try:
             futures = [asyncio.wrap_future(submit(work)) for work in works]
-            await asyncio.wait(futures)
-            first, *_ = [future.result() for future in futures]
-            return first
+            outcomes = await asyncio.gather(*futures, return_exceptions=True)
+            for outcome in outcomes:
+                if isinstance(outcome, BaseException):
+                    raise outcome
+            return cast(T, outcomes[0])
         finally:
             self._asked_s = None
 

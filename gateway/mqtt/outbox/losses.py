@@ -23,6 +23,7 @@ class Losses:
     def __init__(self) -> None:
         self.dropped = 0  # rows, in this run
         self._sums: Sequence[Loss] = ()
+        self._declared: Sequence[Loss] = ()  # by an event that is not in the table yet
         self._is_saved = True
         self._declared_s = float("-inf")
 
@@ -53,6 +54,14 @@ class Losses:
         is_saved, self._is_saved = self._is_saved, True
         return None if is_saved else self._sums
 
+    def with_declared(self) -> Sequence[Loss]:
+        """Return all of them, also those whose event a full disk does not take: a crash would forget it."""
+        return merged((*self._sums, *self._declared))
+
+    def note_written(self) -> None:
+        """Record that the table has all that was waiting for it, the event of the losses too."""
+        self._declared = ()
+
     def save_again(self) -> None:
         """Have all of them written once more."""
         self._is_saved = False
@@ -65,6 +74,7 @@ class Losses:
         if not self._sums or now_s < self._declared_s + DECLARE_EVERY_S:
             return None
         event = _gap(self._sums)
+        self._declared = (*self._declared, *self._sums)
         self._sums = ()
         self._is_saved = False
         self._declared_s = now_s

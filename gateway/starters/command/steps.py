@@ -34,8 +34,8 @@ NEXT: Mapping[CommandStep, frozenset[CommandStep]] = {
         {CommandStep.WRITING, CommandStep.READING, CommandStep.DONE}
     ),  # what was read may have grown old
     CommandStep.WRITING: frozenset(
-        {CommandStep.VERIFYING, CommandStep.READING, CommandStep.DONE}
-    ),  # it may not have been sent in time
+        {CommandStep.WRITING, CommandStep.VERIFYING, CommandStep.READING, CommandStep.DONE}
+    ),  # it may not have been sent in time; run = 0 may be refused, and the next write is the first
     CommandStep.VERIFYING: frozenset({CommandStep.DONE}),
     CommandStep.DONE: frozenset(),
 }

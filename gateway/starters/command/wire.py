@@ -147,9 +147,13 @@ class Wire:
         """Wait for something other than the starter, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
-    async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
+    def demand_not_halted(self) -> None:
+        """Raise HaltedError when nothing more may go out."""
         if self._halted is not None:
             raise HaltedError(self._halted)
+
+    async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
+        self.demand_not_halted()
         if asyncio.get_running_loop().time() >= self.until_s:
             raise OverdueError
         return await self._do(self._starter.ask(request, lane=lane, until_s=until_s))

@@ -75,9 +75,8 @@ class Contact:
 
     def renew(self) -> None:
         """Ask again: the port was opened again, and another device may answer now."""
-        if self.standing.status is not IdentityStatus.ASKING:
-            self._answers = Answers()
-            self.begin(is_known=True)
+        self._answers = Answers()
+        self.begin(is_known=True)
 
     def note_silence(self) -> None:
         """Record that the starter went silent, perhaps for its latest question; ask nothing any more."""

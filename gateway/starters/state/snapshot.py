@@ -36,9 +36,17 @@ class Snapshot:
                 self._rows[code] = words
                 self._rows_at_s[code] = at_s
 
+    def outdate_rows(self) -> None:
+        """Let no row count as recent: another device may answer next."""
+        self._rows_at_s.clear()
+
     def rows_since(self, since_s: float) -> dict[str, Words]:
         """Return the raw words of all rows that were read at `since_s` or later."""
-        return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
+        return {
+            code: words
+            for code, words in self._rows.items()
+            if self._rows_at_s.get(code, -math.inf) >= since_s
+        }
 
     def good_values(self) -> dict[str, Value]:
         """Return the values that were just read, by point."""

@@ -110,6 +110,7 @@ class Judge:
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
         rows = await self._wire.read(self._preparation.reads, lane=self._lane)
+        self._demand_identity(rows)
         command.demand(self._starter.profile, self._preparation.requires, self._points(rows))
 
     def _judge_polls(self) -> Procedure | None:

@@ -246,7 +246,7 @@ class CommandRun:
     async def _send_first(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
         self.report.life.advance(CommandStep.WRITING)
-        deadline_s = self._wire.until_s
+        deadline_s = min(self._wire.until_s, self.report.request.until_s)
         until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self.can_wait))
         self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
         outcome = await self._send(step, until_s)
@@ -310,6 +310,7 @@ class CommandRun:
         self._wire.until_s = self.report.now_s() + TAKEN_BACK_WITHIN_S
         if self._take_back is None or not await self._is_seen_at_rest(procedure):
             return end.noted(ends.MAY_ACT_LATER)
+        self._wire.demand_not_halted()  # at shut-down nothing is written
         taking_back = self._take_back(self.report, procedure)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
             await self._wire.wait_for(taking_back.ended())
@@ -327,8 +328,8 @@ class CommandRun:
 
     @property
     def _is_another(self) -> bool:
-        """Return whether another family answers since a silence: the procedure is not in its words."""
-        return self._starter.identity_standing is IdentityStatus.MISMATCHED
+        """Return whether another device may answer since a silence: the procedure is not in its words."""
+        return self._starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode
+from gateway.contract import CommandError, CommandRequest, EventCode, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Read
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport, Final
@@ -254,7 +254,7 @@ class Stopping:
         self._wire.until_s = min(order.until_s for order in self._all()) + LAST_READING_S
         try:
             return await self._wire.read_back(reads)
-        except OverdueError:
+        except (OverdueError, CommandError):  # a row that the family does not have: it is another one now
             return None
         finally:
             self._wire.until_s = inf
