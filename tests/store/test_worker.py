@@ -170,3 +170,22 @@ def test_a_disk_that_stays_full_is_reported_once(keeping: Make, monkeypatch: pyt
     while one.store.trouble:
         pass
     assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
+
+
+def test_urgent_work_for_which_there_was_no_time_keeps_its_place(keeping: Make) -> None:
+    one = keeping()
+    gate, _ = held_up(one)
+    begun, go = threading.Event(), threading.Event()
+
+    def slow(connection: Connection) -> None:
+        begun.set()
+        go.wait(PATIENCE_S)
+
+    one.store.submit(slow, is_urgent=True)
+    one.store.submit(insert("accepted"), is_urgent=True)
+    gate.set()
+    assert begun.wait(PATIENCE_S)
+    one.store.submit(insert("confirmed"), is_urgent=True)
+    go.set()
+
+    assert one.do(texts) == ["accepted", "confirmed"]
