@@ -51,3 +51,11 @@ def test_what_was_written_is_never_decided_again_nor_called_rejected() -> None:
 def test_every_step_but_the_last_can_end() -> None:
     assert [step for step in CommandStep if not ENDS[step]] == [CommandStep.DONE]
     assert all(CommandStep.DONE in NEXT[step] for step in CommandStep if step is not CommandStep.DONE)
+
+
+def test_after_a_write_that_may_be_refused_the_next_one_is_the_first() -> None:
+    life = at(CommandStep.WRITING)
+
+    life.advance(CommandStep.WRITING)
+
+    assert not life.is_written
