@@ -46,12 +46,12 @@ async def test_when_the_disk_takes_neither_accepted_nor_the_end_the_end_is_writt
         hold_s=0.0,
         on_slow=lambda _: None,
     )
-    told: list[Phase] = []
+    published: list[Phase] = []
     for phase in (Phase.ACCEPTED, Phase.CONFIRMED):
         result = ResultRecord(
             starter="pump", client="alice", id="1", verb="start", phase=phase, code="ok", text="", time_s=0.0
         )
-        table.note(result, then=lambda phase=phase: told.append(phase))  # type: ignore[misc]
+        table.note(result, then=lambda phase=phase: published.append(phase))  # type: ignore[misc]
     for done in store.waiting:
         done.set_exception(StoreError("the disk is full"))
     await asyncio.sleep(0.01)
@@ -59,5 +59,5 @@ async def test_when_the_disk_takes_neither_accepted_nor_the_end_the_end_is_writt
     table.resume()
     await asyncio.sleep(0.01)
 
-    assert told == [Phase.CONFIRMED]
+    assert published == [Phase.CONFIRMED]
     assert store.written == ["confirmed"]

@@ -79,7 +79,7 @@ class BusFaults:
         reply, at_s = self._replies.get(unit, (b"", -inf))
         is_second = unit == asked and now_s - at_s <= RECENTLY_S
         if is_listed or frame == reply:
-            self._add(BusFault(EventCode.FOREIGN_TRAFFIC, SOMEONE, "late"), LATE_FRAME, now_s)
+            self._add(BusFault(EventCode.LATE_REPLIES, SOMEONE), LATE_FRAME, now_s)
         elif is_second:
             self._add(BusFault(EventCode.ADDRESS_CONFLICT, unit), OTHER_REPLY, now_s)
         else:
@@ -101,8 +101,8 @@ class BusFaults:
     def note_never_quiet(self, received: bytes, now_s: float) -> None:
         """Record that the line does not become quiet although no unit is asked."""
         unit = _speaker(received)
-        case = "unknown" if unit == SOMEONE else "unit"
-        self._add(BusFault(EventCode.FOREIGN_TRAFFIC, unit, case), ENOUGH, now_s)
+        fault = BusFault(EventCode.FOREIGN_TRAFFIC, unit, "unknown" if unit == SOMEONE else "unit")
+        self._add(fault, ENOUGH, now_s)
 
     def _add(self, fault: BusFault, weight: float, now_s: float) -> None:
         """Add a sign, and report the fault once there are enough."""

@@ -243,9 +243,7 @@ LATE = [
         "a starter that always answers too late is offline in the end, and the event says so",
         given=SSW07,
         at={3.1: fault("delay", "pump", 0.25)},
-        then={
-            60.0: [msg("starter/pump/availability", state="offline"), event("foreign_traffic"), true_values]
-        },
+        then={60.0: [msg("starter/pump/availability", state="offline"), event("late_replies"), true_values]},
     ),
 ]
 
