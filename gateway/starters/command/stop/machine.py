@@ -2,9 +2,8 @@
 
 1. Each stop message is an order with a frame of its own (`frames`), and joins the stop under way.
 2. A message is confirmed by two readings in a row that were asked for after the frame which counts for it:
-   its own, or the first after that which the starter acknowledged. An acknowledgement that may be of any of
-   several frames counts if all of these were written since the message came. Without one, frames follow until
-   the time is up; then the latest two readings since the first frame decide.
+   its own, or the first after that which the starter acknowledged. Without an acknowledgement, frames follow
+   until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
 4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
    (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
