@@ -1,7 +1,7 @@
 """The gateway's life: it runs its parts, ends in order, applies another site.
 
-Where to start reading: `parts.Parts` names every part, `App.run` the order of a start and of an orderly end,
-`change` that of a reload.
+Where to start reading: `build.build` makes every part, `App.run` is the order of a start and of an orderly
+end, `App.change` that of a reload.
 """
 
 from __future__ import annotations
@@ -9,16 +9,29 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable
+from dataclasses import dataclass
+from functools import partial
 
 from gateway import __version__
-from gateway.app.parts import Parts
+from gateway.app.capture_socket import CaptureSocket
+from gateway.app.health import Health
+from gateway.app.plant import Plant
+from gateway.app.plugins import PluginRunner
 from gateway.app.reload import newly_missed
 from gateway.app.restart import announcement
 from gateway.app.site import Site
-from gateway.config.convert import policy_of, rights_of, setups_in
+from gateway.app.uplink import Uplink
+from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
 from gateway.config.diff import ConfigChanges, changes_of, fixed
-from gateway.contract import EventCode
+from gateway.contract import EventCode, RecordWriter
 from gateway.errors import ConfigError
+from gateway.line import LineHost
+from gateway.plugins.history.plugin import History
+from gateway.starters.command import Commands, Dispatcher
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.services import StarterServices
+from gateway.store import StateStore
+from gateway.system.clock import ClockWatch
 from gateway.system.supervised import keep_running
 
 log = logging.getLogger(__name__)
@@ -26,17 +39,38 @@ log = logging.getLogger(__name__)
 SETTLE_S = 15.0  # for commands to starters that a change takes away; a stop lasts 10 s at most
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """The parts that begin, change or end with the gateway, in the order of their construction."""
+
+    clock_watch: ClockWatch
+    records: RecordWriter
+    state: StateStore
+    uplink: Uplink
+    policy: Policy
+    history: History
+    services: StarterServices
+    plant: Plant
+    host: LineHost
+    health: Health
+    dispatcher: Dispatcher
+    commands: Commands
+    capture: CaptureSocket
+    plugins: tuple[PluginRunner, ...]
+
+
 class App:
     """One gateway, from start to end. All calls on the app's loop."""
 
-    def __init__(self, parts: Parts) -> None:
-        self._parts = parts
-        self.publish_event = parts.publish_event  # of the gateway's own
+    def __init__(self, site: Site, parts: Parts) -> None:
+        self.parts = parts
+        self._site = site
+        self.publish_event = partial(parts.records.event, "")  # of the gateway's own
         self._is_up = asyncio.Event()
 
     async def run(self, ending: asyncio.Future[str]) -> None:
         """Serve until `ending` has a reason, then end in order: nothing is written to any starter."""
-        parts = self._parts
+        parts = self.parts
         tasks = [
             asyncio.create_task(keep_running(name, work))
             for name, work in (
@@ -65,7 +99,7 @@ class App:
 
     async def _end(self, reason: str) -> None:
         """End in order: commands, lines, starters, then everything that stores, and the connection last."""
-        parts = self._parts
+        parts = self.parts
         log.info("ending: %s", reason)
         await self._announce_end(reason)
         await parts.dispatcher.close()
@@ -82,10 +116,11 @@ class App:
 
     async def _announce_end(self, reason: str) -> None:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""
-        parts = self._parts
-        limits_s = {setup.name: parts.watchdogs.limit_s(setup) for setup in setups_in(parts.site.config)}
-        parts.publish_event(
-            await asyncio.to_thread(announcement, reason, parts.site.prospects, limit_of=limits_s.get)
+        parts = self.parts
+        watchdogs = parts.policy.watchdogs
+        limits_s = {setup.name: watchdogs.limit_s(setup) for setup in setups_in(self._site.config)}
+        self.publish_event(
+            await asyncio.to_thread(announcement, reason, self._site.prospects, limit_of=limits_s.get)
         )
 
     async def change(self, site: Site) -> int:
@@ -95,36 +130,48 @@ class App:
         effect at one instant, as soon as no starter that is removed or replaced is under a command.
         Nothing is written to any starter.
         """
-        parts = self._parts
-        problems = fixed(parts.site.config, site.config)
-        problems = problems or await newly_missed(parts.watchdogs, parts.site.config, site.config)
+        parts, before = self.parts, self._site.config
+        problems = fixed(before, site.config)
+        problems = problems or await newly_missed(parts.policy.watchdogs, before, site.config)
         if problems:
             raise ConfigError(str(site.folder), problems)
-        changes = changes_of(parts.site.config, site.config)
+        changes = changes_of(before, site.config)
         await self._is_up.wait()
         await parts.dispatcher.settle(changes.starters_gone, within_s=SETTLE_S)
-        ended = self._apply(site, changes)
-        parts.publish_event(EventCode.RELOADED, **changes.to_dict())
+        ended = self._reconfigure(site, changes)
+        self.publish_event(EventCode.RELOADED, **changes.to_dict())
         await ended
         await parts.uplink.move(site)
         return len(changes.starters_gone)
 
-    def _apply(self, site: Site, changes: ConfigChanges) -> Awaitable[None]:
-        """Do everything that must happen at one instant; what is returned ends what was replaced."""
-        parts = self._parts
-        config, has_operators = site.config, bool(site.config.operators)
-        parts.site = site
-        ended = parts.plant.apply(changes)
-        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
-        parts.state.apply(has_operators=has_operators)
-        for name in parts.policy.apply(policy_of(config), rights=rights_of(config)):
+    def _reconfigure(self, site: Site, changes: ConfigChanges) -> Awaitable[None]:
+        """Have every part follow at one instant; what is returned ends what was replaced.
+
+        The plant is first, so that the parts after it still take what its starters publish at their end;
+        the others follow in the order of their construction.
+        """
+        parts, config, rights = self.parts, site.config, rights_of(site.config)
+        self._site = site
+        ended = parts.plant.reconfigure(changes)
+        parts.clock_watch.reconfigure(config.gateway.clock)
+        parts.state.apply(has_operators=bool(config.operators))
+        parts.uplink.reconfigure(config)
+        for name in parts.policy.apply(policy_of(config), rights=rights):
             parts.plant.starters[name].republish_state()
-        parts.dispatcher.apply_rights(rights_of(config))
-        parts.clock_watch.trust(config.gateway.clock)
+        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
+        watch_lines(parts.health, parts.plant, site)
+        parts.dispatcher.apply_rights(rights)
         parts.capture.lines = tuple(parts.plant.lines)
-        parts.watch_lines()
-        parts.forget_lines(changes.lines_forgotten)
-        parts.uplink.publish_info(config)
         for plugin in parts.plugins:
             plugin.reconfigure(site)
         return ended
+
+
+def watch_lines(health: Health, plant: Plant, site: Site) -> None:
+    """Have the health of a site's lines watched."""
+    health.reconfigure(
+        plant.lines.values(),
+        shortest_watchdog_s=least_watchdog_s(site.config),
+        computed=site.computed,
+        wiring=wiring_of(site.config),
+    )

@@ -1,8 +1,7 @@
-"""Health: readiness, the service watchdog, the status of the gateway, and the statistics of each line.
+"""Health: readiness, the service watchdog, the status of the gateway, and the statistics of its lines.
 
 systemd gets READY once every line has made its first step (a transaction, or an attempt to open its port),
 and WATCHDOG only after every line has made another one: what feeds it is the lines' work, not a timer.
-`Saturation` finds lines without time to spare, `WatchdogAlarm` watchdogs that a line does not serve in time.
 """
 
 from __future__ import annotations
@@ -12,8 +11,9 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from gateway.contract import Event, EventCode, LineRecord, PublishEvent, Severity, Sink, event_of
-from gateway.line import CableHealth, LineClient, WiredStarter, capacity
+from gateway.app.watched_line import WatchedLine
+from gateway.contract import EventCode, PublishEvent, Sink
+from gateway.line import LineClient, WiredStarter, capacity
 from gateway.mqtt import Publisher
 from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import HangWatch, LagMeter
@@ -25,52 +25,8 @@ STATISTICS_EVERY_S = 30.0
 SETTLING_S = 1.5  # after a change; a line's statistics are up to a second old
 LAG_WARNS_S = 0.05
 LAG_QUIET_S = 60.0  # a loop that was in time for so long may be reported again
-QUIET_S = 300.0  # without another, before a starter that was left for too long may be reported again
 
-FULL = 0.95  # of a line's time
-RELIEVED = 0.90
-FOR_S = 60.0  # before a line counts as full, or as relieved
-
-
-class Saturation:
-    """Watches one line's utilisation; a change is reported once it has lasted for a minute."""
-
-    def __init__(self) -> None:
-        self._is_full = False
-        self._since_s: float | None = None  # when it began to look otherwise
-
-    def take(self, utilisation: float, now_s: float) -> bool | None:
-        """Return whether the line is full when that has just changed, None otherwise."""
-        is_otherwise = utilisation < RELIEVED if self._is_full else utilisation > FULL
-        if not is_otherwise:
-            self._since_s = None
-            return None
-        if self._since_s is None:
-            self._since_s = now_s
-        if now_s - self._since_s < FOR_S:
-            return None
-        self._is_full, self._since_s = not self._is_full, None
-        return self._is_full
-
-
-class WatchdogAlarm:
-    """Watches one line's `watchdogs` statistics; a change is reported once."""
-
-    def __init__(self, line: str) -> None:
-        self._line = line
-        self._is_full = False  # the watchdogs need more than there is
-        self._missed: dict[int, HoldOff] = {}  # by unit
-
-    def take(self, statistics: Mapping[str, float | int], now_s: float) -> Event | None:
-        """Return what is wrong when that is news, None otherwise."""
-        load, share, unit = statistics["load"], statistics["longest_share"], int(statistics["unit"])
-        was_full, self._is_full = self._is_full, load > 1.0
-        is_missed = share >= 1.0 and self._missed.setdefault(unit, HoldOff(QUIET_S)).sounds(now_s)
-        if self._is_full and not was_full:
-            return event_of(EventCode.WATCHDOG_UNKEPT, "overload", line=self._line, load=load)
-        if is_missed:
-            return event_of(EventCode.WATCHDOG_UNKEPT, "missed", line=self._line, unit=unit, share=share)
-        return None
+LINE, STARTER = "line", "starter"  # where a trouble is; in this order in the status
 
 
 class Health:
@@ -101,18 +57,13 @@ class Health:
             _LagWatch("the gateway's own loop", self.lag, publish_event),
             _LagWatch("the lines' loop", lines_lag, publish_event),
         )
-        self._lines: tuple[LineClient, ...] = ()
-        self._computed: Mapping[str, Mapping[str, Any]] = {}
-        self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
-        self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
-        self._cables: dict[str, CableHealth] = {}
-        self._port_troubles: dict[str, str] = {}
-        self._starter_troubles: dict[str, str] = {}
-        self._link_trouble: str | None = ""
+        self._lines: dict[str, WatchedLine] = {}
+        self._troubles: dict[tuple[str, str], str] = {}  # by LINE or STARTER, and its name
+        self._link_trouble: str | None = None  # None: the connection is not judged yet
         self._is_ready = False
         self._is_changed = False
 
-    def watch(
+    def reconfigure(
         self,
         lines: Iterable[LineClient],
         *,
@@ -125,17 +76,15 @@ class Health:
         By line, `computed` holds its computed worst-case statistics, `wiring` its starters in the order in
         which the cable passes them.
         """
-        self._lines = tuple(lines)
-        self._computed = computed
-        paced = [name for name, statistics in computed.items() if statistics["is_paced"]]
-        self._saturations = {name: self._saturations.get(name, Saturation()) for name in paced}
-        names = {line.name for line in self._lines}
-        self._port_troubles = {n: trouble for n, trouble in self._port_troubles.items() if n in names}
-        self._watchdog_alarms = {n: alarm for n, alarm in self._watchdog_alarms.items() if n in names}
-        for name in self._cables.keys() - wiring.keys():
-            del self._cables[name]
-        for name, starters in wiring.items():
-            self._cables.setdefault(name, CableHealth(starters)).rewire(starters)
+        before, self._lines = self._lines, {}
+        for line in lines:
+            watched = before.get(line.name)
+            if watched is None or watched.line is not line:
+                watched = WatchedLine(line, self._publish_event)
+            watched.reconfigure(computed.get(line.name, {}), wiring.get(line.name))
+            self._lines[line.name] = watched
+        for place in [place for place in self._troubles if place[0] == LINE and place[1] not in self._lines]:
+            del self._troubles[place]
         for watch in self._lag_watches:
             watch.shortest_watchdog_s = shortest_watchdog_s
         self._publish_status()
@@ -143,20 +92,12 @@ class Health:
 
     def note_port(self, line: str, trouble: str) -> None:
         """Record that a line's port is open (empty) or away (why)."""
-        if trouble:
-            self._port_troubles[line] = trouble
-        else:
-            self._port_troubles.pop(line, None)
-        self._publish_status()
+        self._note((LINE, line), trouble)
         self._is_changed = True
 
     def note_starter(self, starter: str, trouble: str) -> None:
         """Record that a part of a starter cannot be read, and why; empty when all of it can."""
-        if trouble:
-            self._starter_troubles[starter] = trouble
-        else:
-            self._starter_troubles.pop(starter, None)
-        self._publish_status()
+        self._note((STARTER, starter), trouble)
 
     def note_link(self, trouble: str | None) -> None:
         """Record what is wrong with the connection to the broker; empty for nothing, None: still starting."""
@@ -185,23 +126,24 @@ class Health:
             now_s = loop.time()
             if not self._is_ready and all(self._progress().values()):
                 self._become_ready()
-            if (
-                self._watchdog_every_s is not None
-                and now_s - fed_s >= 2 * self._watchdog_every_s / capacity.FEEDS
-            ):
-                progress = self._progress()
-                if all(steps != seen.get(name) for name, steps in progress.items()):
-                    self._notifier.watchdog()
-                    self._hangs.fed()
-                    seen, fed_s = progress, now_s
+            # The service watchdog is fed in half of its time, and only when each line has moved since.
+            limit_s = self._watchdog_every_s
+            is_due = limit_s is not None and now_s - fed_s >= 2 * limit_s / capacity.FEEDS
+            progress = self._progress() if is_due else {}
+            if is_due and all(steps != seen.get(name) for name, steps in progress.items()):
+                self._notifier.watchdog()
+                self._hangs.fed()
+                seen, fed_s = progress, now_s
             for watch in self._lag_watches:
                 watch.look(now_s)
-            self._check_load(now_s)
+            for line in self._lines.values():
+                line.look(now_s)
+            # Statistics come every 30 s; a change brings them forward, once its counters are in them.
             if self._is_changed:
                 self._is_changed = False
                 statistics_due_s = min(statistics_due_s, now_s + SETTLING_S)
             if now_s >= statistics_due_s:
-                self._publish_statistics()
+                self._publish_statistics(now_s)
                 statistics_due_s = now_s + STATISTICS_EVERY_S
             await asyncio.sleep(capacity.LOOK_S)
 
@@ -209,13 +151,18 @@ class Health:
         self._is_ready = True
         self._publish_status()
         self._notifier.ready(f"polling {len(self._lines)} line(s)")
-        log.info("lines=%s polling", ",".join(line.name for line in self._lines))
+        log.info("lines=%s polling", ",".join(self._lines))
+
+    def _note(self, place: tuple[str, str], trouble: str) -> None:
+        self._troubles.pop(place, None)
+        if trouble:
+            self._troubles[place] = trouble
+        self._publish_status()
 
     def _publish_status(self) -> None:
         if not self._is_ready:
             return
-        troubles = [f"line {line}: {trouble}" for line, trouble in self._port_troubles.items()]
-        troubles += [f"starter {name}: {trouble}" for name, trouble in self._starter_troubles.items()]
+        troubles = [f"{kind} {name}: {trouble}" for (kind, name), trouble in sorted(self._troubles.items())]
         troubles += [self._link_trouble] if self._link_trouble else []
         if self._link_trouble is None:
             self._publisher.set_status("starting")
@@ -223,48 +170,10 @@ class Health:
             self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
         self._notifier.status("; ".join(troubles) or "polling")
 
-    def _check_load(self, now_s: float) -> None:
-        """Publish when a line is saturated, and when no longer; watchdogs first."""
-        for line in self._lines:
-            statistics = line.statistics()
-            self._check_watchdogs(line.name, statistics, now_s)
-            saturation = self._saturations.get(line.name)
-            if saturation is None:
-                continue
-            is_full = saturation.take(statistics.get("utilisation", 0.0), now_s)
-            if is_full:
-                self._publish_event(EventCode.LINE_SATURATED, line=line.name, seconds=FOR_S)
-            elif is_full is not None:
-                self._publish_event(EventCode.LINE_RELIEVED, line=line.name)
-
-    def _check_watchdogs(self, line: str, statistics: Mapping[str, Any], now_s: float) -> None:
-        """Publish which watchdogs this line does not serve in time, those read from the starters included."""
-        if "watchdogs" not in statistics:
-            return
-        alarm = self._watchdog_alarms.setdefault(line, WatchdogAlarm(line))
-        unkept = alarm.take(statistics["watchdogs"], now_s)
-        if unkept is not None:
-            self._publish_event(unkept)
-
-    def _publish_statistics(self) -> None:
+    def _publish_statistics(self, now_s: float) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
-        for line in self._lines:
-            statistics = line.statistics()
-            computed = {"computed": self._computed[line.name]} if line.name in self._computed else {}
-            more = {**computed, **self._cable_of(line.name, statistics), "lag_s": lag_s}
-            self._sink.put(LineRecord(line=line.name, data={**statistics, **more}))
-
-    def _cable_of(self, line: str, statistics: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what the errors on a line say of its cable; report what has changed in that."""
-        cable = self._cables.get(line)
-        if cable is None:
-            return {}
-        changes = cable.take(statistics, asyncio.get_running_loop().time())
-        for text in changes.appeared:
-            self._publish_event(EventCode.CABLE, "found", severity=Severity.WARNING, line=line, finding=text)
-        for text in changes.gone:
-            self._publish_event(EventCode.CABLE, "gone", severity=Severity.INFO, line=line, finding=text)
-        return {"cable": cable.to_dict()}
+        for line in self._lines.values():
+            self._sink.put(line.record(lag_s, now_s))
 
 
 class _LagWatch:

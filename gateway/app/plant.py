@@ -13,7 +13,7 @@ from gateway.app.health import Health
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
-from gateway.contract import EventCode, PublishEvent, RecordWriter
+from gateway.contract import EventCode, ForgetRecord, PublishEvent, RecordWriter
 from gateway.families import ENGLISH
 from gateway.line import (
     DEAF,
@@ -39,16 +39,12 @@ def _ignore(_name: str, _readings: Readings) -> None:
 
 
 class Plant:
-    """All calls on the app's loop. `starters` and `lines` are by name.
-
-    `forget` has the broker delete what it retains of starters.
-    """
+    """All calls on the app's loop. `starters` and `lines` are by name."""
 
     def __init__(
         self,
         *,
         publish_event: PublishEvent,
-        forget: Callable[[Sequence[str]], None],
         policy: Policy,
         services: StarterServices,
         records: RecordWriter,
@@ -61,7 +57,6 @@ class Plant:
         self.lines: dict[str, LineClient] = {}
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
         self._publish_event = publish_event
-        self._forget = forget
         self._policy = policy
         self._services = services
         self._records = records
@@ -83,7 +78,7 @@ class Plant:
         """Publish what is known before the first replies are; once, on the app's loop."""
         await _start_each(self.starters.values())
 
-    def apply(self, changes: ConfigChanges) -> Coroutine[Any, Any, None]:
+    def reconfigure(self, changes: ConfigChanges) -> Coroutine[Any, Any, None]:
         """Change everything at this instant; await what is returned, which publishes it.
 
         What the changes do not name continues as if nothing had happened.
@@ -92,7 +87,8 @@ class Plant:
         endings: list[Coroutine[Any, Any, object]] = []
         for name in changes.starters_gone:
             endings += [self._retire(name).close(), self._services.remove(name)]
-        self._forget(changes.starters_gone)
+        gone = ForgetRecord(lines=changes.lines_forgotten, starters=changes.starters_gone)
+        self._records.put(gone)  # the broker deletes what it retains of them
         for name in changes.lines_gone:
             del self.lines[name]
             endings.append(self._host.remove_line(name))

@@ -6,7 +6,6 @@ token (`boot`) follows the connection: the token of a lost one proves nothing an
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import secrets
 from collections.abc import Callable
@@ -34,6 +33,7 @@ from gateway.mqtt import (
     BrokerConnection,
     BrokerSettings,
     DiskSync,
+    Hooks,
     Incoming,
     Leftovers,
     Listener,
@@ -70,12 +70,9 @@ class Uplink:
         publish_event: PublishEvent,
     ) -> None:
         self._sink = sink
-        self._on_incoming: Callable[[Incoming], None]
         self._on_link: Callable[[str | None], None]
         self._trouble: str | None = None  # with the connection; None: there is none yet
         self._connection: BrokerConnection
-        self._seed = secrets.randbits(32)
-        self._settings = self._settings_of(site)
         self.topics = Topics(site.config.base)
         self._tokens = tokens
         self._clock = clock
@@ -103,39 +100,52 @@ class Uplink:
             publish_event=publish_event,
             on_read=self._note_read,
         )
-        self.publish_info(site.config)
-        self._serving: asyncio.Task[None] | None = None
-        self._moved = asyncio.Event()
-        self._listeners: dict[str, Listener] = {}
+        self.reconfigure(site.config)
         self._renewal: Damped[None] = Damped(
             lambda *_: self._connection.beat(), clock=clock, every_s=RENEWED_EVERY_S
         )
 
     def connect(
-        self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str | None], None]
+        self,
+        site: Site,
+        *,
+        on_incoming: Callable[[Incoming], None],
+        on_link: Callable[[str | None], None],
     ) -> None:
         """Make the connection, which `run` opens; once, before anything else is called.
 
         `on_incoming` gets every message on a command topic, `on_link` what is wrong with the connection at
         every change of it: empty for nothing, None while what earlier runs left retained is being read.
         """
-        self._on_incoming, self._on_link = on_incoming, on_link
-        self._connection = self._made()
+        self._on_link = on_link
+        self._connection = BrokerConnection(
+            settings_of(site),
+            self.outbox,
+            command_filter=self.topics.command_filter,
+            hooks=Hooks(
+                will=self.publisher.will,
+                on_incoming=on_incoming,
+                on_link=self._note_link,
+                on_notice=self._publish_event,
+                on_read=self.leftovers.take,
+                on_version=self._note_version,
+                pulse=self._fresh,
+            ),
+        )
+        self.publisher.wake_with(self._connection.wake)
 
     def listen(self, topic: str, on_message: Listener) -> None:
         """Have the payloads of one more topic, at whichever broker; none of them is ever a command."""
         if topic.startswith(self.topics.command_filter.removesuffix("#")):
             raise ValueError(f"{topic} is a topic of commands")
-        self._listeners[topic] = on_message
         self._connection.listen(topic, on_message)
 
     def unlisten(self, topic: str) -> None:
         """Take no more messages of a topic of `listen`."""
-        self._listeners.pop(topic, None)
         self._connection.unlisten(topic)
 
-    def publish_info(self, config: Config) -> None:
-        """Publish what this gateway is."""
+    def reconfigure(self, config: Config) -> None:
+        """Publish what this gateway is by another configuration; `move` follows its broker."""
         self._config = config
         self._sink.put(
             GatewayRecord(
@@ -187,31 +197,15 @@ class Uplink:
 
     async def run(self) -> None:
         """Stay connected to the broker that the latest configuration names."""
-        while True:
-            self._serving = asyncio.create_task(self._connection.run(), name="connection")
-            try:
-                await asyncio.wait((self._serving,))
-            finally:
-                self._serving.cancel()
-                await asyncio.wait((self._serving,))
-            if not self._serving.cancelled():
-                self._serving.result()
-            await self._moved.wait()
-            self._moved.clear()
+        await self._connection.run()
 
     async def move(self, site: Site) -> None:
         """Publish the end here, then connect as this site demands, if that differs from now."""
-        settings = self._settings_of(site)
-        if settings == self._settings:
+        settings = settings_of(site)
+        if settings == self._connection.settings:
             return
-        await self.close(MOVED)
-        if self._serving is not None:
-            self._serving.cancel()
-            await asyncio.wait((self._serving,))
-        self._settings = settings
-        self._connection = self._made()
+        await self._connection.move(settings, self.publisher.farewell(MOVED), within_s=FAREWELL_S)
         self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
-        self._moved.set()
 
     def stage(self, result: ResultRecord) -> Work | None:
         """Return what stores a final result for the broker, in the transaction of its command.
@@ -231,23 +225,6 @@ class Uplink:
     async def end(self) -> None:
         """Store what could not be published, for the next run; after `close`."""
         await self.disk_sync.close(within_s=STORE_WITHIN_S)
-
-    def _made(self) -> BrokerConnection:
-        connection = BrokerConnection(
-            self._settings,
-            self.outbox,
-            command_filter=self.topics.command_filter,
-            will=self.publisher.will,
-            on_incoming=self._on_incoming,
-            on_link=self._note_link,
-            on_notice=self._publish_event,
-            pulse=self._fresh,
-            on_version=self._note_version,
-            listeners=self._listeners,
-            on_read=self.leftovers.take,
-        )
-        self.publisher.wake_with(connection.wake)
-        return connection
 
     def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
         """Publish that the connection came or went; its run token comes and goes with it."""
@@ -281,19 +258,21 @@ class Uplink:
         if version is self._version:
             return
         before, self._version = self._version, version
-        self.publish_info(self._config)
+        self.reconfigure(self._config)
         if version is Version.V311:
             self._publish_event(EventCode.MQTT_3_1_1)
         elif before is not None:
             self._publish_event(EventCode.MQTT_5)
 
-    def _settings_of(self, site: Site) -> BrokerSettings:
-        config = site.config
-        return broker_of(
-            config.mqtt,
-            site.folder,
-            client_id=config.client_id,
-            username=config.mqtt.username,
-            password=site.password,
-            seed=self._seed,
-        )
+
+def settings_of(site: Site) -> BrokerSettings:
+    """Return how a site's broker is reached."""
+    config = site.config
+    return broker_of(
+        config.mqtt,
+        site.folder,
+        client_id=config.client_id,
+        username=config.mqtt.username,
+        password=site.password,
+        seed=secrets.randbits(32),
+    )

@@ -11,9 +11,8 @@ import signal
 import sys
 from pathlib import Path
 
-from gateway.app.gateway import App
+from gateway.app.build import build
 from gateway.app.io import MACHINE, Io
-from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.cli.command import flag
@@ -58,7 +57,7 @@ async def serve_site(path: Path, site: Site, *, io: Io = MACHINE) -> None:
     notifier = Notifier(os.environ)
     loop = asyncio.get_running_loop()
     ending: asyncio.Future[str] = loop.create_future()
-    app = App(Parts(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ), io=io))
+    app = build(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ), io=io)
     reload = Reload(lambda: Site.read(path, os.environ), app, notifier)
 
     def end(reason: str) -> None:

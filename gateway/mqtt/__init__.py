@@ -5,7 +5,7 @@ Nothing outside reaches past this door. `Session` keeps the connection, `Publish
 """
 
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.broker import BrokerConnection, Listener
+from gateway.mqtt.connection.broker import BrokerConnection, Hooks, Listener
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts

@@ -16,6 +16,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from gateway.contract import (
@@ -34,6 +35,7 @@ from gateway.contract import (
 from gateway.mqtt.commands import Incoming
 from gateway.starters.policy.freshness import Tokens
 from gateway.system.rate_limits import HoldOff
+from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
 
@@ -64,10 +66,11 @@ class ReadConnection(Protocol):
 
 
 class Leftovers:
-    """Of one run; a subscriber of the records. `on_read` is called once, when the gateway may be online.
+    """The retained messages of earlier runs; a subscriber of the records.
 
     `is_current` says whether a topic's starter or line is configured, `is_published` whether this run has
-    published on a topic; `clear` makes the broker forget one.
+    published on a topic; `clear` makes the broker forget one. `on_read` is called once, when the gateway may
+    be online.
     """
 
     takes = (StateRecord,)
@@ -91,17 +94,10 @@ class Leftovers:
         self._publish_event = publish_event
         self._on_read = on_read
         self._branches = (f"{topics.base}/gateway/#", f"{topics.base}/starter/#")
-        self._reading: asyncio.Task[None] | None = None
-        self._is_answered = asyncio.Event()  # the reading has come to its end, or was refused
+        self._reading: _Reading | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._settled: dict[str, bool] = {}  # starters read in this run: whether their alarms are published
         self._is_shared = asyncio.Event()
-        self._is_judged = asyncio.Event()  # no alarm waits for its starter
-        self._is_refused = False
-        self._is_doubtful = False  # another's status is stored
-        self._may_clear = False  # everything is read, and nothing is doubtful
-        self._gone: set[str] = set()  # topics of starters, lines and points that are no more
-        self._alarms: dict[str, set[str]] = {}  # topics, by starter, that were left active
-        self._seen: set[str] = set()  # starters that were read in this run
-        self._settled: set[str] = set()  # those whose faults and alarms are published
         self._sharing = HoldOff(QUIET_S)
         self.is_read = False
 
@@ -111,17 +107,16 @@ class Leftovers:
             connection.read(topic, _ignore)
         if self.is_read:
             return
-        self._is_answered.clear()
-        self._is_refused = self._is_doubtful = self._may_clear = False
+        self._reading = _Reading()
         for branch in self._branches:
-            connection.read(branch, self._note_answer)
-        self._reading = asyncio.create_task(self._read(connection), name="leftovers")
+            connection.read(branch, self._reading.note_answer)
+        self._task = asyncio.create_task(self._read(connection, self._reading), name="leftovers")
 
     def disconnected(self) -> None:
         """Stop reading; the next connection begins again."""
-        if self._reading is not None:
-            self._reading.cancel()
-            self._reading = None
+        if self._task is not None:
+            self._task.cancel()
+            self._task = self._reading = None
 
     def take(self, incoming: Incoming) -> None:
         """Take a message on a topic of this gateway's own; what is stored is marked as retained."""
@@ -130,14 +125,14 @@ class Leftovers:
         elif incoming.topic == self._topics.of(StatusRecord):
             self._take_status(incoming)
         elif incoming.is_retained and self._reading is not None:
-            self._take_stored(incoming)
+            self._take_stored(incoming, self._reading)
 
     def put(self, record: Record) -> None:
         """Note that a starter was read."""
-        if not isinstance(record, StateRecord) or record.starter in self._seen:
+        if not isinstance(record, StateRecord) or record.starter in self._settled:
             return
         if record.quality is Quality.GOOD:
-            self._seen.add(record.starter)
+            self._settled[record.starter] = False
             asyncio.get_running_loop().call_later(SETTLED_S, self._settle, record.starter)
 
     def _take_heartbeat(self, incoming: Incoming) -> None:
@@ -146,22 +141,22 @@ class Leftovers:
         token = _fields_of(incoming).get("token")
         if not isinstance(token, str):
             return  # somebody has cleared the topic
-        if self._tokens.has_made(token):
-            self._is_answered.set()
-        else:
+        if not self._tokens.has_made(token):
             self._note_sharing()
+        elif self._reading is not None:
+            self._reading.is_ended.set()  # our own token came back: everything stored came before it
 
     def _take_status(self, incoming: Incoming) -> None:
         fields = _fields_of(incoming)
         run = fields.get("run", self._tokens.boot.run)
         if run == self._tokens.boot.run or fields.get("state") == "offline":
             return
-        if incoming.is_retained:
-            self._is_doubtful = True
-        else:
+        if not incoming.is_retained:
             self._note_sharing()
+        elif self._reading is not None:
+            self._reading.is_doubtful = True
 
-    def _take_stored(self, incoming: Incoming) -> None:
+    def _take_stored(self, incoming: Incoming, reading: _Reading) -> None:
         found = self._topics.parse_retained(incoming.topic)
         if found is None:
             return
@@ -172,14 +167,9 @@ class Leftovers:
         if not fields.keys() >= _FIELDS[found.kind]:
             return
         if is_left:
-            self._gone.add(incoming.topic)
+            reading.gone.add(incoming.topic)
         elif fields["active"] and fields.get("boot") != self._tokens.boot.run:
-            self._alarms.setdefault(found.name, set()).add(incoming.topic)
-
-    def _note_answer(self, is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
-        if not is_permitted:
-            self._is_refused = True
-            self._is_answered.set()
+            reading.alarms.setdefault(found.name, set()).add(incoming.topic)
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""
@@ -187,38 +177,36 @@ class Leftovers:
         if self._sharing.sounds(asyncio.get_running_loop().time()):
             self._publish_event(EventCode.BASE_SHARED, base=self._topics.base)
 
-    async def _read(self, connection: ReadConnection) -> None:
+    async def _read(self, connection: ReadConnection, reading: _Reading) -> None:
         with suppress(TimeoutError):
             async with asyncio.timeout(WITHIN_S):
-                await self._is_answered.wait()
-                if self._is_doubtful:
-                    with suppress(TimeoutError):
-                        async with asyncio.timeout(HEARTBEAT_S):
-                            await self._is_shared.wait()
-                self._may_clear = True
-                self._clear_all(self._gone)
-                self._judge()
-                await self._is_judged.wait()
-        self._reading = None
+                await reading.is_ended.wait()
+                if reading.is_doubtful:
+                    await is_set_within(self._is_shared, HEARTBEAT_S)
+                reading.may_clear = True
+                self._clear_all(reading.gone)
+                self._judge(reading)
+                await reading.is_judged.wait()
+        self._task = self._reading = None
         for branch in self._branches:
             connection.unread(branch)
-        if self._is_refused or not self._is_answered.is_set():
+        if reading.is_refused or not reading.is_ended.is_set():
             branches = list(self._branches)
             self._publish_event(EventCode.LEFTOVERS_UNREAD, topics=branches, branches=" and ".join(branches))
         self.is_read = True
         self._on_read()
 
     def _settle(self, starter: str) -> None:
-        self._settled.add(starter)
-        if self._may_clear:
-            self._judge()
+        self._settled[starter] = True
+        if self._reading is not None and self._reading.may_clear:
+            self._judge(self._reading)
 
-    def _judge(self) -> None:
+    def _judge(self, reading: _Reading) -> None:
         """Clear alarms that ended while no gateway ran, of the starters that have been read since."""
-        for starter in self._alarms.keys() & self._settled:
-            self._clear_all(self._alarms.pop(starter))
-        if not self._alarms or self._is_shared.is_set():
-            self._is_judged.set()
+        for starter in [name for name in reading.alarms if self._settled.get(name)]:
+            self._clear_all(reading.alarms.pop(starter))
+        if not reading.alarms or self._is_shared.is_set():
+            reading.is_judged.set()
 
     def _clear_all(self, topics: set[str]) -> None:
         left = sorted(topic for topic in topics if not self._is_published(topic))
@@ -227,6 +215,24 @@ class Leftovers:
         for topic in left:
             self._clear(topic)
         log.info("topics=%d left by earlier runs cleared, the first is %s", len(left), left[0])
+
+
+@dataclass(slots=True)
+class _Reading:
+    """What one connection has read of the stored messages."""
+
+    is_ended: asyncio.Event = field(default_factory=asyncio.Event)  # everything was read, or refused
+    is_judged: asyncio.Event = field(default_factory=asyncio.Event)  # no alarm waits for its starter
+    is_refused: bool = False
+    is_doubtful: bool = False  # another's status is stored
+    may_clear: bool = False  # everything is read, and nothing is doubtful
+    gone: set[str] = field(default_factory=set)  # topics of what is not configured
+    alarms: dict[str, set[str]] = field(default_factory=dict)  # topics, by starter, that were left active
+
+    def note_answer(self, is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
+        if not is_permitted:
+            self.is_refused = True
+            self.is_ended.set()
 
 
 def _fields_of(incoming: Incoming) -> dict[str, Any]:

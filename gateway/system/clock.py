@@ -145,7 +145,7 @@ class ClockWatch:
         self._asked_s: float | None = None
         self.on_change: Callable[[str | None], None] = lambda _: None
 
-    def trust(self, trust: Trust) -> None:
+    def reconfigure(self, trust: Trust) -> None:
         """Go by another configuration from now on."""
         self._trust = trust
 

@@ -91,7 +91,7 @@ class World:
             hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
         )
         watchdog_s = self.shortest_watchdog_s
-        health.watch([line], shortest_watchdog_s=watchdog_s, computed=self.computed, wiring={})
+        health.reconfigure([line], shortest_watchdog_s=watchdog_s, computed=self.computed, wiring={})
         return health
 
 
@@ -180,7 +180,7 @@ def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_an
     async def scenario() -> None:
         health = world.health()
         starter = WiredStarter("pump", 1, 0.2)
-        health.watch([world.line], shortest_watchdog_s=None, computed={}, wiring={"pumps": [starter]})  # type: ignore[list-item]
+        health.reconfigure([world.line], shortest_watchdog_s=None, computed={}, wiring={"pumps": [starter]})  # type: ignore[list-item]
         running = asyncio.create_task(health.run())
         for corrupted in [8] * 20 + [0] * 30:
             ask(corrupted)

@@ -27,7 +27,7 @@ from gateway.config.schema import Config, LineTable, SimulatedMotorTable, Starte
 from gateway.config.values import is_loopback, split_url
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
-from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Incoming, Message, Outbox
+from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Hooks, Incoming, Message, Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS, set_knob
@@ -196,7 +196,10 @@ async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSet
             connection.wake()
 
     connection = BrokerConnection(
-        broker, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
+        broker,
+        answers,
+        command_filter=FILTER,
+        hooks=Hooks(will=lambda: None, on_incoming=take, on_link=_log_link),
     )
     running = asyncio.create_task(connection.run())
     try:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-from gateway.contract import Event, EventCode, event_of
+from gateway.contract import Event
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
+from gateway.mqtt.connection.link_news import LinkNews
 from gateway.mqtt.connection.reconnect import Attempts
-from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
+from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters.policy.freshness import EVERY_S
-from gateway.system.supervised import is_set_within
+from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)
 
@@ -24,57 +25,50 @@ PULSE_EVERY_S = EVERY_S
 PULSE_RETRY_S = 0.1
 Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
-SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
 
 
-class BrokerConnection:
-    """The connection to one broker. All calls belong on the loop that runs `run`; no callback may block.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hooks:
+    """The functions that a connection calls; none of them may block.
 
-    `will` makes the message that the broker publishes when the connection is lost. `on_link` is called for
-    each change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    `will` makes the message that the broker publishes when the connection is lost. `on_incoming` takes each
+    message below `command_filter`, `on_read` those that come because of `read`. `on_link` is called for each
+    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
     PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
-    `listeners` take what comes on topics of their own, which must lie outside `command_filter`; `on_read`
-    takes what comes because of `read`.
+    """
+
+    will: Callable[[], Message | None]
+    on_incoming: Callable[[Incoming], None]
+    on_link: Callable[[bool, str], None]
+    on_notice: Callable[[Event], None] = lambda _: None
+    on_read: Callable[[Incoming], None] | None = None
+    on_version: Callable[[Version], None] = lambda _: None
+    pulse: Callable[[], Message] | None = None
+
+
+class BrokerConnection:
+    """The connection to one broker at a time. All calls belong on the loop that runs `run`.
+
+    Topics that are listened to must lie outside `command_filter`, whose messages are commands.
     """
 
     def __init__(
-        self,
-        settings: BrokerSettings,
-        outbox: Outbox,
-        *,
-        command_filter: str,
-        will: Callable[[], Message | None],
-        on_incoming: Callable[[Incoming], None],
-        on_link: Callable[[bool, str], None],
-        on_notice: Callable[[Event], None] = lambda _: None,
-        pulse: Callable[[], Message] | None = None,
-        on_version: Callable[[Version], None] = lambda _: None,
-        listeners: Mapping[str, Listener] | None = None,
-        on_read: Callable[[Incoming], None] | None = None,
+        self, settings: BrokerSettings, outbox: Outbox, *, command_filter: str, hooks: Hooks
     ) -> None:
-        self._settings = settings
+        self.settings = settings  # of the present broker
         self._outbox = outbox
         self._command_filter = command_filter
-        self._will = will
-        self._on_incoming = on_incoming
-        self._listeners = dict(listeners or {})
-        self._on_read = on_read
-        self._on_link = on_link
-        self._on_notice = on_notice
-        self._published: set[str] = set()  # the codes of notices, since a connection held
-        self._logged: set[str] = set()  # likewise
-        self._short_ones = 0
-        self._pulse = pulse
-        self._on_version = on_version
+        self._hooks = hooks
+        self._listeners: dict[str, Listener] = {}
         self._attempts = Attempts(settings, seed=settings.seed)
+        self._news = self._news_of(settings)
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
-        self._link: tuple[bool, str] | None = None
-        self._last_word: tuple[bool, str] | None = None  # as logged
         self._closing = asyncio.Event()
+        self._moved = asyncio.Event()
         self._acknowledged = asyncio.Event()
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
@@ -82,12 +76,23 @@ class BrokerConnection:
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
         try:
-            while not self._closing.is_set():
-                if not await self._serve_once():
-                    await is_set_within(self._closing, self._attempts.pause_s())
+            while True:
+                await until_first(self._stay_connected(), self._moved.wait())
+                self._moved.clear()
+                self._attempts = Attempts(self.settings, seed=self.settings.seed)
+                self._news = self._news_of(self.settings)
+                self._farewell_code = None
+                self._is_outbox_shut = False
+                self._closing.clear()
         finally:
             if self._sending is not None:
                 self._sending.cancel()
+
+    async def move(self, settings: BrokerSettings, farewell: Message, *, within_s: float) -> None:
+        """Publish the end at the present broker, then let `run` connect to another, or by another login."""
+        await self.close(farewell, within_s=within_s)
+        self.settings = settings
+        self._moved.set()
 
     def wake(self) -> None:
         """Send what the outbox has, soon; costs nothing when called often."""
@@ -147,11 +152,11 @@ class BrokerConnection:
         on_message = self._listeners.get(incoming.topic)
         if on_message is not None:
             on_message(incoming.payload)
-        elif self._on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
-            self._on_read(incoming)
+        elif self._hooks.on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
+            self._hooks.on_read(incoming)
         else:
             is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
-            self._on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
+            self._hooks.on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
 
     def _subscribe(self, session: Session, topic: str) -> None:
         def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
@@ -160,12 +165,19 @@ class BrokerConnection:
 
         session.listen(topic, note)
 
+    async def _stay_connected(self) -> None:
+        """Connect, again and again, until closed; then only a move ends the wait."""
+        while not self._closing.is_set():
+            if not await self._serve_once():
+                await is_set_within(self._closing, self._attempts.pause_s())
+        await self._moved.wait()
+
     async def _serve_once(self) -> bool:
         """Connect and serve until the loss; return whether to connect again at once."""
         session = Session(
-            self._settings,
+            self.settings,
             self._attempts.version,
-            SessionParts(self._will(), self._take, self._acked, on_skip=lambda each: self._notice(each, "")),
+            SessionParts(self._hooks.will(), self._take, self._acked, on_skip=self._skipped),
         )
         try:
             await session.connect()
@@ -173,25 +185,23 @@ class BrokerConnection:
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
             if self._attempts.is_next_at_once(session.connack_code, is_closed=session.is_closed_unanswered):
-                log.debug(
-                    "broker=%s %s; next: MQTT %s", self._settings.address, error, self._attempts.version
-                )
+                log.debug("broker=%s %s; next: MQTT %s", self.settings.address, error, self._attempts.version)
                 return True
-            self._report_link(str(error), is_connected=False)
+            self._report(str(error), is_connected=False)
         finally:
             session.abort()
         return False
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
-        holding = asyncio.get_running_loop().call_later(self._settings.steady_s, self._note_steady)
+        holding = asyncio.get_running_loop().call_later(self.settings.steady_s, self._held)
         self._session = session
         self._outbox.connected(session.window)
         try:
-            self._on_version(self._attempts.version)
+            self._hooks.on_version(self._attempts.version)
             for topic in self._listeners:
                 self._subscribe(session, topic)
             deaf = self._refusal(f"commands: no subscription to {self._command_filter}")
-            self._report_link(deaf if is_deaf else "", is_connected=True)
+            self._report(deaf if is_deaf else "", is_connected=True)
             self._beat(session)
             self.wake()
             reason = await session.lost
@@ -202,28 +212,24 @@ class BrokerConnection:
                 self._beating.cancel()
             self._outbox.disconnected()
             self._acknowledged.set()
-        self._report_link(f"broker {self._settings.address}: {reason}", is_connected=False)
-        self._notice(session.notice, reason)
+        self._report(f"broker {self.settings.address}: {reason}", is_connected=False)
+        self._lost(session.notice, reason)
 
-    def _note_steady(self) -> None:
-        """Count this connection as one that holds; say so when the last word was the loss of one before."""
+    def _held(self) -> None:
+        """Count this connection as one that holds."""
         self._attempts.held()
-        self._published.clear()
-        self._short_ones = 0
-        self._logged.clear()
-        if self._last_word != self._link:
-            self._log_link()
+        self._news.held(self._attempts.version)
 
-    def _notice(self, notice: Event | None, reason: str) -> None:
-        """Have the cause of a loss published, known or guessed, unless that has been done."""
-        if notice is None and reason == CONNECTION_LOST:
-            self._short_ones += 1
-            if self._short_ones == SHORT_ONES:
-                client_id = self._settings.client_id
-                notice = event_of(EventCode.CLIENT_ID_TAKEN, "suspected", client_id=client_id)
-        if notice is not None and notice.code not in self._published and not self._closing.is_set():
-            self._published.add(notice.code)
-            self._on_notice(notice)
+    def _report(self, trouble: str, *, is_connected: bool) -> None:
+        if not self._closing.is_set():
+            self._news.report(trouble, self._attempts.version, is_connected=is_connected)
+
+    def _skipped(self, notice: Event) -> None:
+        self._lost(notice, "")
+
+    def _lost(self, notice: Event | None, reason: str) -> None:
+        if not self._closing.is_set():
+            self._news.lost(notice, reason)
 
     def beat(self) -> None:
         """Send the pulse now, where there is a connection: what it said before has become wrong."""
@@ -234,9 +240,10 @@ class BrokerConnection:
         """Send the pulse, or try again soon; what could not be sent is made again."""
         if self._beating is not None:
             self._beating.cancel()
-        if self._pulse is None or self._is_outbox_shut:
+        pulse = self._hooks.pulse
+        if pulse is None or self._is_outbox_shut:
             return
-        pause_s = PULSE_EVERY_S if session.publish_now(self._pulse()) else PULSE_RETRY_S
+        pause_s = PULSE_EVERY_S if session.publish_now(pulse()) else PULSE_RETRY_S
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:
@@ -260,26 +267,12 @@ class BrokerConnection:
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
 
-    def _report_link(self, trouble: str, *, is_connected: bool) -> None:
-        if (is_connected, trouble) == self._link or self._closing.is_set():
-            return
-        self._link = (is_connected, trouble)
-        if trouble not in self._logged:  # what repeats while no connection holds is logged once
-            self._log_link()
-        else:
-            log.debug("broker=%s %s", self._settings.address, trouble or "connected")
-        self._on_link(is_connected, trouble)
-
-    def _log_link(self) -> None:
-        self._last_word = self._link
-        trouble = "" if self._link is None else self._link[1]
-        self._logged.add(trouble)
-        connected = f"broker={self._settings.address} connected, MQTT {self._attempts.version}"
-        log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)
+    def _news_of(self, settings: BrokerSettings) -> LinkNews:
+        return LinkNews(settings, self._hooks.on_link, self._hooks.on_notice)
 
     def _refusal(self, what: str) -> str:
         hint = "let this user read it, in the broker's access list"
-        return str(BrokerError(f"broker {self._settings.address} refuses {what}", hint))
+        return str(BrokerError(f"broker {self.settings.address} refuses {what}", hint))
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""

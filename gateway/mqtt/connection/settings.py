@@ -74,7 +74,7 @@ class BrokerSettings:
     last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
     largest_packet: int | None = None  # asked of the broker where MQTT 5 can; None: as for commands
     steady_s: float = 5.0  # a connection that held this long makes the next pause short again
-    seed: int = 0  # of the retries' jitter
+    seed: int = field(default=0, compare=False)  # of the retries' jitter
 
     @property
     def address(self) -> str:

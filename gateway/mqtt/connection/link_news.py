@@ -1,0 +1,70 @@
+"""Which changes of the connection are reported: each trouble is logged once until a connection has held.
+
+A broker that cannot be reached is tried every few seconds, and refuses each time for the same reason. People
+read of it once; `on_link` is called for each change all the same.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from gateway.contract import Event, EventCode, event_of
+from gateway.mqtt.connection.session import CONNECTION_LOST
+from gateway.mqtt.connection.settings import BrokerSettings, Version
+
+log = logging.getLogger(__name__)
+
+SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
+
+
+@dataclass(slots=True)
+class LinkNews:
+    """The news of the connections to one broker."""
+
+    settings: BrokerSettings
+    on_link: Callable[[bool, str], None]
+    on_notice: Callable[[Event], None]
+    _noticed: set[str] = field(default_factory=set)  # the codes of notices, since a connection held
+    _logged: set[str] = field(default_factory=set)  # troubles, likewise
+    _short_ones: int = 0
+    _link: tuple[bool, str] | None = None
+    _last_word: tuple[bool, str] | None = None  # as logged
+
+    def report(self, trouble: str, version: Version, *, is_connected: bool) -> None:
+        """Report a connection, or its loss, unless that is the state already."""
+        if (is_connected, trouble) == self._link:
+            return
+        self._link = (is_connected, trouble)
+        if trouble not in self._logged:
+            self._log(version)
+        else:
+            log.debug("broker=%s %s", self.settings.address, trouble or "connected")
+        self.on_link(is_connected, trouble)
+
+    def held(self, version: Version) -> None:
+        """Note that the connection has held; say so when the loss of an earlier one was logged last."""
+        self._noticed.clear()
+        self._logged.clear()
+        self._short_ones = 0
+        if self._last_word != self._link:
+            self._log(version)
+
+    def lost(self, notice: Event | None, reason: str) -> None:
+        """Have the cause of a loss published, known or guessed, unless that has been done."""
+        if notice is None and reason == CONNECTION_LOST:
+            self._short_ones += 1
+            if self._short_ones == SHORT_ONES:
+                client_id = self.settings.client_id
+                notice = event_of(EventCode.CLIENT_ID_TAKEN, "suspected", client_id=client_id)
+        if notice is not None and notice.code not in self._noticed:
+            self._noticed.add(notice.code)
+            self.on_notice(notice)
+
+    def _log(self, version: Version) -> None:
+        self._last_word = self._link
+        trouble = "" if self._link is None else self._link[1]
+        self._logged.add(trouble)
+        connected = f"broker={self.settings.address} connected, MQTT {version}"
+        log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)
