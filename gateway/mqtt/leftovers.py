@@ -94,7 +94,7 @@ class Leftovers:
         self._publish_event = publish_event
         self._on_read = on_read
         self._branches = (f"{topics.base}/gateway/#", f"{topics.base}/starter/#")
-        self._reading: _Reading | None = None
+        self._reading = _Reading()
         self._task: asyncio.Task[None] | None = None
         self._settled: dict[str, bool] = {}  # starters read in this run: whether their alarms are published
         self._is_shared = asyncio.Event()
@@ -116,7 +116,7 @@ class Leftovers:
         """Stop reading; the next connection begins again."""
         if self._task is not None:
             self._task.cancel()
-            self._task = self._reading = None
+            self._task = None
 
     def take(self, incoming: Incoming) -> None:
         """Take a message on a topic of this gateway's own; what is stored is marked as retained."""
@@ -124,8 +124,8 @@ class Leftovers:
             self._take_heartbeat(incoming)
         elif incoming.topic == self._topics.of(StatusRecord):
             self._take_status(incoming)
-        elif incoming.is_retained and self._reading is not None:
-            self._take_stored(incoming, self._reading)
+        elif incoming.is_retained and self._task is not None:
+            self._take_stored(incoming)
 
     def put(self, record: Record) -> None:
         """Note that a starter was read."""
@@ -143,7 +143,7 @@ class Leftovers:
             return  # somebody has cleared the topic
         if not self._tokens.has_made(token):
             self._note_sharing()
-        elif self._reading is not None:
+        else:
             self._reading.is_ended.set()  # our own token came back: everything stored came before it
 
     def _take_status(self, incoming: Incoming) -> None:
@@ -153,10 +153,10 @@ class Leftovers:
             return
         if not incoming.is_retained:
             self._note_sharing()
-        elif self._reading is not None:
+        else:
             self._reading.is_doubtful = True
 
-    def _take_stored(self, incoming: Incoming, reading: _Reading) -> None:
+    def _take_stored(self, incoming: Incoming) -> None:
         found = self._topics.parse_retained(incoming.topic)
         if found is None:
             return
@@ -167,9 +167,9 @@ class Leftovers:
         if not fields.keys() >= _FIELDS[found.kind]:
             return
         if is_left:
-            reading.gone.add(incoming.topic)
+            self._reading.gone.add(incoming.topic)
         elif fields["active"] and fields.get("boot") != self._tokens.boot.run:
-            reading.alarms.setdefault(found.name, set()).add(incoming.topic)
+            self._reading.alarms.setdefault(found.name, set()).add(incoming.topic)
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""
@@ -185,9 +185,9 @@ class Leftovers:
                     await is_set_within(self._is_shared, HEARTBEAT_S)
                 reading.may_clear = True
                 self._clear_all(reading.gone)
-                self._judge(reading)
+                self._judge()
                 await reading.is_judged.wait()
-        self._task = self._reading = None
+        self._task = None
         for branch in self._branches:
             connection.unread(branch)
         if reading.is_refused or not reading.is_ended.is_set():
@@ -198,11 +198,12 @@ class Leftovers:
 
     def _settle(self, starter: str) -> None:
         self._settled[starter] = True
-        if self._reading is not None and self._reading.may_clear:
-            self._judge(self._reading)
+        if self._reading.may_clear:
+            self._judge()
 
-    def _judge(self, reading: _Reading) -> None:
+    def _judge(self) -> None:
         """Clear alarms that ended while no gateway ran, of the starters that have been read since."""
+        reading = self._reading
         for starter in [name for name in reading.alarms if self._settled.get(name)]:
             self._clear_all(reading.alarms.pop(starter))
         if not reading.alarms or self._is_shared.is_set():

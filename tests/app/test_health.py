@@ -65,7 +65,7 @@ class World:
         pass
 
     # Publisher
-    def set_status(self, state: str, reason: str | None) -> None:
+    def set_status(self, state: str, reason: str | None = None) -> None:
         self.states.append((state, reason))
 
     def put(self, record: LineRecord) -> None:
