@@ -16,7 +16,7 @@ from gateway.contract import EventCode, PublishEvent, Sink
 from gateway.line import LineClient, WiredStarter, capacity
 from gateway.mqtt import Publisher
 from gateway.system.rate_limits import HoldOff
-from gateway.system.stalls import HangWatch, LagMeter
+from gateway.system.stalls import LagMeter
 from gateway.system.systemd import Notifier
 
 log = logging.getLogger(__name__)
@@ -42,14 +42,12 @@ class Health:
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
         publish_event: PublishEvent,
-        hangs: HangWatch | None = None,
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
         self._sink = sink
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
-        self._hangs = hangs or HangWatch(watchdog_every_s)
         self._publish_event = publish_event
         self.lag = LagMeter()  # of the application's loop
         self._lines_lag = lines_lag
@@ -114,14 +112,12 @@ class Health:
         try:
             await self._watch()
         finally:
-            self._hangs.close()
             measuring.cancel()
 
     async def _watch(self) -> None:
         loop = asyncio.get_running_loop()
         seen = self._progress()
         statistics_due_s = fed_s = loop.time()
-        self._hangs.fed()
         while True:
             now_s = loop.time()
             if not self._is_ready and all(self._progress().values()):
@@ -132,7 +128,6 @@ class Health:
             progress = self._progress() if is_due else {}
             if is_due and all(steps != seen.get(name) for name, steps in progress.items()):
                 self._notifier.watchdog()
-                self._hangs.fed()
                 seen, fed_s = progress, now_s
             for watch in self._lag_watches:
                 watch.look(now_s)

@@ -21,7 +21,7 @@ from gateway.config.schema import Config
 from gateway.store import backup
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
-from gateway.system.log_thread import BackgroundHandler, TraceFilter
+from gateway.system.log_thread import BackgroundHandler
 from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
@@ -82,7 +82,6 @@ def log_to_stderr(*, is_verbose: bool, instead: int | None = None) -> None:
     People get the time with each line, the journal gets priorities.
     """
     handler = BackgroundHandler(sys.stderr.fileno() if instead is None else instead)
-    handler.addFilter(TraceFilter())
     if is_journal(os.environ, sys.stderr):
         handler.setFormatter(PriorityFormatter())
     else:

@@ -1,68 +1,13 @@
-"""Stalls: a late event loop, a process that hangs, a process or machine that was suspended.
-
-faulthandler's C thread writes the stacks of a process that hangs: it needs neither a loop nor Python's lock,
-so it always works. What waited while the process was suspended is old.
-"""
+"""Stalls: a late event loop; a process or machine that was suspended, whose messages are old then."""
 
 from __future__ import annotations
 
 import asyncio
 import bisect
-import faulthandler
-import logging
 import math
-import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
-
-log = logging.getLogger(__name__)
-
-QUIET_S = 600.0  # between dumps: repeated stalls must not fill the journal
-
-
-class HangWatch:
-    """Armed by every sign of life; a dump follows when none came for half the service watchdog's limit."""
-
-    def __init__(
-        self,
-        patience_s: float | None,
-        *,
-        arm: Callable[..., Any] = faulthandler.dump_traceback_later,
-        disarm: Callable[[], Any] = faulthandler.cancel_dump_traceback_later,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._patience_s = patience_s
-        self._arm = arm
-        self._disarm = disarm
-        self._clock = clock
-        self._fed_s: float | None = None
-        self._dumped_s = float("-inf")
-        self.dumps = 0
-
-    def fed(self) -> None:
-        """Record a sign of life: the dump is now due later."""
-        if self._patience_s is None:
-            return
-        now_s = self._clock()
-        if self._fed_s is not None and now_s - self._fed_s >= self._patience_s:
-            self._note_stall(now_s, now_s - self._fed_s)
-        self._fed_s = now_s
-        if now_s - self._dumped_s >= QUIET_S:
-            self._arm(self._patience_s, file=sys.__stderr__)
-
-    def close(self) -> None:
-        """Dump nothing more."""
-        if self._patience_s is not None:
-            self._disarm()
-
-    def _note_stall(self, now_s: float, stalled_s: float) -> None:
-        self.dumps += 1
-        if now_s - self._dumped_s >= QUIET_S:
-            self._dumped_s = now_s
-            where = "its stacks are above, unless the machine stopped it"
-            log.error("the gateway stood still for %.1f s; %s", stalled_s, where)
-        self._disarm()
+from typing import NamedTuple
 
 
 class Delays(NamedTuple):

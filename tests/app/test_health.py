@@ -13,7 +13,7 @@ from gateway.app.health import Health
 from gateway.contract import Event, LineRecord, Severity, event_of
 from gateway.line.cable import WiredStarter
 from gateway.line.client import LineClient
-from gateway.system.stalls import HangWatch, LagMeter
+from gateway.system.stalls import LagMeter
 from tests.virtual_time import run_virtually
 
 LIMIT_S = 10.0
@@ -41,7 +41,6 @@ class World:
     moves: bool = True
     steps: int = 0
     fed_s: list[float] = field(default_factory=list)
-    armed_s: list[float] = field(default_factory=list)
     reported: list[tuple[str, Severity]] = field(default_factory=list)
     records: list[LineRecord] = field(default_factory=list)
     states: list[tuple[str, str | None]] = field(default_factory=list)
@@ -71,9 +70,6 @@ class World:
     def put(self, record: LineRecord) -> None:
         self.records.append(record)
 
-    def arm(self, after_s: float, *, file: Any) -> None:
-        self.armed_s.append(after_s)
-
     def publish_event(self, *event: Any, **fields: Any) -> None:
         said = event[0] if isinstance(event[0], Event) else event_of(*event, **fields)
         self.reported.append((said.code, said.severity))
@@ -88,7 +84,6 @@ class World:
             watchdog_every_s=LIMIT_S / 2,
             lines_lag=self.lag,
             publish_event=self.publish_event,
-            hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
         )
         watchdog_s = self.shortest_watchdog_s
         health.reconfigure([line], shortest_watchdog_s=watchdog_s, computed=self.computed, wiring={})

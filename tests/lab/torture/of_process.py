@@ -13,7 +13,6 @@ from tests.lab.torture.world import World
 BLOCKED_S = 30.0
 ABORTED = "Aborted"  # [faulthandler]; in pieces, between which those of another dump may stand
 BLOCKS_IN = "tests/lab/torture/blockable.py"
-DUMPED = "Timeout ("  # [faulthandler.dump_traceback_later]
 
 
 async def sigkill(w: World, count: int) -> None:
@@ -48,9 +47,7 @@ async def blocked(w: World, count: int) -> None:
     for number in range(count):
         await asyncio.sleep(w.dice.uniform(0.5, 1.5))
         what = LOOPS[number % len(LOOPS)]
-        before = w.gateway.log.count(DUMPED)
         await _hang(w, lambda what=what: w.gateway.block(what, BLOCKED_S))  # type: ignore[misc] # a default
-        w.check(w.gateway.log.count(DUMPED) > before, f"{what} blocked: no stacks before the end")
     w.check(BLOCKS_IN in w.gateway.log, "the stacks do not say where it hangs")
     await w.check_gap(w.gaps.hang_s, "a hang's gap was longer than computed")
 
