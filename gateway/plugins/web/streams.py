@@ -8,8 +8,9 @@ again. JSON is made when it is sent.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from starlette.types import Receive, Send
 
@@ -23,7 +24,8 @@ from gateway.system.supervised import until_first
 
 EVERY_S = 0.25  # between two batches
 AT_ONCE_S = 0.02  # after a quiet time: what changes together goes together
-BEAT_S = 5.0
+BEAT_S = 1.0  # a page that has had none for 3 s says that it is not live
+AGES_S = 1.0
 ACTIONS_S = 1.0  # between two looks at what is permitted
 RETRY_MS = 2000
 MOST_STREAMS = 48  # of the server's connections; the others are for requests
@@ -43,6 +45,7 @@ class Stream:
     actions_now: bytes = b""  # as looked at last
     actions_due_s: float = 0.0
     sent_s: float = 0.0  # when something was sent last
+    ages_due_s: float = 0.0
     is_over: bool = False
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -50,11 +53,21 @@ class Stream:
 class Streams:
     """All streams that are open; on the application's loop."""
 
-    def __init__(self, model: SiteModel, control: Control, accounts: Accounts, clock: Clock) -> None:
+    def __init__(
+        self,
+        model: SiteModel,
+        control: Control,
+        accounts: Accounts,
+        clock: Clock,
+        *,
+        answered_s: Callable[[str], float | None],
+    ) -> None:
+        """`answered_s` returns when (UTC) a starter's last reply came."""
         self._model = model
         self._control = control
         self._accounts = accounts
         self._clock = clock
+        self._answered_s = answered_s
         self._streams: set[Stream] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._ticked_s = 0.0
@@ -116,7 +129,7 @@ class Streams:
             "lines": settings.lines,
             "groups": settings.groups,
         }
-        yield b"{" + self._head(stream.seen) + b"," + encoded(about)[1:-1] + b',"starters":{'
+        yield b"{" + self._head(stream) + b"," + encoded(about)[1:-1] + b',"starters":{'
         yield from _joined(_pair(name, encoded(model.facts(name))) for name in settings.starters)
         yield b'},"topics":{'
         yield from _joined(topic_pair(*each) for each in model.topics(scope))
@@ -141,7 +154,7 @@ class Streams:
         if is_beat and now_s - stream.sent_s < BEAT_S - ACTIONS_S / 2:
             return
         stream.sent_s = now_s
-        head = self._head(stream.seen)
+        head = self._head(stream)
         if is_beat:
             yield b"event: beat\ndata: {" + head + b"}\n\n"
             return
@@ -149,9 +162,19 @@ class Streams:
         content = changed or b'"topics":{},"messages":[]'
         yield b"event: change\ndata: {" + head + b"," + content + more + b"}\n\n"
 
-    def _head(self, seen: Seen) -> bytes:
-        time = rfc3339(self._clock.utc_s())
-        return encoded({"gen": seen.gen, "time": time, "token": self._control.token()})[1:-1]
+    def _head(self, stream: Stream) -> bytes:
+        """Return what every event begins with; once a second with the ages of the starters' last replies."""
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        gen = 0 if stream.seen is None else stream.seen.gen
+        head: dict[str, Any] = {"gen": gen, "time": rfc3339(utc_s), "token": self._control.token()}
+        if now_s >= stream.ages_due_s:
+            stream.ages_due_s = now_s + AGES_S - EVERY_S / 2
+            head["ages"] = [self._age_s(name, utc_s) for name in self._model.settings.starters]
+        return encoded(head)[1:-1]
+
+    def _age_s(self, starter: str, utc_s: float) -> float | None:
+        answered_s = self._answered_s(starter)
+        return None if answered_s is None else max(round(utc_s - answered_s, 1), 0.0)
 
     def _changed(self, scope: str | None, since: Seen) -> bytes | None:
         """Return what has changed for a client; empty for nothing, None when messages are lost.

@@ -29,6 +29,11 @@ class Snapshot:
         """Return the raw words read last, however old."""
         return self._rows
 
+    @property
+    def answered_s(self) -> float | None:
+        """Return when (UTC) the starter's last reply with a value came; None while none has."""
+        return max((each.time_s for each in self.readings.values() if each.time_s is not None), default=None)
+
     def keep_rows(self, rows: Mapping[str, Words], *, at_s: float) -> None:
         """Record raw words that have just been read; older ones than those known are ignored."""
         for code, words in rows.items():

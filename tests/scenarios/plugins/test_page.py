@@ -566,14 +566,15 @@ def test_who_follows_the_changes_has_what_the_whole_would_be_at_most_four_times_
         assert 30 < [name for name, _ in stream.events].count("change") <= 35 * 4
 
 
-def test_a_quiet_stream_beats_every_five_seconds_and_one_that_is_not_read_begins_anew() -> None:
+def test_a_quiet_stream_beats_with_ages_and_one_that_is_not_read_begins_anew() -> None:
     with RigPlant(SSW07 + ALICE + WEB, sim={"pump": QUICK}) as plant:
         plant.run(until=30.0)
         stream = plant.browser.stream("/api/v1/events")
         plant.run(until=60.0)
         beats = [data for name, data in stream.events if name == "beat"]
-        assert 4 <= len(beats) <= 6
-        assert all(beat.keys() == {"gen", "time", "token"} for beat in beats)
+        assert 24 <= len(beats) <= 30
+        assert all(beat.keys() - {"ages"} == {"gen", "time", "token"} for beat in beats)
+        assert all(0 <= age < 2.5 for beat in beats for age in beat.get("ages", ()))
 
         before = len(stream.events)
         plant.do(stream.may_come.clear)

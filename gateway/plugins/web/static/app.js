@@ -7,7 +7,7 @@ import { Events } from "./views/events.js";
 import { GatewayPage } from "./views/gateway.js";
 import { Lines } from "./views/lines.js";
 import { refreshAccount } from "./views/login.js";
-import { Overview } from "./views/overview.js";
+import { Overview, failures } from "./views/overview.js";
 import { Starter } from "./views/starter.js";
 
 const VIEWS = { "": Overview, lines: Lines, events: Events, gateway: GatewayPage };
@@ -49,7 +49,8 @@ function head(isLive) {
   const status = store.topic("gateway/status") ?? {};
   const isYoung = Date.now() - openedAt < YOUNG_MS && !store.gen;
   setText(document.getElementById("brand"), store.name || "Starter Gateway");
-  document.title = `${isLive ? "" : "NOT LIVE – "}${view?.title ?? ""} – ${store.name || "Starter Gateway"}`;
+  const faults = failures();
+  document.title = `${isLive ? (faults ? `(${faults}) ` : "") : "NOT LIVE – "}${view?.title ?? ""} – ${store.name || "Starter Gateway"}`;
   setText(live, isLive ? "LIVE" : isYoung ? "connecting" : "NOT LIVE");
   setClass(live, isLive ? "live" : isYoung ? "live wait" : "live not");
   setText(document.getElementById("clock"), store.gen ? clock(new Date(store.now()).toISOString()) : "");

@@ -21,6 +21,11 @@ export function age(seconds) {
   return `${Math.floor(whole / 86400)} d`;
 }
 
+/** A code of the contract as words. */
+export function words(code) {
+  return code.replaceAll("_", " ");
+}
+
 export function clock(time) {
   return time ? new Date(time).toLocaleTimeString([], { hour12: false }) : "";
 }

@@ -72,6 +72,24 @@ export async function plotTime(place, plots) {
   await draw(place, { series, axes: axes(units, true), scales: { x: { time: true } } }, data);
 }
 
+const TRIP_COLOURS = ["--text", "--plot-b", "--muted", "--c"];
+
+/** Draws what was read before a trip, from seconds before it to the trip; each point has a scale of its own, the first two have axes. */
+export async function plotTrip(place, { t_s: times = [], points = {} }, units) {
+  const drawn = Object.entries(points)
+    .filter(([, values]) => values.filter((value) => typeof value === "number").length > 1)
+    .slice(0, TRIP_COLOURS.length);
+  if (!drawn.length) {
+    place.hidden = true;
+    return;
+  }
+  const series = [{ label: "seconds", value: (_, time) => (time === null ? "" : time.toFixed(1)) }];
+  drawn.forEach(([name], index) => series.push({ label: units[name] ? `${name}, ${units[name]}` : name, scale: name, spanGaps: true, width: 1.5,
+    stroke: colour(TRIP_COLOURS[index]), dash: index ? [2 + 3 * index, 3] : undefined }));
+  const shownAxes = axes(drawn.slice(0, 2).map(([name]) => name), false);
+  await draw(place, { series, axes: shownAxes, scales: { x: { time: false } } }, [times, ...drawn.map(([, values]) => values.map((value) => (typeof value === "number" ? value : undefined)))]);
+}
+
 /** Draws the currents of starts over each other, from the moment of the start; the last one is thick, those of the baseline are dashed. */
 export async function plotStarts(place, starts) {
   const drawable = starts.filter((start) => start.samples?.t_s?.length && start.samples.current);

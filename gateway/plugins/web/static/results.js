@@ -30,9 +30,11 @@ function show(title, isQuiet) {
   };
 }
 
-/** Says something until it is closed, or removed by what this returns. */
-export function notice(title, text) {
-  return show(title, true)(text, "bad", true);
+/** Says something until it is closed, for some time, or until what this returns is called. */
+export function notice(title, text, forMs = null) {
+  const remove = show(title, true)(text, forMs ? "refused" : "bad", true);
+  if (forMs) setTimeout(remove, forMs);
+  return remove;
 }
 
 const KINDS = { confirmed: "good", rejected: "refused", failed: "bad", unconfirmed: "bad" };

@@ -1,6 +1,6 @@
 // What the gateway has sent, and whether it still sends.
 
-const LIVE_MS = 12000;
+const LIVE_MS = 3000; // three beats
 const MOST_MESSAGES = 500;
 
 export const store = {
@@ -21,6 +21,8 @@ export const store = {
   receivedAt: null, // by this browser's clocks: the one that people set, and the one that only runs
   aheadMs: 0, // how far the gateway's clock is ahead of it
   isBroken: true,
+  ages: new Map(), // of the last reply of each starter, in seconds, when they came
+  agesAt: null,
   refusal: "", // why the gateway opens no stream
   isLeaving: false, // a logout of this tab's own is under way
   topic(name) {
@@ -44,6 +46,11 @@ export const store = {
   },
   ageS(time) {
     return time ? (this.now() - Date.parse(time)) / 1000 : null;
+  },
+  /** Seconds since the last reply of a starter; null when none has come. */
+  replyAgeS(name) {
+    const age = this.ages.get(name);
+    return age === null || age === undefined ? null : age + elapsedMs(this.agesAt) / 1000;
   },
 };
 
@@ -92,6 +99,11 @@ function received(data) {
   if (data.gen !== undefined) store.gen = data.gen;
   if (data.token) store.token = data.token;
   if (data.time) store.aheadMs = Date.parse(data.time) - Date.now();
+  if (data.ages) {
+    const names = Object.keys(data.lines ? data.starters : store.starters); // only the whole has lines
+    store.ages = new Map(names.map((name, index) => [name, data.ages[index]]));
+    store.agesAt = moment();
+  }
 }
 
 function put(topic, payload) {

@@ -1,7 +1,7 @@
 // Alarms that stand, events, and who did what.
 
 import { h, table } from "../dom.js";
-import { dateTime } from "../format.js";
+import { dateTime, words } from "../format.js";
 import { store } from "../store.js";
 
 const MOST = 300;
@@ -24,11 +24,12 @@ export class Events {
   close() {}
 
   refresh() {
-    const words = this.search.value.trim().toLowerCase();
+    const wanted = this.search.value.trim().toLowerCase();
     const rows = store.messages.filter(({ topic }) => !topic.startsWith("result/")).map(rowOf)
-      .filter((row) => this.fits(row) && row.cells.join(" ").toLowerCase().includes(words)).slice(-MOST).reverse();
+      .filter((row) => this.fits(row) && row.cells.join(" ").toLowerCase().includes(wanted))
+      .map((row, index) => ({ ...row, index })).sort((a, b) => b.at - a.at || b.index - a.index).slice(0, MOST);
     const alarms = Object.keys(store.starters).flatMap((name) => store.below(name, "alarm/")
-      .filter(([, alarm]) => alarm.active).map(([code, alarm]) => [dateTime(alarm.time), h("a", { href: `#/starter/${encodeURIComponent(name)}` }, name), `${code.toUpperCase()} (${alarm.severity})`, alarm.text]));
+      .filter(([, alarm]) => alarm.active).map(([code, alarm]) => [dateTime(alarm.time), h("a", { href: `#/starter/${encodeURIComponent(name)}` }, name), [code === alarm.severity ? "" : code.toUpperCase(), alarm.severity].filter(Boolean).join(", "), alarm.text]));
     const shape = JSON.stringify([rows, alarms.map((row) => [row[0], row[1].textContent, ...row.slice(2)])]);
     if (shape === this.shown) return;
     this.shown = shape;
@@ -45,9 +46,10 @@ export class Events {
 function rowOf({ topic, payload }) {
   if (topic === "audit") {
     const who = payload.source ? `${payload.client} (${payload.source})` : payload.client;
-    return { isCommand: true, severity: "info", cells: [dateTime(payload.time), payload.starter ?? "", `${payload.verb} ${payload.decision}`, `${who}${payload.code && payload.code !== "ok" ? ` [${payload.code}]` : ""}`] };
+    return { isCommand: true, severity: "info", at: Date.parse(payload.time), cells: [dateTime(payload.time), payload.starter ?? "", words(`${payload.verb} ${payload.decision}`), `${who}${payload.code && payload.code !== "ok" ? ` [${payload.code}]` : ""}`] };
   }
   const starter = topic.startsWith("starter/") ? topic.split("/")[1] : "gateway";
-  const what = payload.severity === "info" ? payload.code : `${payload.code} (${payload.severity})`;
-  return { isCommand: false, severity: payload.severity, cells: [dateTime(payload.time), starter, what, payload.text] };
+  const what = payload.severity === "info" ? words(payload.code) : `${payload.severity}: ${words(payload.code)}`;
+  const text = payload.text.replace(/^(fault|alarm),? /, ""); // the column before it says so
+  return { isCommand: false, severity: payload.severity, at: Date.parse(payload.time), cells: [dateTime(payload.time), starter, what, text] };
 }

@@ -3,7 +3,7 @@
 
 import { h, setText } from "../dom.js";
 import { clock } from "../format.js";
-import { carryOut } from "../results.js";
+import { carryOut, notice } from "../results.js";
 import { elapsedMs, moment, store } from "../store.js";
 import { stateWords, summary } from "./overview.js";
 
@@ -12,6 +12,7 @@ const TICK_MS = 50; // while the button is held
 const HICCUP_MS = 150; // after a pause so long, what was done meanwhile is looked at first
 const PAUSE_MS = 700; // a page that stood still for longer has not seen whether the button was held
 const SELECTED_MS = 30000; // a selection is open no longer than this on the page
+const SAID_MS = 15000; // why a selection has ended
 const ANSWER_MS = 5000; // to a selection; later the operator is elsewhere
 const ONE_CLICK = ["reset", "lock", "unlock", "accept", "baseline", "cancel"]; // they start no motor
 const FIRST = ["start", "reset", "lock", "unlock"]; // what is asked for daily
@@ -161,6 +162,7 @@ class Hold {
     setText(this.text, `Hold for a second to ${label}`);
     const isElsewhere = document.activeElement?.matches("input, select, textarea"); // an operator who types keeps the focus
     this.element.hidden = false;
+    this.element.scrollIntoView({ block: "nearest" });
     if (!isElsewhere) this.button.focus();
     this.refresh();
   }
@@ -168,8 +170,13 @@ class Hold {
   /** Ends a selection when the page is not live, its time is over, or the state or the user is another one. */
   refresh() {
     if (!this.selected) return;
-    const { since, validMs, state, user } = this.selected;
-    if (!store.isLive() || elapsedMs(since) > validMs || summary(this.name).state !== state || store.session.user !== user) this.drop();
+    const { since, validMs, state, user, label } = this.selected;
+    const now = summary(this.name).state;
+    const why = !store.isLive() ? "the page is not live" : elapsedMs(since) > validMs ? "its time is over"
+      : now !== state ? `the state is now “${now}”` : store.session.user !== user ? "another user is logged in" : "";
+    if (!why) return;
+    this.drop();
+    notice(`${label} ${this.name}`, `not carried out: ${why}. Select it again.`, SAID_MS);
   }
 
   press() {

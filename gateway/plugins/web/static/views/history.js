@@ -3,7 +3,8 @@
 import { get } from "../api.js";
 import { h, table } from "../dom.js";
 import { dateTime, number } from "../format.js";
-import { plotStarts, plotTime } from "../plot.js";
+import { plotStarts, plotTime, plotTrip } from "../plot.js";
+import { store } from "../store.js";
 
 const EVERY_MS = 10000;
 const OVERLAID = 5; // starts beside the baseline
@@ -74,7 +75,23 @@ export class History {
     }
     this.trips.replaceChildren(...[...trips].reverse().map((trip) => h("details", {},
       h("summary", {}, `${dateTime(trip.time)}  ${trip.code?.toUpperCase() ?? ""} ${trip.text ?? ""}`),
-      before(trip), atFault(trip))));
+      this.before(trip), atFault(trip))));
+  }
+
+  /** The readings before a trip: drawn once the trip is opened, with all of them in a table below. */
+  before(trip) {
+    const readings = trip.readings ?? {};
+    if (!readings.t_s?.length || !Object.keys(readings.points ?? {}).length) return h("p", {}, "No values were read before it.");
+    const points = store.topic(`starter/${this.name}/info`)?.points ?? {};
+    const units = Object.fromEntries(Object.entries(points).map(([name, about]) => [name, about.unit ?? ""]));
+    const place = h("div", { class: "plot" });
+    const box = h("div", {}, h("h3", {}, "Before the trip"), place, h("details", {}, h("summary", {}, "All readings"), readingsTable(readings)));
+    new ResizeObserver((_, observer) => {
+      if (!place.clientWidth) return; // still closed
+      observer.disconnect();
+      plotTrip(place, readings, units);
+    }).observe(place);
+    return box;
   }
 }
 
@@ -83,13 +100,10 @@ function causeOf(start) {
   return client ? `${source} (${client})` : source ?? "unknown";
 }
 
-function before(trip) {
-  const times = trip.readings?.t_s ?? [];
-  const points = Object.entries(trip.readings?.points ?? {});
-  if (!times.length || !points.length) return h("p", {}, "No values were read before it.");
-  const from = Math.max(0, times.length - 12);
-  const heads = ["seconds", ...points.map(([name]) => name)];
-  return table("Before the trip", heads, times.slice(from).map((time, index) => [time.toFixed(1), ...points.map(([, values]) => number(values[from + index] ?? null))]));
+function readingsTable({ t_s: times, points }) {
+  const columns = Object.entries(points);
+  return table("Readings before the trip", ["seconds", ...columns.map(([name]) => name)],
+    times.map((time, index) => [time.toFixed(1), ...columns.map(([, values]) => (values[index] === null || values[index] === undefined ? "" : number(values[index])))]));
 }
 
 function atFault(trip) {

@@ -60,7 +60,7 @@ function promises(line) {
   return table("Promised and measured", ["", "computed", "measured"], [
     ["load", percent(computed.load), percent(line.utilisation)],
     ["one round of all polls", number(computed.sweep_s ?? null, "s"), number(line.sweep_s ?? null, "s")],
-    ["a stop waits at most", milliseconds(latency.computed ?? computed.stop_latency_s), milliseconds(latency.worst)],
+    ["a stop waits at most", milliseconds(computed.stop_latency_s ?? latency.computed), milliseconds(latency.worst)],
     ["watchdogs' least margin", computed.watchdog_margin_s === null || computed.watchdog_margin_s === undefined ? "none to keep" : number(computed.watchdog_margin_s, "s"), ""],
   ]);
 }

@@ -113,7 +113,7 @@ class Row {
     setClass(this.bar, isOverloaded(starter, load) ? "bar-fill over" : "bar-fill");
     setText(this.where, starter.remote === undefined ? "" : starter.remote === false ? "local" : "remote");
     setText(this.trouble, trouble(starter));
-    setText(this.age, starter.time ? age(store.ageS(starter.time)) : "never");
+    setText(this.age, age(store.replyAgeS(this.name)));
     setClass(this.link, `starter signal-${starter.signal || "none"}${starter.isGood ? "" : " old"}`);
   }
 
@@ -133,6 +133,11 @@ class Group {
       return row;
     });
   }
+}
+
+/** How many starters somebody must look at first. */
+export function failures() {
+  return Object.keys(store.starters).filter((name) => summary(name).signal === "F").length;
 }
 
 export class Overview {

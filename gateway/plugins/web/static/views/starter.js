@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 import { h, setClass, setText, table } from "../dom.js";
-import { SIGNALS, age, clock, dateTime, fill, number, signalSymbol } from "../format.js";
+import { SIGNALS, age, clock, dateTime, fill, number, signalSymbol, words } from "../format.js";
 import { connect, store } from "../store.js";
 import { Faceplate } from "./faceplate.js";
 import { History } from "./history.js";
@@ -34,8 +34,7 @@ export class Starter {
         h("section", { "aria-label": "State" }, this.trouble, this.current,
           this.barBox, this.more), this.faceplate.element, this.history.hour),
       this.history.element,
-      h("section", {}, h("h2", {}, "Values"), this.points,
-        h("p", { class: "hint" }, "The age is that of the last report: a value that stays as it is is reported again every few minutes.")),
+      h("section", {}, h("h2", {}, "Values"), this.points),
       h("section", {}, h("h2", {}, "Last commands"), this.commands),
       h("section", {}, h("h2", {}, "Identity"), this.facts),
       this.parameters.element, this.faceplate.stopPlace);
@@ -73,7 +72,7 @@ export class Starter {
     fill(this.bar, load ?? 0);
     setClass(this.bar, isOverloaded(starter, load) ? "bar-fill over" : "bar-fill");
     const parts = [starter.remote === false ? "local" : starter.remote ? "remote" : "", load === null ? "" : `${Math.round(load * 100)} % of rated`,
-      starter.time ? `last report ${age(store.ageS(starter.time))} ago` : "nothing was reported yet"];
+      store.replyAgeS(this.name) === null ? "it has not answered yet" : `last reply ${age(store.replyAgeS(this.name))} ago`];
     setText(this.more, parts.filter(Boolean).join(" · "));
     this.faceplate.refresh();
     if (!changed || [...changed].some((topic) => topic.startsWith(`starter/${this.name}/value/`))) this.drawPoints();
@@ -110,7 +109,7 @@ export class Starter {
       pointName(point, info[point]),
       value.label ?? number(value.value, value.unit),
       h("span", { class: value.quality === "good" ? "" : "old", title: value.reason ?? "" }, value.quality),
-      value.time ? age(store.ageS(value.time)) : "never",
+      value.time ? `${age(store.ageS(value.time))} ago` : "never",
     ]);
     if (this.points.contains(document.activeElement) && this.pointCount === rows.length) {
       const cells = this.points.querySelectorAll("tbody tr");
@@ -118,7 +117,7 @@ export class Starter {
       return;
     }
     this.pointCount = rows.length;
-    this.points.replaceChildren(table("Values", ["point", "value", "quality", "age"], rows));
+    this.points.replaceChildren(table("Values", ["point", "value", "quality", "reported"], rows));
   }
 }
 
@@ -127,10 +126,15 @@ function pointName(point, about) {
   return h("span", { title: about?.meaning ?? "" }, name || point, name ? h("span", { class: "hint" }, ` ${point}`) : null);
 }
 
+/** The arguments as a person writes them; a selection names the command that it is for. */
+function argumentsOf({ verb, args = {} }) {
+  if (verb === "select") return words(`${args.verb ?? ""} ${argumentsOf({ args: args.args })}`.trim());
+  return Object.entries(args ?? {}).map(([key, value]) => `${key}=${value}`).join(" ");
+}
+
 function commandRow(command) {
   const phases = command.phases ?? [];
   const last = phases.at(-1) ?? {};
-  const args = Object.entries(command.args ?? {}).map(([key, value]) => `${key}=${typeof value === "object" ? JSON.stringify(value) : value}`).join(" ");
-  return [dateTime(phases[0]?.time ?? last.time), command.client, `${command.verb} ${args}`,
+  return [dateTime(phases[0]?.time ?? last.time), command.client, `${words(command.verb)} ${argumentsOf(command)}`.trim(),
     phases.map((phase) => `${phase.phase} ${clock(phase.time)}`).join(" → "), last.code && last.code !== "ok" ? `[${last.code}] ${last.text ?? ""}` : last.text ?? ""];
 }
