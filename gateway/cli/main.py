@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn, cast
 
 from gateway import __version__
-from gateway.cli.command import CommandModule
+from gateway.cli.command import CommandModule, choose
 from gateway.errors import ConfigError, GatewayError, NewerError, UsageError
 
 PROGRAM = "starter-gateway"
@@ -48,6 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the arguments name and return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((word for word in arguments if word in COMMANDS), None)
+    unknown = next((word for word in arguments if chosen is None and not word.startswith("-")), None)
+    if unknown is not None:
+        print(f"{PROGRAM}: no command {unknown!r} ({choose(unknown, COMMANDS)})", file=sys.stderr)
+        return USAGE
     if "_ARGCOMPLETE" in os.environ:
         _complete(whole_parser())
     try:

@@ -513,7 +513,7 @@ HISTORY = [
                     "history CONFIG pump",
                     out=(
                         re.compile(r" start  full voltage, 0\.\d+ s, "),
-                        " trip   e05 fault E05 Motor overload, was running",
+                        " trip   fault E05 Motor overload, was running",
                     ),
                 ),
                 cli(
@@ -523,7 +523,7 @@ HISTORY = [
                 cli(
                     "history CONFIG pump --id 1-1",
                     code=2,
-                    err="pump has no record 1-1; without --id they are listed",
+                    err="there is no record 1-1; without --id they are listed",
                 ),
             ]
         },
@@ -551,7 +551,7 @@ HISTORY = [
     ended(
         "a starter without records says so",
         SSW07,
-        cli("history CONFIG pump", out="no starts and no trips are recorded yet"),
+        cli("history CONFIG pump", out="no start and no trip is recorded yet"),
         cli("history CONFIG pump --csv -", code=1),
     ),
     row(
