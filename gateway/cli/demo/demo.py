@@ -26,7 +26,6 @@ from gateway.cli.demo.processes import (
     watch,
 )
 from gateway.cli.run import log_to_stderr, serve
-from gateway.cli.watch.watch import Watching, new_console
 from gateway.config.load import load
 from gateway.errors import GatewayError, UsageError
 from gateway.system.password_hash import password_line
@@ -226,7 +225,11 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
             _beside(stack, run_plant(port))
         if has_table:
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
-            _beside(stack, Watching(demo_client(port), BASE).show(new_console(), is_full_screen=False))
+            from rich.console import Console
+
+            from gateway.cli.watch.watching import Watching
+
+            _beside(stack, Watching(Console(), demo_client(port), BASE).show(is_full_screen=False))
         await serve(path, config, None)
 
 

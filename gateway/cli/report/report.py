@@ -50,7 +50,9 @@ def run(args: argparse.Namespace) -> int:
     state_dir, profile = folder / config.gateway.state_dir, load_profile(starter.family, language)
     published, notes = Published({}, {}, {}), []
     if args.no_broker:
-        notes.append("the line's quality and the starter's own counters are left out: the broker was not asked")
+        notes.append(
+            "the line's quality and the starter's own counters are left out: the broker was not asked"
+        )
     else:
         try:
             settings = settings_of(config, folder, tool="report", login=args)
