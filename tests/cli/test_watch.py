@@ -61,9 +61,7 @@ def result(starter: str, phase: Phase, code: str = "ok", **fields: Any) -> Resul
 def overview(*records: Record, live_at_s: float | None = NOW_S, ahead_s: float = 0.0) -> Overview:
     """Return the overview of a gateway that has published these; its token changed last at `live_at_s`."""
     made = Overview(BASE)
-    status = StatusRecord(
-        state="online", time_s=NOW_S, boot="1", since_s=NOW_S, reason=None, run="1"
-    )
+    status = StatusRecord(state="online", time_s=NOW_S, boot="1", since_s=NOW_S, reason=None, run="1")
     tokens = [] if live_at_s is None else [(live_at_s - 1.0, "a"), (live_at_s, "b")]
     fresh = [(at_s, FreshRecord(token=token, time_s=at_s + ahead_s)) for at_s, token in tokens]
     for at_s, record in [*((NOW_S, record) for record in (status, *records)), *fresh]:
@@ -145,7 +143,7 @@ def test_a_long_reason_is_folded_and_not_cut() -> None:
 def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_count_by_its_clock() -> None:
     made = overview(*PUMP, ahead_s=100.0)
 
-    assert "LIVE  1 starters, 0 with a fault or offline" in drawn(made, NOW_S + 3.0)
+    assert "online  LIVE  1 starter\n" in drawn(made, NOW_S + 3.0)
     stopped = drawn(made, NOW_S + 4.0)
     assert "NOT LIVE for 4.0 s" in stopped
     assert "1 min 44 s" in stopped
@@ -164,6 +162,7 @@ def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -
     )
 
     assert [row.name for row in made.rows()] == ["c", "d", "e", "f", "b", "a"]
+    assert "LIVE  6 starters, 2 with a fault or offline" in drawn(made)
 
 
 def test_a_starter_that_its_gateway_has_no_longer_is_gone() -> None:

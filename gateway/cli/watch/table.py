@@ -6,7 +6,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from gateway.cli.command import in_words
+from gateway.cli.command import counted, in_words
 from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRow
 from gateway.contract import Quality, ValueRecord, shortened
 
@@ -25,8 +25,11 @@ def render(overview: Overview, now_s: float, *, width: int) -> Group:
     has_gateways, is_wide = len(gateways) > 1, width >= WIDE
     names = ["", *["gateway"] * has_gateways, "starter", "state", "current", "last reply"]
     for name in names:
-        table.add_column(name, no_wrap=True, justify="right" if name in ("current", "last reply") else "left")
-    for name in ["fault, alarm, reason", "last command"] if is_wide else ["fault, reason, or last command"]:
+        is_number = name in ("current", "last reply")
+        table.add_column(
+            name, no_wrap=True, min_width=10 if name else 1, justify="right" if is_number else "left"
+        )
+    for name in ["fault, alarm, reason", "last command"] if is_wide else ["fault, reason, command"]:
         table.add_column(name, ratio=1, overflow="fold")
     for row in rows:
         cells = _cells(row, now_s, is_wide=is_wide)
@@ -41,7 +44,8 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
     reason = f" ({status.reason})" if status is not None and status.reason else ""
     head = Text.assemble((shortened(gateway.name, 80), "bold"), f"  {state}{shortened(reason, 80)}")
     if gateway.is_live(now_s):
-        return head.append(f"  LIVE  {len(rows)} starters, {failures} with a fault or offline")
+        failed = f", {failures} with a fault or offline" if failures else ""
+        return head.append(f"  LIVE  {counted(len(rows), 'starter')}{failed}")
     since = "since this table began"
     if gateway.live_at_s is not None:
         since = f"for {in_words(now_s - gateway.live_at_s)}"
