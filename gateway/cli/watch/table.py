@@ -27,7 +27,7 @@ def render(overview: Overview, now_s: float, *, width: int) -> Group:
     for name in names:
         is_number = name in ("current", "last reply")
         table.add_column(
-            name, no_wrap=True, min_width=10 if name else 1, justify="right" if is_number else "left"
+            name, no_wrap=True, min_width=9 if name else 1, justify="right" if is_number else "left"
         )
     for name in ["fault, alarm, reason", "last command"] if is_wide else ["fault, reason, command"]:
         table.add_column(name, ratio=1, overflow="fold")
