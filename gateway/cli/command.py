@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TextIO
 
@@ -42,7 +42,7 @@ def add_starter(
     """Add CONFIG and STARTER, whose names a shell with argcomplete completes."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     starter = parser.add_argument("starter", metavar="STARTER", help=about, nargs=nargs)
-    completed(starter, by=targets)
+    completed(starter, by=lambda config, _: targets(config))
 
 
 def targets(config: Config) -> list[str]:
@@ -50,13 +50,13 @@ def targets(config: Config) -> list[str]:
     return [*(starter.name for starter in config.starters), *(group.name for group in config.groups)]
 
 
-def completed(action: argparse.Action, *, by: Callable[[Config], Iterable[str]]) -> None:
+def completed(action: argparse.Action, *, by: Callable[[Config, argparse.Namespace], Iterable[str]]) -> None:
     """Have a shell with argcomplete complete an argument by the configuration that stands before it."""
 
     def completer(parsed_args: argparse.Namespace, **_: object) -> Iterable[str]:
         from gateway.config.load import load
 
-        return by(load(parsed_args.config))
+        return by(load(parsed_args.config), parsed_args)
 
     action.completer = completer  # type: ignore[attr-defined] # argcomplete's
 
@@ -72,16 +72,19 @@ def whole_number(text: str, what: str, *, low: int, high: int) -> int:
     return number
 
 
-def arguments(pairs: Iterable[str]) -> dict[str, bool | int | float | str]:
-    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise."""
+def arguments(pairs: Iterable[str], *, texts: Sequence[str] = ()) -> dict[str, bool | int | float | str]:
+    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise.
+
+    The values of `texts` stay as they are.
+    """
     found: dict[str, bool | int | float | str] = {}
     for pair in pairs:
         key, sign, value = pair.partition("=")
         if not sign or not key:
             raise UsageError(f"argument {pair!r} is not KEY=VALUE (e.g. parameter=P314 value=30)")
         if key in found:
-            raise UsageError(f"argument {key} stands twice (give it once)")
-        found[key] = _value(value)
+            raise UsageError(f"argument {key} is given twice (give it once)")
+        found[key] = value if key in texts else _value(value)
     return found
 
 

@@ -71,7 +71,7 @@ def overview(*records: Record, live_at_s: float | None = NOW_S, ahead_s: float =
 
 def drawn(made: Overview, now_s: float = NOW_S, width: int = 80) -> str:
     console = Console(file=StringIO(), width=width)
-    console.print(render(made, now_s, width=width))
+    console.print(render(made, now_s))
     assert isinstance(console.file, StringIO)
     return console.file.getvalue()
 
@@ -123,21 +123,13 @@ def test_a_starter_is_one_line_at_80_columns(records: Any, line: str) -> None:
     assert [" ".join(each.split()) for each in drawn(made).splitlines() if "pump" in each] == [line]
 
 
-def test_a_wide_terminal_has_both_what_is_wrong_and_the_last_command() -> None:
-    made = overview(*PUMP, alarm("pump", "a05", "Motor warm"), result("pump", Phase.CONFIRMED))
-
-    (line,) = [each for each in drawn(made, width=140).splitlines() if "pump" in each]
-
-    assert "A05 Motor warm" in line
-    assert "alice start: confirmed" in line
-
-
 def test_a_long_reason_is_folded_and_not_cut() -> None:
     reason = "the starter answers as another family than the one that is configured"
+    made = overview(state("pump", "unknown", reason=reason), result("pump", Phase.CONFIRMED))
 
-    text = " ".join(drawn(overview(state("pump", "unknown", reason=reason))).split())
+    words = drawn(made).split()
 
-    assert reason.split()[-1] in text
+    assert {*reason.split()[:-1], "configured;", "confirmed"} <= set(words)
 
 
 def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_count_by_its_clock() -> None:
@@ -199,6 +191,5 @@ def test_one_table_has_the_gateways_of_a_plant() -> None:
         record = state("pump", "ready")
         made.take(f"starters/{name}/{record.topic}", record.payload(), NOW_S)
 
-    lines = [each.split() for each in drawn(made).splitlines()]
-    assert ["starters/north", "pump"] in [line[:2] for line in lines]
-    assert ["starters/south", "pump"] in [line[:2] for line in lines]
+    lines = drawn(made).splitlines()
+    assert [sum(f"starters/{name} pump" in line for line in lines) for name in ("north", "south")] == [1, 1]

@@ -136,6 +136,13 @@ class StarterRow:
         if state.flags.get("remote") is False:
             yield "local"
 
+    def commanded(self) -> Iterator[str]:
+        """Yield the last command in words, if there was one."""
+        if self.result is not None:
+            code, phase = self.result.code, self.result.phase
+            why = "" if code in ("", "ok", phase) else f" ({code})"
+            yield f"{self.result.client} {self.result.verb}: {phase}{why}"
+
     def silent_s(self, now_s: float) -> float | None:
         """Return how long ago the last good reply came: 0 while it answers; None: it never did."""
         if self.is_good and self.gateway.is_live(now_s):

@@ -10,31 +10,23 @@ from gateway.cli.command import counted, in_words
 from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRow
 from gateway.contract import Quality, ValueRecord, shortened
 
-WIDE = 110  # columns, from which on the last command has its own
+COLUMNS = ("", "starter", "state", "current", "last reply", "fault, reason, command")
 STYLES = dict(zip(SIGNALS, ("bold white on red", "black on dark_orange", "black on yellow", ""), strict=True))
 GREY = "bright_black"  # what is not known to be so now
 
 
-def render(overview: Overview, now_s: float, *, width: int) -> Group:
+def render(overview: Overview, now_s: float) -> Group:
     """Return the table at `now_s` (seconds since 1970); a terminal shows its beginning."""
-    rows, gateways = overview.rows(), sorted(overview.gateways.items())
-    heads = [
-        _head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for _, gateway in gateways
-    ]
-    table = Table(box=None, expand=True, pad_edge=False, header_style="bold underline")
-    has_gateways, is_wide = len(gateways) > 1, width >= WIDE
-    names = ["", *["gateway"] * has_gateways, "starter", "state", "current", "last reply"]
-    for name in names:
-        is_number = name in ("current", "last reply")
-        table.add_column(
-            name, no_wrap=True, min_width=9 if name else 1, justify="right" if is_number else "left"
-        )
-    for name in ["fault, alarm, reason", "last command"] if is_wide else ["fault, reason, command"]:
-        table.add_column(name, ratio=1, overflow="fold")
+    rows, gateways = overview.rows(), [gateway for _, gateway in sorted(overview.gateways.items())]
+    heads = [_head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for gateway in gateways]
+    table = Table(*COLUMNS[:-1], box=None, expand=True, pad_edge=False, header_style="bold underline")
+    for column in table.columns:
+        column.no_wrap, column.min_width = True, 9 if column.header else 1
+        column.justify = "right" if column.header in ("current", "last reply") else "left"
+    table.add_column(COLUMNS[-1], ratio=1, overflow="fold")
     for row in rows:
-        cells = _cells(row, now_s, is_wide=is_wide)
-        cells[1:1] = [_text(row.gateway.name)] * has_gateways
-        table.add_row(*cells, style="" if row.gateway.is_live(now_s) else GREY)
+        name = row.name if len(gateways) == 1 else f"{row.gateway.name} {row.name}"
+        table.add_row(*_cells(row, name, now_s), style="" if row.gateway.is_live(now_s) else GREY)
     return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), table)
 
 
@@ -52,26 +44,17 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
     return head.append(f"  NOT LIVE {since}", style=STYLES["F"])
 
 
-def _cells(row: StarterRow, now_s: float, *, is_wide: bool) -> list[Text]:
-    silent_s, trouble, command = row.silent_s(now_s), "; ".join(row.troubles()), _command(row)
-    style = "" if row.is_good else GREY
+def _cells(row: StarterRow, name: str, now_s: float) -> list[Text]:
+    silent_s, style = row.silent_s(now_s), "" if row.is_good else GREY
     current, load = (_number(row.values.get(point)) for point in ("current", "current_pct"))
     return [
         Text(row.signal, style=STYLES[row.signal]),
-        _text(row.name, "bold"),
+        _text(name, "bold"),
         _text(row.state.state.replace("_", " ") + ("" if row.is_good else "?"), style),
         Text(" ").join([current, load]) if load else current,
         Text("never" if silent_s is None else "now" if silent_s == 0 else in_words(silent_s), style=style),
-        *([_text(trouble), _text(command)] if is_wide else [_text(trouble or command)]),
+        _text("; ".join([*row.troubles(), *row.commanded()])),
     ]
-
-
-def _command(row: StarterRow) -> str:
-    result = row.result
-    if result is None:
-        return ""
-    why = "" if result.code in ("", "ok", result.phase) else f" ({result.code})"
-    return f"{result.client} {result.verb}: {result.phase}{why}"
 
 
 def _number(value: ValueRecord | None) -> Text:

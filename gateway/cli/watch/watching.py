@@ -58,7 +58,7 @@ class Watching:
             staying.cancel()
 
     def _drawn(self) -> Group:
-        table = render(self._overview, time.time(), width=self._console.width)
+        table = render(self._overview, time.time())
         trouble = [Text(self._trouble, style=STYLES["F"])] if self._trouble else []
         return Group(*trouble, *table.renderables)
 

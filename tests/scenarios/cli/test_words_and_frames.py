@@ -189,7 +189,7 @@ encode ssw07 1 set P314 30              | 2 | argument 'P314' is not KEY=VALUE
 encode ssw07 1 set parameter=P314       | 2 | value is missing
 encode ssw07 1 start reason=x           | 2 | reason is unknown
 encode ssw07 1 direction value=1        | 2 | value must be one of reverse, forward
-encode ssw07 1 set parameter=P314 value=1 value=2 | 2 | argument value stands twice
+encode ssw07 1 set parameter=P314 value=1 value=2 | 2 | argument value is given twice
 encode ssw07 1 set parameter=Q1 value=1 | 2 | the manual of this family names no parameter Q1
 encode ssw07 1 set parameter=P003 value=5 | 1 | not_writable
 encode ssw07 1 set parameter=P314 value=1000 | 1 | P314 takes 0..999 s
