@@ -73,7 +73,7 @@ def _verify(path: Path, wanted: str | None) -> int:
     anchor, verdict = read_audit(path, check)
     problems = list(verdict.problems)
     if anchor is None:
-        problems.append("where the chain stood before its first line cannot be read")
+        problems.append("the place of the chain before its first line cannot be read")
     for problem in problems:
         print(problem)
     described = "broken" if problems else "whole"

@@ -1,4 +1,4 @@
-"""What the commands share: their interface, what people type and name, progress on stderr."""
+"""Shared by the commands: their interface, the words that people type, progress on stderr."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ async def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
             on_frame(*frame)
         assert await capturing == 0
         await lines.turned.wait()
-        assert lines.on_frame is None  # nobody reads any more
+        assert lines.on_frame is None  # there is no reader now
 
     errors = capsys.readouterr().err
     assert "recording pumps, fans" in errors

@@ -24,7 +24,7 @@ RESULT_WITHIN_S, ACKNOWLEDGED_WITHIN_S = 20.0, 5.0
 
 
 class Deed(NamedTuple):
-    """What is done at which second of the day: a command, or with a `setting` a control of the simulator."""
+    """A command at a second of the day, or with a `setting` a knob of the simulator."""
 
     at_s: float
     starter: str
@@ -65,7 +65,7 @@ async def run_plant(port: int) -> None:
 async def _do(deed: Deed, port: int) -> None:
     try:
         if deed.setting:
-            await _turn(deed, port)
+            await _set_knob(deed, port)
             return
         client = CommandClient(demo_client(port), Topics(BASE))
         order = Order(deed.starter, CLIENT, deed.what)
@@ -78,8 +78,8 @@ async def _do(deed: Deed, port: int) -> None:
         log.warning("%s %s: %s", deed.starter, deed.what, error)
 
 
-async def _turn(deed: Deed, port: int) -> None:
-    """Turn a knob of a simulated starter."""
+async def _set_knob(deed: Deed, port: int) -> None:
+    """Set a knob of a simulated starter."""
     acknowledged = asyncio.Event()
     session, _ = await connected(demo_client(port), on_ack=lambda *_: acknowledged.set())
     try:

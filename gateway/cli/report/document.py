@@ -29,7 +29,7 @@ Translate = Callable[[str], str]
 
 
 class Quantity(NamedTuple):
-    """What is measured of a start."""
+    """A measured quantity of a start."""
 
     label: str
     head: str  # of its column
@@ -95,7 +95,7 @@ class Document(NamedTuple):
     subtitle: str
     verdict: str
     warnings: Sequence[str]  # the most important first
-    tiles: Pairs  # what is asked first
+    tiles: Pairs  # the numbers that are looked for first
     sections: Sequence[Section]  # those of which something is known
 
 
@@ -145,7 +145,7 @@ def _warnings(facts: MotorFacts, t: Translate) -> Iterator[str]:
 
 
 def _identity(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
-    """Yield what the starter is: as it is configured, else as it has said."""
+    """Yield the identity of the starter: as it is configured, else as it has said."""
     line, starter, said = facts.line, facts.starter, facts.identity
     rated_a = said.get("rated_current_a") or next((s.rated_a for s in facts.starts[::-1] if s.rated_a), None)
     fields = {

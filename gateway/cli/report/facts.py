@@ -1,4 +1,4 @@
-"""What is known of one motor: its history and the audit on this disk, and what its gateway published last.
+"""The facts of one motor: its history and the audit on this disk, and the newest records of its gateway.
 
 Everything here is as it was stored; `document` makes sentences, tables and plots of it.
 """
@@ -38,7 +38,7 @@ class ChangedSetting(NamedTuple):
 
 
 class Published(NamedTuple):
-    """What a gateway has published last; empty where that could not be had."""
+    """The newest records of a gateway; empty where they could not be had."""
 
     statistics: Json  # of the line
     info: Json
@@ -64,7 +64,7 @@ class MotorFacts:
 
     @property
     def cable(self) -> Json:
-        """What the line's statistics say of its cable."""
+        """The cable, by the statistics of the line."""
         return self.published.statistics.get("cable") or {}
 
 

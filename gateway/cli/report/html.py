@@ -1,6 +1,6 @@
 """A report as one HTML file with SVG plots: no script, nothing loaded, prints well on A4.
 
-Whatever comes from a configuration, a starter or the broker passes `_e`, which escapes it.
+All text of a configuration, a starter or the broker passes `_e`, which escapes it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import assert_never
 from gateway.cli.report.document import Block, Document, Pairs, Plots, Section, Table, Texts
 
 STYLE = Path(__file__).with_name("report.css")
-BESIDE = 2  # so many sections stand beside each other, the first ones
+BESIDE = 2  # the first sections share a row
 _SAMPLE = '<svg viewBox="0 0 26 8"><path class="curve {kind}" d="M0 4h26"/></svg>'  # of a curve
 
 

@@ -1,14 +1,14 @@
 """Plots of curves as SVG, small enough to stand in a page, without a library.
 
-Lengths are in user units of about a third of a millimetre on A4. The kind of a curve is its CSS class, by
-which a print without colour tells it from the others too.
+Lengths are in user units of about a third of a millimetre on A4. The kind of a curve is its CSS class,
+which also differs in a print without colour.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from math import ceil, floor, log10
+from math import ceil, log10
 from typing import NamedTuple
 
 LEFT, RIGHT, TOP, BELOW = 46.0, 10.0, 16.0, 17.0  # room for the axes
@@ -80,9 +80,9 @@ class Plot(NamedTuple):
 def ticks(least: float, most: float, *, about: int) -> list[float]:
     """Return round numbers from below the least to above the most value, about so many."""
     rough = ((most - least) or max(abs(most), 1.0)) / about
-    power = 10.0 ** floor(log10(rough))
+    power = 10.0 ** (log10(rough) // 1)
     step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= rough * 0.999)
-    first, last = floor(least / step + 1e-9), ceil(most / step - 1e-9)
+    first, last = int((least / step + 1e-9) // 1), ceil(most / step - 1e-9)
     return [number * step for number in range(first, max(last, first + 1) + 1)]
 
 

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_starter(parser)
     parser.add_argument("--html", metavar="FILE", help="write a page with plots instead of printing")
     parser.add_argument("--language", choices=LANGUAGES, help="of the report (default: the configuration's)")
-    flag(parser, "--no-broker", about="leave out what only the broker knows")
+    flag(parser, "--no-broker", about="leave out the parts that only the broker knows")
     add_login(parser)
 
 

@@ -1,4 +1,4 @@
-"""What gateways publish of their starters, as rows for a table; pure.
+"""The starters of one gateway or many, as rows for a table, made of the records that these publish; pure.
 
 A gateway is live while its freshness token changes (`gateway/fresh`, every second): a retained status says
 nothing about now. A starter that is good at a live gateway answers now; else the time of its last good reply
@@ -111,7 +111,7 @@ class StarterRow:
 
     @property
     def signal(self) -> str:
-        """The one of `SIGNALS` that matters most."""
+        """The most important of `SIGNALS`."""
         presence, is_local = self.availability.state, self.state.flags.get("remote") is False
         severities = {alarm.severity for alarm in self.alarms.values()}
         if self.state.state == "fault" or presence == "offline" or "fault" in severities:
