@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
+from gateway.client import broker_at
 from gateway.config.convert import timing_of, version_of
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
-from gateway.config.values import is_loopback, split_url
+from gateway.config.values import is_loopback
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
 from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Incoming, Message, Outbox
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or Ctrl-C."""
-    work = simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
+    work = simulate(load(args.config), knobs_at=args.knobs, is_companion=args.companion)
     asyncio.run(work)
     return 0
 
@@ -76,9 +77,7 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
         yield lines
 
 
-async def simulate(
-    config: Config, *, knobs_at: tuple[str, int] | None = None, is_companion: bool = False
-) -> None:
+async def simulate(config: Config, *, knobs_at: str | None = None, is_companion: bool = False) -> None:
     """Simulate until SIGTERM or SIGINT, or as a companion until stdin ends."""
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -95,9 +94,8 @@ async def simulate(
             way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
         if knobs_at is not None:
-            broker = BrokerSettings(
-                *knobs_at, f"simulator-{uuid.uuid4().hex[:8]}", version=version_of(config.mqtt.version)
-            )
+            broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+            broker = replace(broker, version=version_of(config.mqtt.version))
             await stack.enter_async_context(simulator_topics(_by_name(config, lines), broker))
             print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
@@ -110,16 +108,6 @@ def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, Simulate
         for starter in table.starters
         if starter.enabled
     }
-
-
-def _broker(url: str | None) -> tuple[str, int] | None:
-    """Return host and port of the broker for the knobs, if there is to be one; UsageError for another URL."""
-    if url is None:
-        return None
-    parts = split_url(url)
-    if parts is None or parts[0].scheme != "mqtt":
-        raise UsageError(f"--knobs {url!r} is no broker on this machine (mqtt://127.0.0.1:1883)")
-    return parts[0].hostname or "", parts[1]
 
 
 def simulated_unit(starter: StarterTable) -> SimulatedUnit:

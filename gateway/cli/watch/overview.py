@@ -69,12 +69,6 @@ class GatewayLine:
         is_recent = self.live_at_s is not None and now_s - self.live_at_s <= LIVE_WITHIN_S
         return is_recent and self.status is not None and self.status.state != "offline"
 
-    def take(self, fresh: FreshRecord, now_s: float) -> None:
-        """Take a token; the first one may have been retained for days."""
-        if self.token not in ("", fresh.token):
-            self.live_at_s, self.ahead_s = now_s, fresh.time_s - now_s
-        self.token = fresh.token
-
 
 @dataclass(slots=True)
 class StarterRow:
@@ -84,25 +78,14 @@ class StarterRow:
     name: str
     state: StateRecord = UNKNOWN
     availability: AvailabilityRecord = ONLINE
-    values: dict[str, ValueRecord] = field(default_factory=dict)  # by point
-    alarms: dict[str, AlarmRecord] = field(default_factory=dict)  # by code, those that are active
+    value: dict[str, ValueRecord] = field(default_factory=dict)  # by point
+    alarm: dict[str, AlarmRecord] = field(default_factory=dict)  # by code
     result: ResultRecord | None = None  # of the last command
 
-    def take(self, record: Record) -> None:
-        """Take a record of this starter."""
-        match record:
-            case StateRecord():
-                self.state = record
-            case AvailabilityRecord():
-                self.availability = record
-            case ValueRecord():
-                self.values[record.point] = record
-            case AlarmRecord(is_active=True):
-                self.alarms[record.code] = record
-            case AlarmRecord():
-                self.alarms.pop(record.code, None)
-            case ResultRecord(is_duplicate=False):
-                self.result = record
+    @property
+    def alarms(self) -> Sequence[AlarmRecord]:
+        """The active alarms and faults."""
+        return [alarm for _, alarm in sorted(self.alarm.items()) if alarm.is_active]
 
     @property
     def is_good(self) -> bool:
@@ -113,7 +96,7 @@ class StarterRow:
     def signal(self) -> str:
         """The most important of `SIGNALS`."""
         presence, is_local = self.availability.state, self.state.flags.get("remote") is False
-        severities = {alarm.severity for alarm in self.alarms.values()}
+        severities = {alarm.severity for alarm in self.alarms}
         if self.state.state == "fault" or presence == "offline" or "fault" in severities:
             return "F"
         if self.state.lock or is_local or presence == "disabled":
@@ -125,7 +108,7 @@ class StarterRow:
         state, presence, why = self.state, self.availability.state, self.availability.reason
         if presence != "online":
             yield f"{presence}: {why}" if why else presence
-        yield from (coded(code, alarm.text) for code, alarm in sorted(self.alarms.items()))
+        yield from (coded(alarm.code, alarm.text) for alarm in self.alarms)
         if state.reason:
             yield state.reason
         if state.state == "not_ready":
@@ -147,9 +130,7 @@ class StarterRow:
         """Return how long ago the last good reply came: 0 while it answers; None: it never did."""
         if self.is_good and self.gateway.is_live(now_s):
             return 0.0
-        times = [
-            time_s for time_s in (self.state.time_s, *(v.time_s for v in self.values.values())) if time_s
-        ]
+        times = [time_s for time_s in (self.state.time_s, *(v.time_s for v in self.value.values())) if time_s]
         return max(now_s + self.gateway.ahead_s - max(times), 0.0) if times else None
 
 
@@ -174,16 +155,22 @@ class Overview:
                 case ["gateway", "status"]:
                     gateway.status = read_record(StatusRecord, payload)
                 case ["gateway", "fresh"]:
-                    gateway.take(read_record(FreshRecord, payload), now_s)
+                    fresh = read_record(FreshRecord, payload)
+                    if gateway.token not in ("", fresh.token):  # the first may have been retained for days
+                        gateway.live_at_s, gateway.ahead_s = now_s, fresh.time_s - now_s
+                    gateway.token = fresh.token
                 case ["starter", starter, "state" | "availability"] if not payload:
                     self._rows.pop((name, starter), None)  # its gateway has it no longer
-                case ["starter", starter, branch, *leaf] if branch in KINDS:
-                    names = dict.fromkeys(("point", "code"), "/".join(leaf))
-                    record = read_record(KINDS[branch], payload, starter=starter, **names)
-                    self._rows.setdefault((name, starter), StarterRow(gateway, starter)).take(record)
+                case ["starter", starter, "state" | "availability" as kind]:
+                    record = _read(kind, payload, starter)
+                    setattr(self._row(gateway, starter), kind, record)
+                case ["starter", starter, "value" | "alarm" as kind, leaf]:
+                    record = _read(kind, payload, starter, leaf)
+                    getattr(self._row(gateway, starter), kind)[leaf] = record
                 case ["result", starter, client] if (name, starter) in self._rows:
                     result = read_record(ResultRecord, payload, starter=starter, client=client)
-                    self._rows[name, starter].take(result)
+                    row = self._rows[name, starter]
+                    row.result = row.result if result.is_duplicate else result
 
     def rows(self) -> Sequence[StarterRow]:
         """Return the starters, those first that somebody must look at."""
@@ -192,3 +179,10 @@ class Overview:
             return SIGNALS.index(row.signal), row.state.state not in MOVING, row.gateway.name, row.name
 
         return sorted(self._rows.values(), key=order)
+
+    def _row(self, gateway: GatewayLine, starter: str) -> StarterRow:
+        return self._rows.setdefault((gateway.name, starter), StarterRow(gateway, starter))
+
+
+def _read(kind: str, payload: bytes, starter: str, leaf: str = "") -> Record:
+    return read_record(KINDS[kind], payload, starter=starter, point=leaf, code=leaf)

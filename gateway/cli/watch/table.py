@@ -46,7 +46,7 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
 
 def _cells(row: StarterRow, name: str, now_s: float) -> list[Text]:
     silent_s, style = row.silent_s(now_s), "" if row.is_good else GREY
-    current, load = (_number(row.values.get(point)) for point in ("current", "current_pct"))
+    current, load = (_number(row.value.get(point)) for point in ("current", "current_pct"))
     return [
         Text(row.signal, style=STYLES[row.signal]),
         _text(name, "bold"),
