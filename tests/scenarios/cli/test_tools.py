@@ -503,8 +503,8 @@ AUDIT = [
 
 HISTORY = [
     row(
-        "starts and trips are listed",
-        given=SSW07 + ALICE,
+        "starts and trips are listed, of one starter or of all",
+        given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
         sim={"pump": QUICK},
         at=TRIPPED,
         then={
@@ -515,6 +515,11 @@ HISTORY = [
                         re.compile(r" start  full voltage, 0\.\d+ s, "),
                         " trip   fault E05 Motor overload, was running",
                     ),
+                ),
+                cli("history CONFIG fan", out="no start and no trip is recorded yet"),
+                cli(
+                    "history CONFIG",
+                    out=(re.compile(r"Z  pump  .* start "), re.compile(r"Z  pump  .* trip ")),
                 ),
                 cli(
                     "history CONFIG pump --json",
@@ -563,7 +568,15 @@ HISTORY = [
             9.0: [
                 cli(
                     "report CONFIG pump",
-                    out=("Health report: pump", "SSW-07 85.0A", "85 A", "Starts", "E05", "alice"),
+                    out=(
+                        "Health report: pump",
+                        "SSW-07 85.0A",
+                        "85 A",
+                        "Starts",
+                        "E05",
+                        "alice",
+                        " answered",
+                    ),
                 ),
                 cli("report CONFIG pump --no-broker", out="Health report: pump"),
                 cli("report CONFIG pump --language es", out="Informe de estado: pump"),
