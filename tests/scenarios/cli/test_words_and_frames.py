@@ -95,7 +95,7 @@ DECODE = [
     ),
 ]
 
-# Words, and the frames without their address and CRC, which are checked by themselves. All frames of all verbs:
+# Words, and the frames without address and CRC, which are checked by themselves. All frames of all verbs:
 # tests/families/test_commands.py.
 FRAMES = """
 ssw07 20 start                          | 05 00 64 FF 00
