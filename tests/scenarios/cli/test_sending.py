@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, results, row
+from tests.rig import RigPlant, ScenarioRow, command, frames, play, results, row
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
 from tests.scenarios.cli.lines import beside, cli
 
