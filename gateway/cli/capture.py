@@ -1,8 +1,9 @@
 """`starter-gateway capture`: records a running gateway's lines for Wireshark.
 
 It reads the frames from the gateway's socket and writes a pcapng file, little-endian
-[draft-ietf-opsawg-pcapng]. The link type is that of serial lines recorded by an RTAC: it carries the direction, and Wireshark can pass
-the bytes to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's packet-rtacser.c).
+[draft-ietf-opsawg-pcapng]. The link type is that of serial lines recorded by an RTAC: it carries the
+direction, and Wireshark can pass the bytes to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's
+packet-rtacser.c).
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def test_a_word_that_is_nearly_right_is_answered_with_the_right_one(
 def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:
     send = commands()["send"]
     starter, verb = (
-        [a for a in send._actions if a.dest == name][0].completer for name in ("starter", "verb")
+        next(a for a in send._actions if a.dest == name).completer for name in ("starter", "verb")
     )
 
     typed = argparse.Namespace(config=str(site), starter="pump")
