@@ -17,22 +17,6 @@ def test_every_command_has_its_own_help(command: str, capsys: pytest.CaptureFixt
     assert f"starter-gateway {command}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        ("reprot", "no command 'reprot' (did you mean report?)"),
-        ("report {site} pmup", "no starter 'pmup' (did you mean pump?)"),
-        ("send {site} pumpp start --client a", "no starter 'pumpp' (did you mean pump?)"),
-    ],
-)
-def test_a_word_that_is_nearly_right_is_answered_with_the_right_one(
-    words: str, hint: str, site: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(words.format(site=site).split()) == 2
-
-    assert hint in capsys.readouterr().err
-
-
 def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:
     send = commands()["send"]
     starter, verb = (
