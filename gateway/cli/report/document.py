@@ -136,12 +136,12 @@ def _warnings(facts: MotorFacts, t: Translate) -> Iterator[str]:
         changes = {name: change.change_pct for name, change in facts.starts[-1].drift.items()}
         far = [name for name in TRENDS if abs(changes.get(name, 0.0)) >= LIMIT_PCT]
         words = ", ".join(f"{t(QUANTITIES[name].label)} {changes[name]:+.0f} %" for name in far)
-        yield f"{t('the last starts differ from the baseline')}: {words}"
+        yield f"{t('the last starts differ from the baseline')}: {words or facts.baseline.text}"
     latest = [start.outcome.value for start in facts.starts[-LATEST_STARTS:]]
     for outcome in ("tripped", "given_up"):
         if outcome in latest:
             yield f"{latest.count(outcome)} {t('of the last 20 starts')}: {t(_spaced(outcome))}"
-    yield from facts.cable.get("texts") or ()
+    yield from map(str, facts.cable.get("texts") or ())
 
 
 def _identity(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
