@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -85,12 +86,17 @@ def _verify(path: Path, wanted: str | None, anchor: Head | None, lines: Iterator
     return 1 if problems or not is_found else 0
 
 
-def _readable(line: str) -> str:
-    try:
+def entry_in(line: str) -> dict[str, Any]:
+    """Return the entry of a line; an empty one where it holds none."""
+    with suppress(ValueError):
         entry = json.loads(line)
-    except ValueError:
-        entry = None
-    if not isinstance(entry, dict):
+        return entry if isinstance(entry, dict) else {}
+    return {}
+
+
+def _readable(line: str) -> str:
+    entry = entry_in(line)
+    if not entry:
         return f"?  {line[:200]!r}"
     head = f"{entry.get('n')}  {entry.get('time')}"
     if entry.get("kind") != "command":

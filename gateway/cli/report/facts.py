@@ -5,13 +5,13 @@ Everything here is as it was stored; `document` makes sentences, tables and plot
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gateway.cli.audit import entry_in
 from gateway.config.schema import LineTable, StarterTable
 from gateway.contract import CommandError, StartRecord, StartSamples, read_stored
 from gateway.errors import StoreError
@@ -115,7 +115,8 @@ def _add(facts: MotorFacts, row: HistoryRow) -> None:
 
 def _commanded(lines: Iterator[tuple[str, str]], starter: str, profile: Profile) -> Iterator[ChangedSetting]:
     """Yield the parameters that commands have changed, by the lines of the audit."""
-    for entry in _entries(lines):
+    for _place, line in lines:
+        entry = entry_in(line)
         is_setting = entry.get("starter") == starter and entry.get("verb") in SETTING_VERBS
         if not is_setting or entry.get("decision") != "confirmed" or entry.get("code") == "unchanged":
             continue
@@ -128,14 +129,6 @@ def _commanded(lines: Iterator[tuple[str, str]], starter: str, profile: Profile)
             old = f"{before[code]} {unit}".strip() if code in before else ""
             new = f"{value} {unit}".strip()
             yield ChangedSetting(str(entry.get("time")), str(entry.get("client")), code, name, old, new)
-
-
-def _entries(lines: Iterable[tuple[str, str]]) -> Iterator[Json]:
-    for _place, text in lines:
-        with suppress(ValueError):
-            entry = json.loads(text)
-            if isinstance(entry, dict):
-                yield entry
 
 
 def _seen(rows: Iterable[HistoryRow], profile: Profile) -> Iterator[ChangedSetting]:
