@@ -1,37 +1,29 @@
-"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time.
-
-Their knobs are topics apart from any gateway's, `simulator/{starter}/{knob}`: the gateway knows nothing of
-them. Only a broker on loopback may carry them.
-"""
+"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time."""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import json
-import logging
 import signal
 import sys
-import time
 import uuid
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
+from gateway.cli.demo.knobs import simulator_topics
 from gateway.client import broker_at
 from gateway.config.convert import timing_of, version_of
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
-from gateway.config.values import is_loopback
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
-from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Incoming, Message, Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
-from gateway.sim.controls import KNOBS, set_knob
+from gateway.sim.controls import KNOBS
 from gateway.sim.core.motor import PHASES
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -156,72 +148,3 @@ def _link(table: LineTable) -> Path | None:
     if path.is_symlink() and not str(path.readlink()).startswith("/dev/pts/"):
         return None  # a stable name of a real adapter
     return path
-
-
-log = logging.getLogger(__name__)
-
-TREE = "simulator"
-FILTER = f"{TREE}/+/+"
-DONE = "done"  # simulator/{starter}/done says what a knob did
-MOST_WAITING = 100  # answers, while the broker is away
-
-_PAYLOAD_SHOWN = 40
-
-
-@asynccontextmanager
-async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSettings) -> AsyncIterator[None]:
-    """Serve the knobs of these starters at a broker on loopback; UsageError for another broker."""
-    if not is_loopback(broker.host):
-        raise UsageError(
-            f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
-        )
-    answers = Outbox(last_topic="", memory=Bounds(MOST_WAITING, 2**20))
-
-    def take(incoming: Incoming) -> None:
-        answer = answer_to(units, incoming)
-        if answer is not None:
-            answers.put(answer, time.monotonic())
-            connection.wake()
-
-    connection = BrokerConnection(
-        broker, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
-    )
-    running = asyncio.create_task(connection.run())
-    try:
-        yield
-    finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
-
-
-def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
-    """Apply the knob that a message names and return the answer; None for a message of our own."""
-    _, starter, knob = incoming.topic.split("/")
-    if knob == DONE:
-        return None
-    setting = incoming.payload.decode("utf-8", "replace")
-    answer = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
-    try:
-        answer["text"] = _apply(units, starter, knob, setting, is_retained=incoming.is_retained)
-        log.info("simulated starter=%s %s", starter, answer["text"])
-    except UsageError as error:
-        answer["error"] = str(error)
-        log.warning("simulated starter=%s %s: %s", starter, knob, error)
-    payload = json.dumps(answer).encode()
-    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False, is_queued=True)
-
-
-def _apply(
-    units: Mapping[str, SimulatedUnit], starter: str, knob: str, setting: str, *, is_retained: bool
-) -> str:
-    unit = units.get(starter)
-    if unit is None:
-        raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")
-    if is_retained:
-        raise UsageError("retained: it would be done again at every start")
-    return set_knob(unit, knob, setting)
-
-
-def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
-    log.debug("knobs: connected=%s %s", is_connected, trouble)
