@@ -9,9 +9,8 @@ from __future__ import annotations
 import argparse
 import asyncio
 import time
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from gateway.cli.command import add_starter, flag, place_of, write_text
 from gateway.cli.operator_login import add_login, settings_of
@@ -20,13 +19,15 @@ from gateway.cli.report.facts import Published, facts_of
 from gateway.cli.report.html import to_html
 from gateway.cli.report.text import to_text
 from gateway.config.load import load
-from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_object
+from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord
 from gateway.errors import GatewayError
 from gateway.families import LANGUAGES, load_profile
-from gateway.mqtt import BrokerSettings, Incoming, connected
+from gateway.mqtt import BrokerSettings, CommandClient
 
-ASKED_WITHIN_S = 2.0  # retained messages come at once
-CONNECTED_WITHIN_S = 5.0
+WITHIN_S = 1.0  # a retained record comes at once
+COUNTERS = ("hours_total", "energy_kwh")  # of the starter, where it has them
+
+R = TypeVar("R", bound=Record)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,9 +57,11 @@ def run(args: argparse.Namespace) -> int:
     else:
         try:
             settings = settings_of(config, folder, tool="report", login=args)
-            published = asyncio.run(_published(settings, Topics(config.base), line.name, starter.name))
-        except (GatewayError, TimeoutError) as error:
-            why = str(error).partition("\n")[0] or f"no answer within {CONNECTED_WITHIN_S:g} s"
+            published = asyncio.run(
+                _published(settings, Topics(config.base), line=line.name, starter=starter.name)
+            )
+        except GatewayError as error:
+            why = str(error).partition("\n")[0]
             notes.append(f"the line's quality and the starter's own counters are left out: {why}")
     facts = facts_of(line, starter, profile=profile, state_dir=state_dir, published=published)
     facts.notes += notes
@@ -72,22 +75,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-async def _published(settings: BrokerSettings, topics: Topics, line: str, starter: str) -> Published:
-    """Return what the gateway has published last; BrokerError or TimeoutError."""
-    of_line, of_starter = topics.of(LineRecord, line=line), topics.of(InfoRecord, starter=starter)
-    values = topics.of(ValueRecord, starter=starter, point="+")
-    found: dict[str, dict[str, Any]] = {}
+async def _published(settings: BrokerSettings, topics: Topics, *, line: str, starter: str) -> Published:
+    """Return what the gateway has published last; BrokerError."""
 
-    def take(message: Incoming) -> None:
-        with suppress(ValueError):
-            found[message.topic] = read_object(message.payload)
+    async def asked(kind: type[R], **names: str) -> R | None:
+        return await CommandClient(settings, topics).retained(kind, within_s=WITHIN_S, **names)
 
-    async with asyncio.timeout(CONNECTED_WITHIN_S):
-        session, _ = await connected(settings, on_incoming=take)
-        for topic in (of_line, of_starter, values):
-            await session.subscribe(topic, with_retained=True)
-    await asyncio.wait([session.lost], timeout=ASKED_WITHIN_S)
-    await session.disconnect()
-    statistics, info = found.pop(of_line, {}), found.pop(of_starter, {})
-    numbers = {topic.rpartition("/")[2]: payload.get("value") for topic, payload in found.items()}
-    return Published(statistics, info, {name: n for name, n in numbers.items() if isinstance(n, int | float)})
+    statistics, info = await asked(LineRecord, line=line), await asked(InfoRecord, starter=starter)
+    counters = [await asked(ValueRecord, starter=starter, point=point) for point in COUNTERS]
+    values = {c.point: c.value for c in counters if c is not None and isinstance(c.value, int | float)}
+    return Published(
+        {} if statistics is None else statistics.data, {} if info is None else info.fields(), values
+    )

@@ -565,7 +565,7 @@ HISTORY = [
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start"), 6.0: "pump trip E05"},
         then={
-            9.0: [
+            12.0: [
                 cli(
                     "report CONFIG pump",
                     out=(
