@@ -269,7 +269,7 @@ USAGE = [
     line_row(f"wrong use: {words or 'nothing at all'}", words, given=SSW07 + ALICE, code=2, out="", err=said)
     for words, said in [
         ("frobnicate", "no command 'frobnicate' (one of run, demo, "),
-        ("reprot CONFIG pump", "no command 'reprot' (did you mean report?)"),
+        ("watc CONFIG", "no command 'watc' (did you mean watch?)"),
         ("report CONFIG pmup", "no starter 'pmup' (did you mean pump?)"),
         ("check", "the following arguments are required: CONFIG (see starter-gateway check --help)"),
         ("check CONFIG --fast", "--fast"),
