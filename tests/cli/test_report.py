@@ -47,7 +47,7 @@ def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
     assert row is not None
     assert 15 <= int(drift[1]) == int(row[3]) <= 30
     assert float(row[2]) / float(row[1]) == pytest.approx(1 + int(drift[1]) / 100, abs=0.01)
-    for expected in ("E05 Motor overload", "SSW-07 200A", "2026-10", "operating hours 2 222 h"):
+    for expected in ("E05 Motor overload", "SSW-07 200A", "2026-10", "operating hours 6 012 h"):
         assert expected in flowing
     assert re.search(r"P314 timeout for message recept… +10 s +5 s +maintenance", text)
     assert "check the cable after" in flowing
