@@ -464,15 +464,6 @@ AUDIT = [
         then={6.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken"))},
     ),
     row(
-        "so does one that was taken out",
-        given=SSW07 + ALICE,
-        at={
-            3.0: command("pump/alice/start"),
-            6.0: ["end", with_sql("DELETE FROM audit WHERE line LIKE '%accepted%'")],
-        },
-        then={6.0: cli("audit verify CONFIG", code=1)},
-    ),
-    row(
         "that the newest entries were cut off only a hash that was noted shows",
         given=SSW07 + ALICE,
         at={3.0: command("pump/alice/start"), 6.0: "end"},
