@@ -12,7 +12,7 @@ STAMP := $(VENV)/.installed
 unexport PYTHONDONTWRITEBYTECODE
 
 # What a service needs, and who operates it.
-PACKAGED_EXTRAS := web metrics sparkplug watch capture completion
+PACKAGED_EXTRAS := web metrics sparkplug watch completion
 
 # Only these take real time, and have a broker.
 E2E := tests/end_to_end

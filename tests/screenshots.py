@@ -22,11 +22,9 @@ from typing import Any, NamedTuple
 from playwright.async_api import Browser, Page, async_playwright, expect
 
 from gateway.cli.report.html import to_html
-from gateway.cli.report.labels import translator
-from gateway.cli.report.report import make_report
 from tests.end_to_end.page.support import CHROMIUM
 from tests.end_to_end.site import Program
-from tests.history.year import PUBLISHED, STARTER, lived
+from tests.history.year import lived, report_of
 from tests.history.year import write as write_year
 
 FOLDER = Path(__file__).parent.parent / "docs" / "pictures"
@@ -61,7 +59,7 @@ async def draw_report() -> None:
     """Write the picture of a health report."""
     with tempfile.TemporaryDirectory() as name:
         path = await write_year(Path(name), (await lived()).rows)
-        text = to_html(make_report(path, STARTER, PUBLISHED, "en"), translator("en"), language="en")
+        text = to_html(report_of(path), language="en")
     async with async_playwright() as playwright:
         chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = await chromium.new_page(viewport={"width": 760, "height": 1930})

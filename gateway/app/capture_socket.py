@@ -10,7 +10,6 @@ import asyncio
 import json
 import logging
 import os
-import socket
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -51,21 +50,27 @@ class CaptureSocket:
     async def run(self) -> None:
         """Serve until cancelled; when the socket cannot be made, log why and return."""
         try:
-            listening = _listen(self._path)
+            server = await self._bound()
         except OSError as error:
             log.warning("no capture: %s: %s", self._path, error.strerror or error)
             return
         try:
-            server = await asyncio.start_unix_server(self._serve, sock=listening)
-            try:
-                await asyncio.get_running_loop().create_future()
-            finally:
-                server.close()
+            await server.start_serving()
+            await asyncio.get_running_loop().create_future()
         finally:
-            listening.close()
+            server.close()
             for reader in tuple(self._readers):
                 reader.transport.abort()
             self._path.unlink(missing_ok=True)
+
+    async def _bound(self) -> asyncio.Server:
+        """Return a server at a socket for this user only, in place of one that an earlier process left."""
+        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        before = os.umask(0o177)  # nothing else runs meanwhile: without serving, the server is made at once
+        try:
+            return await asyncio.start_unix_server(self._serve, self._path, start_serving=False)
+        finally:
+            os.umask(before)
 
     async def _serve(self, received: asyncio.StreamReader, reader: asyncio.StreamWriter) -> None:
         _write(reader, {"capture": FORMAT, "lines": self.lines})
@@ -90,24 +95,6 @@ class CaptureSocket:
             if reader.transport.get_write_buffer_size() > MOST_UNSENT_BYTES:
                 log.warning("a capture is too slow and is cut off")
                 reader.transport.abort()
-
-
-def _listen(path: Path) -> socket.socket:
-    """Return a socket for this user only; one that an earlier process left there is replaced."""
-    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if path.is_socket():
-            path.unlink()
-        before = os.umask(0o177)
-        try:
-            listening.bind(str(path))
-        finally:
-            os.umask(before)
-    except OSError:
-        listening.close()
-        raise
-    return listening
 
 
 def _write(reader: asyncio.StreamWriter, what: dict[str, object]) -> None:

@@ -6,13 +6,15 @@ import argparse
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.errors import UsageError
-from gateway.store import FIRST_HASH, STATE_FILE, Head, Verification, read_audit, verify
+from gateway.store import FIRST_HASH, STATE_FILE, Head, read_audit, verify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--last {args.last} shows nothing (1 or more)")
     path = _file(Path(args.path))
     if args.action == "verify":
-        return _verify(path, args.contains)
+        return read_audit(path, partial(_verify, path, args.contains))
 
     def show(_: Head | None, lines: Iterator[tuple[str, str]]) -> int:
         for _place, line in lines:
@@ -58,41 +60,43 @@ def _file(path: Path) -> Path:
     )
 
 
-def _verify(path: Path, wanted: str | None) -> int:
-    is_found = wanted is None
+def _verify(path: Path, wanted: str | None, anchor: Head | None, lines: Iterator[tuple[str, str]]) -> int:
+    """Print what is wrong with the chain behind the anchor, and return 0, or 1 where something is."""
+    is_found = wanted is None or (anchor is not None and wanted == anchor.hash)
 
-    def check(anchor: Head | None, lines: Iterator[tuple[str, str]]) -> tuple[Head | None, Verification]:
-        def passing() -> Iterator[tuple[str, str]]:
-            nonlocal is_found
-            for place, line in lines:
-                is_found = is_found or f'"hash":"{wanted}"' in line
-                yield place, line
+    def passing() -> Iterator[tuple[str, str]]:
+        nonlocal is_found
+        for place, line in lines:
+            is_found = is_found or f'"hash":"{wanted}"' in line
+            yield place, line
 
-        return anchor, verify(passing(), after=anchor)
-
-    anchor, verdict = read_audit(path, check)
+    verdict = verify(passing(), after=anchor)
     problems = list(verdict.problems)
     if anchor is None:
-        problems.append("where the chain stood before its first line cannot be read")
+        problems.append("the place of the chain before its first line cannot be read")
     for problem in problems:
         print(problem)
-    described = "broken" if problems else "whole"
     since = f"line {anchor.number + 1}" if anchor else "?"
+    described = "broken" if problems else "whole"
     print(f"{path}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
-    is_found = is_found or wanted == (anchor and anchor.hash)
     if not is_found:
         print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
     return 1 if problems or not is_found else 0
 
 
-def _readable(line: str) -> str:
-    try:
+def entry_in(line: str) -> dict[str, Any]:
+    """Return the entry of a line; an empty one where it holds none."""
+    with suppress(ValueError):
         entry = json.loads(line)
-    except ValueError:
-        entry = None
-    if not isinstance(entry, dict):
+        return entry if isinstance(entry, dict) else {}
+    return {}
+
+
+def _readable(line: str) -> str:
+    entry = entry_in(line)
+    if not entry:
         return f"?  {line[:200]!r}"
     head = f"{entry.get('n')}  {entry.get('time')}"
     if entry.get("kind") != "command":

@@ -1,8 +1,9 @@
 """`starter-gateway capture`: records a running gateway's lines for Wireshark.
 
-It reads the frames from the gateway's socket and writes a pcapng file; no other module imports python-pcapng.
-The link type is that of serial lines recorded by an RTAC: it carries the direction, and Wireshark can pass
-the bytes to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's packet-rtacser.c).
+It reads the frames from the gateway's socket and writes a pcapng file, little-endian
+[draft-ietf-opsawg-pcapng]. The link type is that of serial lines recorded by an RTAC: it carries the
+direction, and Wireshark can pass the bytes to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's
+packet-rtacser.c).
 """
 
 from __future__ import annotations
@@ -17,65 +18,48 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from gateway.app.capture_socket import FORMAT, socket_path
 from gateway.config.load import load
 from gateway.errors import CaptureError, UsageError
 
-LINKTYPE_RTAC_SERIAL = 250
 READ_WITH = "-d rtacser.data,mbrtu -o mbrtu.crc_verification:TRUE"  # what Wireshark and tshark need
-
-_DATA_TX_START, _DATA_RX_END = 0x01, 0x04
 MOST_SECONDS = 1e7  # four months
-_HEADER = ">IIBBH"  # seconds, microseconds, event, control lines, footer
-_MICROSECONDS = 1_000_000
+
+SECTION, INTERFACE, PACKET = 0x0A0D0D0A, 1, 6  # types of blocks
+BYTE_ORDER_MAGIC, VERSION, LENGTH_UNKNOWN = 0x1A2B3C4D, 1, -1
+LINKTYPE_RTAC_SERIAL = 250
+IF_NAME = 2  # option
+DATA_TX_START, DATA_RX_END = 0x01, 0x04
 
 
-class CaptureFile:
-    """Writes one interface for each line; the file is whole after every frame."""
+def section(lines: Iterable[str]) -> bytes:
+    """Return the beginning of a file: one interface for each line."""
+    head = struct.pack("<IHHq", BYTE_ORDER_MAGIC, VERSION, 0, LENGTH_UNKNOWN)
+    found = _block(SECTION, head)
+    for line in lines:
+        name = struct.pack("<HH", IF_NAME, len(line)) + _padded(line.encode()) + bytes(4)  # end of options
+        found += _block(INTERFACE, struct.pack("<HHI", LINKTYPE_RTAC_SERIAL, 0, 0) + name)
+    return found
 
-    def __init__(self, path: Path, lines: Iterable[str]) -> None:
-        try:
-            from pcapng import FileWriter, blocks
-        except ImportError as error:
-            raise CaptureError("python-pcapng is missing (pip install 'starter-gateway[capture]')") from error
-        section = blocks.SectionHeader(options={"shb_userappl": "starter-gateway"})
-        self._interfaces = {line: number for number, line in enumerate(lines)}
-        for line in self._interfaces:
-            section.new_member(
-                blocks.InterfaceDescription,
-                link_type=LINKTYPE_RTAC_SERIAL,
-                options={"if_name": line, "if_description": "Modbus RTU"},
-            )
-        self._section: Any = section
-        try:
-            self._file = path.open("wb")
-        except OSError as error:
-            raise CaptureError(f"{path}: {error.strerror}") from error
-        self._packet, self._writer = blocks.EnhancedPacket, FileWriter(self._file, section)
 
-    def write(self, line: str, time_us: int, direction: str, frame: bytes) -> None:
-        """Append a frame: >> began then, anything else ended then."""
-        event = _DATA_TX_START if direction == ">>" else _DATA_RX_END
-        seconds, microseconds = divmod(time_us, _MICROSECONDS)
-        data = struct.pack(_HEADER, seconds, microseconds, event, 0, 0) + frame
-        self._writer.write_block(
-            self._section.new_member(
-                self._packet,
-                interface_id=self._interfaces[line],
-                timestamp_high=time_us >> 32,
-                timestamp_low=time_us & 0xFFFF_FFFF,
-                packet_len=len(data),
-                captured_len=len(data),
-                packet_data=data,
-            )
-        )
-        self._file.flush()
+def packet(interface: int, time_us: int, direction: str, frame: bytes) -> bytes:
+    """Return a frame: >> began then, anything else ended then."""
+    event = DATA_TX_START if direction == ">>" else DATA_RX_END
+    # Seconds, microseconds, event, control lines, footer; then the bytes of the line.
+    data = struct.pack(">IIBBH", *divmod(time_us, 1_000_000), event, 0, 0) + frame
+    head = struct.pack("<IIIII", interface, time_us >> 32, time_us & 0xFFFF_FFFF, len(data), len(data))
+    return _block(PACKET, head + _padded(data))
 
-    def close(self) -> None:
-        """Write nothing more."""
-        self._file.close()
+
+def _block(kind: int, body: bytes) -> bytes:
+    length = struct.pack("<I", len(body) + 12)
+    return struct.pack("<I", kind) + length + body + length
+
+
+def _padded(data: bytes) -> bytes:
+    return data + bytes(-len(data) % 4)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,18 +85,28 @@ def run(args: argparse.Namespace) -> int:
     with connected(path) as connection:
         messages = _messages(connection, end_s)
         lines = _lines(next(messages, {}), path)
+        numbers = {line: number for number, line in enumerate(lines)}
         count = 0
-        with contextlib.closing(CaptureFile(Path(args.file), lines)) as file:
+        with _opened(Path(args.file)) as file, contextlib.suppress(KeyboardInterrupt):
+            file.write(section(lines))
             print(f"recording {', '.join(lines)}; Ctrl-C ends it", file=sys.stderr)
-            with contextlib.suppress(KeyboardInterrupt):
-                for frame in messages:
-                    content = bytes.fromhex(frame["frame"])
-                    file.write(frame["line"], frame["time_us"], frame["direction"], content)
-                    count += 1
+            for frame in messages:
+                content = bytes.fromhex(frame["frame"])
+                file.write(packet(numbers[frame["line"]], frame["time_us"], frame["direction"], content))
+                file.flush()
+                count += 1
     print(
         f"{count} frames; look at them with: tshark -r {shlex.quote(args.file)} {READ_WITH}", file=sys.stderr
     )
     return 0
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Return a file to write, in place of one that is there."""
+    try:
+        return path.open("wb")
+    except OSError as error:
+        raise CaptureError(f"{path}: {error.strerror}") from error
 
 
 @contextlib.contextmanager

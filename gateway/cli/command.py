@@ -1,4 +1,4 @@
-"""What the commands share: their interface, what people type and name, progress on stderr."""
+"""Shared by the commands: their interface, the words that people type, progress on stderr."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TextIO
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # not every command reads a configuration
 STEP = 0.1  # of the whole, between two lines where there is no terminal
 
 _CLEAR = "\r\x1b[K"
+_CONSTANTS = {"true": True, "false": False}
 
 
 class CommandModule(Protocol):
@@ -35,7 +36,29 @@ def flag(parser: argparse._ActionsContainer, *names: str, about: str) -> None:
     parser.add_argument(*names, action="store_true", help=about)
 
 
-_CONSTANTS = {"true": True, "false": False}
+def add_starter(
+    parser: argparse.ArgumentParser, *, about: str = "name of the starter", nargs: str | None = None
+) -> None:
+    """Add CONFIG and STARTER, whose names a shell with argcomplete completes."""
+    parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
+    starter = parser.add_argument("starter", metavar="STARTER", help=about, nargs=nargs)
+    completed(starter, by=lambda config, _: targets(config))
+
+
+def targets(config: Config) -> list[str]:
+    """Return what a command may name: the starters, then the groups."""
+    return [*(starter.name for starter in config.starters), *(group.name for group in config.groups)]
+
+
+def completed(action: argparse.Action, *, by: Callable[[Config, argparse.Namespace], Iterable[str]]) -> None:
+    """Have a shell with argcomplete complete an argument by the configuration that stands before it."""
+
+    def completer(parsed_args: argparse.Namespace, **_: object) -> Iterable[str]:
+        from gateway.config.load import load
+
+        return by(load(parsed_args.config), parsed_args)
+
+    action.completer = completer  # type: ignore[attr-defined] # argcomplete's
 
 
 def whole_number(text: str, what: str, *, low: int, high: int) -> int:
@@ -49,16 +72,19 @@ def whole_number(text: str, what: str, *, low: int, high: int) -> int:
     return number
 
 
-def arguments(pairs: Iterable[str]) -> dict[str, bool | int | float | str]:
-    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise."""
+def arguments(pairs: Iterable[str], *, texts: Sequence[str] = ()) -> dict[str, bool | int | float | str]:
+    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise.
+
+    The values of `texts` stay as they are.
+    """
     found: dict[str, bool | int | float | str] = {}
     for pair in pairs:
         key, sign, value = pair.partition("=")
         if not sign or not key:
             raise UsageError(f"argument {pair!r} is not KEY=VALUE (e.g. parameter=P314 value=30)")
         if key in found:
-            raise UsageError(f"argument {key} stands twice (give it once)")
-        found[key] = _value(value)
+            raise UsageError(f"argument {key} is given twice (give it once)")
+        found[key] = value if key in texts else _value(value)
     return found
 
 
@@ -91,7 +117,14 @@ def place_of(config: Config, name: str) -> tuple[LineTable, StarterTable]:
         for starter in line.starters:
             if starter.name == name:
                 return line, starter
-    raise UsageError(f"no starter {name!r} (one of {', '.join(each.name for each in config.starters)})")
+    raise UsageError(f"no starter {name!r} ({choose(name, [each.name for each in config.starters])})")
+
+
+def choose(word: str, known: Iterable[str]) -> str:
+    """Return the hint for an unknown word: the nearest known one, or all of them."""
+    from gateway.config import mistakes
+
+    return mistakes.choose(word, known)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -100,6 +133,11 @@ def write_text(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8", newline="")
     except OSError as error:
         raise StoreError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def coded(code: str, text: str) -> str:
+    """Return what a fault or an alarm is called, with its code once: E05 Motor overload."""
+    return text if code in text.lower() else f"{code.upper()} {text}"
 
 
 def counted(number: int, what: str) -> str:

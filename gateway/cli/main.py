@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn, cast
 
 from gateway import __version__
-from gateway.cli.command import CommandModule
+from gateway.cli.command import CommandModule, choose
 from gateway.errors import ConfigError, GatewayError, NewerError, UsageError
 
 PROGRAM = "starter-gateway"
@@ -28,17 +28,17 @@ COMMANDS = {
     "parameters": "save, compare and restore the parameters of a starter",
     "send": "send a command over MQTT and show its result",
     "watch": "show the starters as a live table, from MQTT alone",
-    "report": "print how a motor and its starter do, or write it as a page",
-    "history": "list the starts and trips of a starter, export one as CSV or COMTRADE",
+    "report": "print the health of a motor and its starter, or write it as a page",
+    "history": "list recorded starts and trips, export one as CSV or COMTRADE",
     "audit": "show or verify the record of commands",
     "capture": "record a running gateway's lines for Wireshark",
     "decode": "decode words read from a starter",
     "encode": "print the frames that a command would send",
     "schema": "print the JSON Schema of the configuration",
     "backup": "store configuration and state of a gateway in one file",
-    "restore": "put back what a backup holds, or the files of before an upgrade",
+    "restore": "put back a backup, or the files from before an upgrade",
     "docs": "serve this program's documentation on loopback",
-    "broker-kit": "write what a Mosquitto needs for this gateway, and prove it on the running broker",
+    "broker-kit": "write the files of a Mosquitto for this gateway, and prove them on the running broker",
     "web-password": "print the line of a login of the status page",
 }
 _HOMES = {"simulate": "demo", "backup": "restore", "history": "report"}
@@ -48,6 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the arguments name and return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((word for word in arguments if word in COMMANDS), None)
+    unknown = next((word for word in arguments if chosen is None and not word.startswith("-")), None)
+    if unknown is not None:
+        print(f"{PROGRAM}: no command {unknown!r} ({choose(unknown, COMMANDS)})", file=sys.stderr)
+        return USAGE
     if "_ARGCOMPLETE" in os.environ:
         _complete(whole_parser())
     try:

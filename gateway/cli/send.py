@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import arguments, expectations
+from gateway.cli.command import add_starter, arguments, choose, completed, expectations, targets
 from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
-from gateway.contract import SELECT, Phase, ResultRecord, Topics, is_level
+from gateway.contract import OWN_VERBS, SELECT, STOP, Phase, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
+from gateway.families import command, load_profile
 from gateway.mqtt import CommandClient, Order
 
 
@@ -24,11 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."
     )
-    parser.add_argument(
-        "config", metavar="CONFIG", help="the gateway's configuration, or one with its broker"
-    )
-    parser.add_argument("starter", metavar="STARTER", help="the starter's name, or a group's for a stop")
-    parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
+    add_starter(parser, about="the starter's name, or a group's for a stop")
+    verb = parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
+    completed(verb, by=_verbs)
     parser.add_argument(
         "args",
         metavar="KEY=VALUE",
@@ -47,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
     if not args.timeout > 0:
         raise UsageError(f"--timeout {args.timeout:g} leaves no time for a result: nothing was sent")
     config = load(args.config)
-    targets = [*(starter.name for starter in config.starters), *(group.name for group in config.groups)]
-    if args.starter not in targets:
-        raise UsageError(f"no starter {args.starter!r} (one of {', '.join(targets)})")
+    known = targets(config)
+    if args.starter not in known:
+        raise UsageError(f"no starter {args.starter!r} ({choose(args.starter, known)})")
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
     order = _order(args, _client(config, args.client))
@@ -67,13 +66,15 @@ def run(args: argparse.Namespace) -> int:
     return 0 if result.phase is Phase.CONFIRMED else 1
 
 
+def _verbs(config: Config, args: argparse.Namespace) -> tuple[str, ...]:
+    """Return the verbs of the named starter; a group has one."""
+    family = {starter.name: starter.family for starter in config.starters}.get(args.starter)
+    return (STOP,) if family is None else (*command.verbs(load_profile(family)), *OWN_VERBS)
+
+
 def _order(args: argparse.Namespace, client: str) -> Order:
-    selects = [pair for pair in args.args if pair.startswith("select=")]  # a token, not a number
-    expects = [pair for pair in args.args if pair.startswith("expect=")]
-    for pairs in (selects, expects):
-        if len(pairs) > 1:
-            raise UsageError(f"argument {pairs[0].partition('=')[0]} stands twice (give it once)")
-    values: dict[str, Any] = dict(arguments(pair for pair in args.args if pair not in (*selects, *expects)))
+    values: dict[str, Any] = dict(arguments(args.args, texts=("select", "expect")))
+    select, expect = values.pop("select", None), values.pop("expect", None)
     if args.verb == SELECT and "verb" in values:
         target = values.pop("verb")
         values = {"verb": target, "args": values} if values else {"verb": target}
@@ -83,8 +84,8 @@ def _order(args: argparse.Namespace, client: str) -> Order:
         verb=args.verb,
         args=values,
         operator=user_name(),
-        expect=expectations(expects[0].partition("=")[2]) if expects else {},
-        select=selects[0].partition("=")[2] if selects else None,
+        expect=expectations(expect) if expect is not None else {},
+        select=select,
     )
 
 

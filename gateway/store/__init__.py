@@ -10,7 +10,7 @@ from gateway.store.chain import FIRST_HASH, Head, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, Journal, NoJournal, Remembered
 from gateway.store.database import Connection, Work, mark_restored
 from gateway.store.documents import Document, Documents, read_document, write_document
-from gateway.store.history import HistoryRow, HistoryStore, read_history
+from gateway.store.history import CURVES, HistoryRow, HistoryStore, read_history, with_curves
 from gateway.store.import_0_2 import import_late, is_import_due
 from gateway.store.outbox import (
     Loss,

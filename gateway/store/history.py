@@ -29,6 +29,8 @@ from gateway.system.supervised import on_this_loop
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
 MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
 
+CURVES = ("baseline_curve", "curve")  # kinds of samples, by the id of their start
+
 _OF_STARTER = "SELECT kind, id, data FROM history WHERE starter = ?"
 _IS_THERE = "SELECT 1 FROM history WHERE starter = ? AND kind = ? AND id = ?"
 _PUT = """
@@ -154,6 +156,17 @@ class HistoryStore:
 def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
     """Return what is stored of a starter, the oldest first, beside a gateway that runs or not; StoreError."""
     return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
+
+
+def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:
+    """Return the rows, each start with its `samples`, where these are stored: they are rows of `CURVES`."""
+    curves = {row.id: row.data for row in rows if row.kind in CURVES}
+    return [
+        row._replace(data={**row.data, "samples": curves[row.id]})
+        if row.kind == "start" and row.id in curves
+        else row
+        for row in rows
+    ]
 
 
 def _write(connection: Connection, *, rows: Iterable[HistoryRow]) -> None:

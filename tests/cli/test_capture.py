@@ -1,41 +1,63 @@
+"""`capture`: the frames that a gateway offers on its socket, in a file that Wireshark reads."""
+
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import socket
-import threading
-from collections.abc import Iterator
+import stat
+from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from gateway.app import capture_socket
+from gateway.app.capture_socket import CaptureSocket
 from gateway.cli.main import main
+from gateway.line import OnFrame
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.system.clock import Clock
 from tests.config.sites import SITE
 from tests.tshark import dissect, need_tshark, summaries
 
-START_US = 1_760_000_000_000_001
+EPOCH_S = 1_760_000_000.000001
 READ = ReadHoldingRegisters(3, 2)
 ASKED = adu.encode(1, READ.encode())
 SAID = adu.encode(1, READ.encode_reply((500, 400)))
 GARBLED = SAID[:-1] + bytes((SAID[-1] ^ 1,))
-
-
-def reported(line: str, time_us: int, direction: str, frame: bytes) -> dict[str, Any]:
-    return {"line": line, "time_us": time_us, "direction": direction, "frame": frame.hex()}
-
-
-GREETING = {"capture": 1, "lines": ["pumps", "fans"]}
 FRAMES = [
-    reported("pumps", START_US, ">>", ASKED),
-    reported("pumps", START_US + 10_123, "<<", SAID),
-    reported("fans", START_US + 20_000, ">>", ASKED),  # no one answers
-    reported("pumps", START_US + 30_000, ">>", ASKED),
-    reported("pumps", START_US + 40_000, "<<", GARBLED),
-    reported("fans", START_US + 50_000, "??", b"\x55\xaa"),
+    ("pumps", 0.0, ">>", ASKED),
+    ("pumps", 0.010123, "<<", SAID),
+    ("fans", 0.02, ">>", ASKED),  # no one answers
+    ("pumps", 0.03, ">>", ASKED),
+    ("pumps", 0.04, "<<", GARBLED),
+    ("fans", 0.05, "??", b"\x55\xaa"),
 ]
+
+
+class StillClock(Clock):
+    def utc_s(self, at_s: float | None = None) -> float:
+        return EPOCH_S + (at_s or 0.0)
+
+
+class Lines:
+    """The gateway's lines, whose frames are wanted or not."""
+
+    def __init__(self) -> None:
+        self.on_frame: OnFrame | None = None
+        self.turned = asyncio.Event()
+
+    def capture(self, on_frame: OnFrame | None) -> None:
+        self.on_frame = on_frame
+        self.turned.set()
+
+    async def wanted(self) -> OnFrame:
+        await self.turned.wait()
+        self.turned.clear()
+        assert self.on_frame is not None
+        return self.on_frame
 
 
 @pytest.fixture
@@ -46,55 +68,53 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-@contextlib.contextmanager
-def gateway(config: Path, messages: list[dict[str, Any]]) -> Iterator[None]:
-    """Stand in for a gateway that sends this to each client, and ends."""
-
-    def serve() -> None:
-        data = b"".join(json.dumps(message).encode() + b"\n" for message in messages)
-        connection, _ = listening.accept()
-        with connection, contextlib.suppress(ConnectionError):  # the other side may have enough at any time
-            connection.sendall(data[:37])  # in pieces that end anywhere
-            connection.sendall(data[37:])
-            connection.recv(1)  # until the other side has enough
-
-    with socket.socket(socket.AF_UNIX) as listening:
-        listening.bind(str(config.parent / "state" / "mcc1.capture"))
-        listening.listen(1)
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield
-        thread.join()
+@pytest.fixture
+def path(config: Path) -> Path:
+    """Return where the gateway of the configuration has its socket."""
+    return config.parent / "state" / "mcc1.capture"
 
 
-def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@contextlib.asynccontextmanager
+async def serving(path: Path) -> AsyncIterator[Lines]:
+    lines = Lines()
+    task = asyncio.create_task(CaptureSocket(path, ["pumps", "fans"], lines.capture, StillClock()).run())
+    await asyncio.sleep(0)
+    yield lines
+    task.cancel()
+    await asyncio.wait([task])
+
+
+def mode(path: Path) -> int | None:
+    return stat.S_IMODE(path.stat().st_mode) if path.exists() else None
+
+
+def capture(config: Path, file: Path, *words: str) -> asyncio.Task[int]:
+    return asyncio.create_task(asyncio.to_thread(main, ["capture", str(config), str(file), *words]))
+
+
+async def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
+    config: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     need_tshark()
     file = tmp_path / "line.pcapng"
 
-    with gateway(config, [GREETING, *FRAMES]):
-        assert main(["capture", str(config), str(file), "--seconds", "0.5"]) == 0
+    async with serving(path) as lines:
+        capturing = capture(config, file, "--seconds", "0.5")
+        on_frame = await lines.wanted()
+        for frame in FRAMES:
+            on_frame(*frame)
+        assert await capturing == 0
+        await lines.turned.wait()
+        assert lines.on_frame is None  # there is no reader now
 
     errors = capsys.readouterr().err
     assert "recording pumps, fans" in errors
     assert f"6 frames; look at them with: tshark -r {file} -d rtacser.data,mbrtu" in errors
-    assert [summary.split(":")[0].strip() for summary in summaries(file)[:5]] == [
-        "Query",
-        "Response",
-        "Query",
-        "Query",
-        "Response",
-    ]
+    kinds = [summary.split(":")[0].strip() for summary in summaries(file)[:5]]
+    assert kinds == ["Query", "Response", "Query", "Query", "Response"]
     frames = dissect(file)
-    assert [frame["frame"]["frame.interface_id_tree"]["frame.interface_name"] for frame in frames] == [
-        "pumps",
-        "pumps",
-        "fans",
-        "pumps",
-        "pumps",
-        "fans",
-    ]
+    names = [frame["frame"]["frame.interface_id_tree"]["frame.interface_name"] for frame in frames]
+    assert names == [line for line, *_ in FRAMES]
     assert frames[0]["frame"]["frame.time_epoch"] == "1760000000.000001000"
     assert frames[1]["frame"]["frame.time_delta"] == "0.010123000"
     assert frames[1]["mbrtu"]["mbrtu.unit_id"] == "1"
@@ -104,25 +124,60 @@ def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
     assert [frame["rtacser"]["rtacser.eventtype"] for frame in frames[:2]] == ["0x01", "0x04"]
 
 
-def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+async def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
+    config: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = tmp_path / "line.pcapng"
-    received = socket.socket.recv
-    monkeypatch.setattr(socket.socket, "recv", lambda self, size: received(self, size) if size > 1 else b"")
+    async with serving(path) as lines:
+        capturing = capture(config, tmp_path / "line.pcapng")
+        on_frame = await lines.wanted()
+        on_frame(*FRAMES[0])
+        await asyncio.sleep(0)
 
-    with gateway(config, [GREETING, *FRAMES]):
-        assert main(["capture", str(config), str(file)]) == 1
-
+    assert await capturing == 1
     assert "the gateway has ended" in capsys.readouterr().err
-    assert file.stat().st_size > 300
+    assert ASKED in (tmp_path / "line.pcapng").read_bytes()
+    assert mode(path) is None  # nothing is left behind
 
 
 @pytest.mark.parametrize("greeting", [{"capture": 2, "lines": []}, {}])
-def test_a_gateway_of_another_version_is_reported(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], greeting: dict[str, Any]
+async def test_a_gateway_of_another_version_is_reported(
+    config: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], greeting: dict[str, object]
 ) -> None:
-    with gateway(config, [greeting]):
-        assert main(["capture", str(config), str(tmp_path / "x")]) == 1
+    def greet(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(json.dumps(greeting).encode() + b"\n")
+        writer.close()
+
+    async with await asyncio.start_unix_server(greet, path):
+        assert await capture(config, tmp_path / "x") == 1
 
     assert "of another version" in capsys.readouterr().err
+
+
+async def test_only_the_gateways_user_may_connect_also_where_a_killed_gateway_left_its_socket(
+    path: Path,
+) -> None:
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(str(path))
+
+    async with serving(path):
+        assert mode(path) == 0o600
+        reader, writer = await asyncio.open_unix_connection(path)
+        assert json.loads(await reader.readline()) == {"capture": 1, "lines": ["pumps", "fans"]}
+        writer.close()
+
+
+async def test_a_reader_that_is_too_slow_is_cut_off(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(capture_socket, "MOST_UNSENT_BYTES", 10_000)
+    async with serving(path) as lines:
+        _, writer = await asyncio.open_unix_connection(path)
+        on_frame = await lines.wanted()
+
+        while not caplog.text:
+            on_frame("pumps", 0.0, ">>", bytes(256))
+        await lines.turned.wait()
+        assert lines.on_frame is None
+        writer.close()
+
+    assert "too slow" in caplog.text

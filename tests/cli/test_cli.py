@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from gateway.cli.main import COMMANDS, main
+from gateway.cli.main import COMMANDS, main, whole_parser
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -13,6 +15,22 @@ def test_every_command_has_its_own_help(command: str, capsys: pytest.CaptureFixt
     assert main([command, "--help"]) == 0
 
     assert f"starter-gateway {command}" in capsys.readouterr().out
+
+
+def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:
+    send = commands()["send"]
+    starter, verb = (
+        next(a for a in send._actions if a.dest == name).completer for name in ("starter", "verb")
+    )
+
+    typed = argparse.Namespace(config=str(site), starter="pump")
+    assert [*starter(parsed_args=typed, prefix="")] == ["pump", "mill"]
+    assert {"start", "stop", "lock"} <= {*verb(parsed_args=typed, prefix="")}
+
+
+def commands() -> dict[str, argparse.ArgumentParser]:
+    (choices,) = [a.choices for a in whole_parser()._actions if isinstance(a, argparse._SubParsersAction)]
+    return dict(choices)
 
 
 def test_only_the_chosen_command_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.cli.demo.simulate import answer_to, simulator_topics
+from gateway.cli.demo.knobs import answer_to, simulator_topics
 from gateway.errors import UsageError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.settings import BrokerSettings

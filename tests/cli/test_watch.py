@@ -1,8 +1,7 @@
-"""What `watch` shows of what gateways publish."""
+"""The table of `watch`, drawn of records."""
 
 from __future__ import annotations
 
-import json
 from io import StringIO
 from typing import Any
 
@@ -11,68 +10,160 @@ from rich.console import Console
 
 from gateway.cli.watch.overview import Overview
 from gateway.cli.watch.table import render
-from gateway.contract import rfc3339
+from gateway.contract import (
+    AlarmRecord,
+    AvailabilityRecord,
+    FreshRecord,
+    LockRecord,
+    Phase,
+    Quality,
+    Record,
+    ResultRecord,
+    StateRecord,
+    StatusRecord,
+    ValueRecord,
+)
 
 BASE = "starters/plant"
 NOW_S = 1_700_000_000.0
+LOCK = LockRecord(by="alice", since_s=NOW_S, reason="bearing")
 
 
-class Published:
-    """A gateway's messages, put into an overview."""
-
-    def __init__(self, base: str = BASE, *, only: str = BASE) -> None:
-        self.overview = Overview(base)
-        self.only = only
-        self.tokens = 0
-
-    def put(self, topic: str, at_s: float = NOW_S, **fields: Any) -> None:
-        self.overview.take(f"{self.only}/{topic}", json.dumps(fields).encode(), at_s)
-
-    def token(self, at_s: float, *, ahead_s: float = 0.0) -> None:
-        self.tokens += 1
-        self.put("gateway/fresh", at_s, token=f"t{self.tokens}", time=rfc3339(at_s + ahead_s))
-
-    def live(self, at_s: float = NOW_S, *, ahead_s: float = 0.0) -> None:
-        self.put("gateway/status", state="online")
-        self.token(at_s - 1.0, ahead_s=ahead_s)
-        self.token(at_s, ahead_s=ahead_s)
-
-    def state(self, starter: str, state: str, **fields: Any) -> None:
-        fields = {"quality": "good", "time": rfc3339(NOW_S), "remote": True, **fields}
-        self.put(f"starter/{starter}/availability", state="online")
-        self.put(f"starter/{starter}/state", state=state, **fields)
-
-    def text(self, now_s: float = NOW_S, *, height: int | None = None) -> str:
-        console = Console(file=StringIO(), width=140)
-        console.print(render(self.overview, now_s, height=height))
-        assert isinstance(console.file, StringIO)
-        return console.file.getvalue()
-
-    def names(self) -> list[str]:
-        return [row.name for row in self.overview.rows()]
+STARTER = {
+    "starter": "pump",
+    "client": "alice",
+    "quality": Quality.GOOD,
+    "flags": {"remote": True},
+    "reason": "",
+}
+ALARM = {"is_active": True, "severity": "alarm", "cleared_s": None, "count": 1}
+COMMAND = {"id": "1", "verb": "start", "code": "ok", "text": "", "values": {}}
+KNOWN = {**STARTER, **ALARM, **COMMAND, "since_s": NOW_S, "seq": 1, "run": "1", "boot": "1"}
 
 
-def test_a_row_has_state_current_alarm_age_and_the_last_command() -> None:
-    published = Published()
-    published.live(NOW_S + 4.0)
-    published.state("pump", "running")
-    published.put("starter/pump/value/current", value=61.5, unit="A", quality="good")
-    published.put("starter/pump/value/current_pct", value=72.0, unit="%", quality="good")
-    published.put("starter/pump/alarm/a05", active=True, severity="alarm", text="Motor warm")
-    published.put("result/pump/alice", verb="start", phase="confirmed", code="ok", time=rfc3339(NOW_S))
-
-    row = next(line for line in published.text(NOW_S + 4.0).splitlines() if "pump" in line)
-
-    for part in ("S", "running", "61.5 A", "72%", "A05 Motor warm", "4.0 s", "alice start: confirmed"):
-        assert part in row
+def made(kind: type[Record], time_s: float = NOW_S, **fields: Any) -> Record:
+    known = {**KNOWN, "time_s": time_s, **fields}
+    return kind(**{name: known[name] for name in kind.__dataclass_fields__ if name in known})
 
 
-def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
-    published = Published()
-    published.live()
+def state(word: str, **fields: Any) -> Record:
+    return made(StateRecord, NOW_S - 20.0, state=word, **fields)
 
-    assert "NOT LIVE" not in published.text(NOW_S + 12.0)
-    assert "NOT LIVE for 13 s" in published.text(NOW_S + 13.0)
+
+def presence(word: str, **fields: Any) -> Record:
+    return made(AvailabilityRecord, state=word, **fields)
+
+
+def alarm(code: str, text: str, **fields: Any) -> Record:
+    return made(AlarmRecord, code=code, text=text, **fields)
+
+
+def result(phase: Phase, **fields: Any) -> Record:
+    return made(ResultRecord, phase=phase, **fields)
+
+
+def overview(*records: Record, live_at_s: float | None = NOW_S, ahead_s: float = 0.0) -> Overview:
+    """Return the overview of a gateway that has published these; its token changed last at `live_at_s`."""
+    found = Overview(BASE)
+    status = made(StatusRecord, state="online")
+    tokens = [] if live_at_s is None else [(live_at_s - 1.0, "a"), (live_at_s, "b")]
+    fresh = [(at_s, FreshRecord(token=token, time_s=at_s + ahead_s)) for at_s, token in tokens]
+    for at_s, record in [*((NOW_S, record) for record in (status, *records)), *fresh]:
+        found.take(f"{BASE}/{record.topic}", record.payload(), at_s)
+    return found
+
+
+def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
+    console = Console(file=StringIO(), width=width)
+    console.print(render(found, now_s))
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue()
+
+
+CURRENT = made(ValueRecord, point="current", value=61.5, unit="A")
+PUMP = (state("running"), CURRENT, made(ValueRecord, point="current_pct", value=72.0, unit="%"))
+
+
+@pytest.mark.parametrize(
+    ("records", "line"),
+    [
+        (PUMP, "pump running 61.5 A 72 % now"),
+        ([*PUMP, result(Phase.CONFIRMED)], "pump running 61.5 A 72 % now alice start: confirmed"),
+        (
+            [
+                *PUMP,
+                result(Phase.REJECTED, code="locked"),
+                result(Phase.CONFIRMED, is_duplicate=True),
+            ],
+            "pump running 61.5 A 72 % now alice start: rejected (locked)",
+        ),
+        ([*PUMP, alarm("a05", "Motor warm")], "S pump running 61.5 A 72 % now A05 Motor warm"),
+        ([*PUMP, alarm("a05", "", is_active=False)], "pump running 61.5 A 72 % now"),
+        (
+            [state("fault"), alarm("e05", "Motor overload", severity="fault")],
+            "F pump fault now E05 Motor overload",
+        ),
+        (
+            [state("not_ready", flags={"remote": True, "power_present": False})],
+            "pump not ready now no power",
+        ),
+        ([state("not_ready")], "pump not ready now pausing or being adjusted"),
+        ([state("ready", flags={"remote": False})], "C pump ready now local"),
+        ([state("ready", lock=LOCK)], "C pump ready now locked by alice: bearing"),
+        ([state("running", quality=Quality.STALE)], "S pump running? 20 s"),
+        (
+            [state("unknown", quality=Quality.STALE), presence("offline", reason="no reply")],
+            "F pump unknown? 20 s offline: no reply",
+        ),
+        ([presence("disabled")], "C pump unknown? never disabled"),
+    ],
+)
+def test_a_starter_is_one_line_at_80_columns(records: Any, line: str) -> None:
+    found = overview(*records)
+
+    assert [" ".join(each.split()) for each in drawn(found).splitlines() if "pump" in each] == [line]
+
+
+def test_a_long_reason_is_folded_and_not_cut() -> None:
+    reason = "the starter answers as another family than the one that is configured"
+    found = overview(state("unknown", reason=reason), result(Phase.CONFIRMED))
+
+    words = drawn(found).split()
+
+    assert {*reason.split()[:-1], "configured;", "confirmed"} <= set(words)
+
+
+def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_count_by_its_clock() -> None:
+    found = overview(*PUMP, ahead_s=100.0)
+
+    assert "online  LIVE  1 starter\n" in drawn(found, NOW_S + 3.0)
+    stopped = drawn(found, NOW_S + 4.0)
+    assert "NOT LIVE for 4.0 s" in stopped
+    assert "1 min 44 s" in stopped
+    assert "NOT LIVE since this table began" in drawn(overview(*PUMP, live_at_s=None))
+
+
+def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -> None:
+    found = overview(
+        *(
+            state(word, starter=name)
+            for name, word in (("a", "ready"), ("b", "running"), ("c", "fault"), ("d", "ready"))
+        ),
+        state("ready", starter="e", lock=LOCK),
+        state("running", starter="f", quality=Quality.STALE),
+        presence("offline", starter="d", reason="silent"),
+    )
+
+    assert [row.name for row in found.rows()] == ["c", "d", "e", "f", "b", "a"]
+    assert "LIVE  6 starters, 2 with a fault or offline" in drawn(found)
+
+
+def test_a_starter_that_its_gateway_has_no_longer_is_gone() -> None:
+    found = overview(*PUMP)
+
+    found.take(f"{BASE}/starter/pump/state", b"", NOW_S)
+
+    assert found.rows() == []
 
 
 @pytest.mark.parametrize(
@@ -86,33 +177,20 @@ def test_without_a_new_token_for_twelve_seconds_a_gateway_is_not_live() -> None:
         b'{"state":"\\u001b[2J"}',
     ],
 )
-def test_what_others_publish_there_changes_neither_table_nor_terminal(payload: bytes) -> None:
-    published = Published()
-    published.state("pump", "ready")
-    for topic in (
-        "gateway/status",
-        "gateway/fresh",
-        "starter/pump/value/current",
-        "starter/pump/alarm/x",
-        "x",
-    ):
-        published.overview.take(f"{BASE}/{topic}", payload, NOW_S)
+def test_foreign_messages_change_neither_table_nor_terminal(payload: bytes) -> None:
+    found = overview(state("ready", reason="\x1b[2J"))
+    for topic in ("gateway/status", "gateway/fresh", "starter/pump/value/current", "starter/fan/state", "x"):
+        found.take(f"{BASE}/{topic}", payload, NOW_S)
 
-    assert published.names() == ["pump"]
-    assert "\x1b" not in published.text()
+    assert [row.name for row in found.rows()] == ["pump"]
+    assert "\x1b" not in drawn(found)
 
 
-def test_what_somebody_must_look_at_comes_first_and_what_is_not_sure_has_a_question_mark() -> None:
-    published = Published()
-    for name, state in (("a", "ready"), ("b", "running"), ("c", "fault"), ("d", "ready"), ("e", "ready")):
-        published.state(name, state)
-    published.state("f", "running", quality="stale")
-    published.put("starter/d/availability", state="offline", reason="silent")
-    published.state("e", "ready", locked={"by": "alice", "reason": "bearing"})
+def test_one_table_has_the_gateways_of_a_plant() -> None:
+    found = Overview("starters/+")
+    for name in ("north", "south"):
+        record = state("ready")
+        found.take(f"starters/{name}/{record.topic}", record.payload(), NOW_S)
 
-    text = published.text()
-
-    assert published.names() == ["c", "d", "e", "f", "b", "a"]
-    assert "offline: silent" in text
-    assert "locked by alice" in text
-    assert "running?" in text
+    lines = drawn(found).splitlines()
+    assert [sum(f"starters/{name} pump" in line for line in lines) for name in ("north", "south")] == [1, 1]

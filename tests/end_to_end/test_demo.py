@@ -46,6 +46,7 @@ async def test_every_command_of_the_guide_works_when_it_is_pasted(
         await watcher.communicate()
 
     assert seen.startswith(b"starters/demo/")
+    assert "waiting for the simulated starters\n" in guides[0]
     assert ("mosquitto_sub" in guide) is has_mosquitto
     assert ("amqtt (embedded, MQTT 3.1.1 only)" in guides[0]) is not has_mosquitto
 

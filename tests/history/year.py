@@ -15,6 +15,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from gateway.cli.command import place_of
+from gateway.cli.report.document import Document, document_of
+from gateway.cli.report.facts import Published, facts_of
+from gateway.config.load import load
 from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -54,31 +58,26 @@ model = "SSW-07 200A"
 """
 
 
-PUBLISHED: dict[str, dict[str, Any]] = {  # what the gateway says of it at the end
-    "starters/cement-mill/gateway/line/cooling": {
-        "utilisation": 0.41,
-        "units": {
-            "7": {
-                "asked": 1_904_322,
-                "answered": 1_898_006,
-                "silent": 1407,
-                "corrupted": 4909,
-                "late": 0,
-                "response_time_s": {"p50": 0.0121, "p99": 0.0184},
-            }
-        },
-        "cable": {
-            "texts": [
-                "errors from cooling-fan-2 (address 7) on: check the cable after cooling-fan-1 "
-                "(address 6) (2.4 % of 1180 replies in 10 min: 22 corrupted, 6 lost)"
-            ],
-            "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},
-        },
+STATISTICS = {  # of its line, at the end
+    "units": {
+        "7": {
+            "asked": 1_904_322,
+            "answered": 1_898_006,
+            "silent": 1407,
+            "corrupted": 4909,
+            "late": 0,
+            "response_time_s": {"p50": 0.0121, "p99": 0.0184},
+        }
     },
-    f"starters/cement-mill/starter/{STARTER}/value/starts_left": {"value": 4},
-    f"starters/cement-mill/starter/{STARTER}/value/standstill_s": {"value": 27_400.0},
-    f"starters/cement-mill/starter/{STARTER}/info": {"firmware": "1.60", "rated_current_a": 200},
+    "cable": {
+        "texts": [
+            "errors from cooling-fan-2 (address 7) on: check the cable after cooling-fan-1 "
+            "(address 6) (2.4 % of 1180 replies in 10 min: 22 corrupted, 6 lost)"
+        ],
+        "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},
+    },
 }
+PUBLISHED = Published(STATISTICS, {"firmware": "1.60", "rated_current_a": 200}, {"hours_total": 6012.0})
 
 
 class YearClock(Clock):
@@ -195,7 +194,7 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
     write_document(state, FINGERPRINTS, KNOWN, known)
     entries = (
         _set(40, "maintenance", "P314", 10, {"P314": 0}),
-        _set(342, "maintenance", "P314", 5, {}),
+        _set(342, "maintenance", "P314", 5, {"P314": 10}),
         _set(342, "maintenance", "P313", 2, {"P313": 0}),
     )
     with closing(sqlite3.connect(state)) as connection, connection:
@@ -204,6 +203,14 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
     path = folder / "site.toml"
     path.write_text(CONFIG.format(port=port))
     return path
+
+
+def report_of(path: Path, language: str = "en", published: Published = PUBLISHED) -> Document:
+    """Return the report of a year that was written."""
+    line, starter = place_of(load(path), STARTER)
+    profile, state_dir = load_profile(starter.family, language), path.parent / "state"
+    facts = facts_of(line, starter, profile=profile, state_dir=state_dir, published=published)
+    return document_of(facts, gateway="cement-mill", made_s=BEGAN_S + DAYS * DAY_S, language=language)
 
 
 def _set(day: int, client: str, code: str, value: int, before: dict[str, int]) -> dict[str, Any]:

@@ -12,67 +12,23 @@ import tempfile
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
-from typing import Any
 
 from gateway.cli.command import flag
 from gateway.cli.demo.plant_day import BASE, run_plant
 from gateway.cli.demo.processes import (
-    PORT,
+    DemoBroker,
     demo_broker,
     demo_client,
     demo_simulator,
     free_port,
-    publish,
-    watch,
+    waited_for,
 )
 from gateway.cli.run import log_to_stderr, serve
-from gateway.cli.watch.watch import Watching, new_console
 from gateway.config.load import load
-from gateway.errors import GatewayError, UsageError
+from gateway.errors import GatewayError
 from gateway.system.password_hash import password_line
 
-CONFIG = """\
-[gateway]
-name = "demo"
-state_dir = "{folder}/state"
-
-[mqtt]
-url = "mqtt://127.0.0.1:{port}"
-version = "{version}"
-
-[[line]]
-name = "virtual"
-port = "{folder}/ttyDEMO"
-baud = 19200
-framing = "8N2"            # the one byte format that all four families know
-
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-model = "SSW-07 85A"
-
-[[line.starter]]
-name = "fan"
-address = 2
-family = "ssw06"
-model = "SSW-06 820A"
-
-[[line.starter]]
-name = "mill"
-address = 3
-family = "ssw900"
-
-[[line.starter]]
-name = "belt"
-address = 4
-family = "sst"
-
-[[operator]]
-client = "demo"
-may = ["*"]
-starters = ["*"]
-"""
+CONFIG, GUIDE = (Path(__file__).with_name(name) for name in ("demo.toml", "guide.txt"))
 
 PAGE_PORT = 8480
 PAGE_USER = "demo"  # and its password: the motors are simulated, and only this machine sees the page
@@ -90,32 +46,7 @@ METRICS = """
 all_points = true
 """
 
-GUIDE = """\
-Starter Gateway demo. Simulated motors only; Ctrl-C ends everything.
-
-  page    {page}
-  line    four starters on {pty}, 19200 8N2: pump (SSW-07), fan (SSW-06), mill (SSW900), belt (SST330i)
-  broker  {broker} on 127.0.0.1:{port}
-  config  {config}
-
-Paste these into another terminal:
-
-# watch
-{watch} 'starters/demo/#'
-# start, stop, set, read
-{send} pump start --client demo
-{send} pump stop --client demo
-{send} pump set --client demo parameter=P314 value=30
-{send} pump read --client demo parameter=P003
-{by_hand}
-What a person beside a simulated starter would do has topics, which no real gateway has:
-
-# trip
-{trip}
-others    simulator/STARTER/KNOB: {knobs}
-"""
-
-BY_HAND = """\
+MQTT_BY_HAND = """\
 # start and stop with nothing but MQTT
 token=$(mosquitto_sub -p {port} -C 1 -t starters/demo/gateway/fresh | cut -d '"' -f 4)
 id=$(cat /proc/sys/kernel/random/uuid)
@@ -123,11 +54,18 @@ mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
   -m "{{\\"id\\":\\"$id\\",\\"token\\":\\"$token\\"}}"
 mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/stop -n
 """
-
-KNOB_GUIDE = (
-    "trip E05, alarm A05, clear, control local|remote, power off|on, mains off|on, keypad start|stop, "
-    "load 80, friction 20, wear 2, thermal 90, voltage 85 2.5, phase r|s|t|on"
-)
+WITH_CLIENTS = {
+    "watch": "mosquitto_sub -p {port} -v -t 'starters/demo/#'",
+    "trip": "mosquitto_pub -p {port} -t simulator/pump/trip -m E05",
+    "by_hand": MQTT_BY_HAND,
+}
+WITH_PYTHON = {  # where Mosquitto's clients are missing; paho is there
+    "watch": '{python} -c "import paho.mqtt.subscribe as s; s.callback('
+    "lambda c, u, m: print(m.topic, m.payload.decode(), flush=True), 'starters/demo/#', port={port})\"",
+    "trip": '{python} -c "import paho.mqtt.publish as p; '
+    "p.single('simulator/pump/trip', 'E05', port={port})\"",
+    "by_hand": "",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -135,31 +73,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
     flag(parser, "-v", "--verbose", about="log every frame, instead of showing the table")
     flag(parser, "--plant", about="the motors run a small plant's day by themselves, again and again")
-    parser.add_argument(
-        "--broker",
-        metavar="PORT",
-        type=int,
-        default=PORT,
-        help="of a demo that runs, for --watch and --publish",
-    )
-    client = parser.add_mutually_exclusive_group()
-    client.add_argument("--watch", metavar="TOPIC", help="print what a demo publishes, until Ctrl-C")
-    client.add_argument(
-        "--publish", metavar="TOPIC=PAYLOAD", help="publish to a demo, as mosquitto_pub would do"
-    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo until Ctrl-C; BrokerError when no broker is to be had."""
-    if args.watch is not None:
-        _as_client(watch(args.broker, args.watch), f"--watch {args.watch!r}")
-        return 0
-    if args.publish is not None:
-        topic, sign, payload = args.publish.partition("=")
-        if not sign or not topic:
-            raise UsageError(f"--publish {args.publish!r} is not TOPIC=PAYLOAD")
-        _as_client(publish(args.broker, topic, payload), f"--publish {args.publish!r}")
-        return 0
     has_table = not args.verbose and sys.stdout.isatty() and importlib.util.find_spec("rich") is not None
     with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as name:
         folder = Path(name)
@@ -169,36 +86,21 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _as_client(work: Coroutine[Any, Any, None], option: str) -> None:
-    try:
-        asyncio.run(work)
-    except ValueError as error:  # paho's, of a topic that MQTT does not allow
-        raise UsageError(f"{option}: {error}") from None
-
-
-def guide(config: Path, pty: str, broker: str, port: int, *, page: str, has_clients: bool) -> str:
-    """Return what can be done with the demo, as lines to paste; without Mosquitto's clients by our own."""
-    program = program_words()
-    return GUIDE.format(
+def guide(config: Path, pty: str, broker: DemoBroker, *, page: str) -> str:
+    """Return what can be done with the demo, as lines to paste; without Mosquitto's clients in Python."""
+    python, script = shlex.quote(sys.executable), Path(sys.executable).with_name("starter-gateway")
+    program = shlex.quote(str(script)) if script.exists() else f"{python} -m gateway"
+    has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
+    lines = WITH_CLIENTS if has_clients else WITH_PYTHON
+    return GUIDE.read_text("utf-8").format(
         config=config,
         page=page,
         pty=pty,
-        broker=broker,
-        port=port,
+        broker=broker.title,
+        port=broker.port,
         send=f"{program} send {shlex.quote(str(config))}",
-        watch=f"mosquitto_sub -p {port} -v -t" if has_clients else f"{program} demo --broker {port} --watch",
-        trip=f"mosquitto_pub -p {port} -t simulator/pump/trip -m E05"
-        if has_clients
-        else f"{program} demo --broker {port} --publish simulator/pump/trip=E05",
-        by_hand=BY_HAND.format(port=port) if has_clients else "",
-        knobs=KNOB_GUIDE,
+        **{name: line.format(port=broker.port, python=python) for name, line in lines.items()},
     )
-
-
-def program_words() -> str:
-    """Return how this program is called from any folder: its full path, quoted for a shell."""
-    script = Path(sys.executable).parent / "starter-gateway"
-    return shlex.quote(str(script)) if script.exists() else f"{shlex.quote(sys.executable)} -m gateway"
 
 
 def page_of() -> tuple[str, str]:
@@ -214,19 +116,25 @@ def page_of() -> tuple[str, str]:
 
 async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
-        port, broker, version = await stack.enter_async_context(demo_broker(folder))
-        path = folder / "demo.toml"
-        page, table = page_of()
-        path.write_text(CONFIG.format(folder=folder, port=port, version=version) + table, "utf-8")
+        async with waited_for("a broker on this machine"):
+            broker = await stack.enter_async_context(demo_broker(folder))
+        path, (page, table) = folder / "demo.toml", page_of()
+        text = CONFIG.read_text("utf-8").format(folder=folder, port=broker.port, version=broker.version)
+        path.write_text(text + table, "utf-8")
         config = load(path)
-        await stack.enter_async_context(demo_simulator(path, broker_port=port))
-        has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
-        print(guide(path, config.lines[0].port, broker, port, page=page, has_clients=has_clients), flush=True)
+        async with waited_for("the simulated starters"):
+            await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
+        print(guide(path, config.lines[0].port, broker, page=page), flush=True)
         if has_plant:
-            _beside(stack, run_plant(port))
+            _beside(stack, run_plant(broker.port))
         if has_table:
+            from rich.console import Console
+
+            from gateway.cli.watch.watching import Watching
+
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
-            _beside(stack, Watching(demo_client(port), BASE).show(new_console(), is_full_screen=False))
+            watching = Watching(Console(), demo_client(broker.port), BASE)
+            _beside(stack, watching.show(is_full_screen=False))
         await serve(path, config, None)
 
 

@@ -11,20 +11,20 @@ import logging
 import time
 from typing import NamedTuple
 
-from gateway.cli.demo.processes import demo_client, publish
+from gateway.cli.demo.processes import demo_client
 from gateway.contract import Phase, Topics
 from gateway.errors import GatewayError
-from gateway.mqtt import CommandClient, Order
+from gateway.mqtt import CommandClient, Message, Order, connected
 
 log = logging.getLogger(__name__)
 
 BASE, CLIENT = "starters/demo", "demo"
 DAY_S = 120.0
-RESULT_WITHIN_S = 20.0
+RESULT_WITHIN_S, ACKNOWLEDGED_WITHIN_S = 20.0, 5.0
 
 
 class Deed(NamedTuple):
-    """What is done at which second of the day: a command, or with a `setting` a control of the simulator."""
+    """A command at a second of the day, or with a `setting` a knob of the simulator."""
 
     at_s: float
     starter: str
@@ -65,7 +65,7 @@ async def run_plant(port: int) -> None:
 async def _do(deed: Deed, port: int) -> None:
     try:
         if deed.setting:
-            await publish(port, f"simulator/{deed.starter}/{deed.what}", deed.setting)
+            await _set_knob(deed, port)
             return
         client = CommandClient(demo_client(port), Topics(BASE))
         order = Order(deed.starter, CLIENT, deed.what)
@@ -74,5 +74,17 @@ async def _do(deed: Deed, port: int) -> None:
         )
         if result is None or result.phase is not Phase.CONFIRMED:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
-    except GatewayError as error:
+    except (GatewayError, TimeoutError) as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)
+
+
+async def _set_knob(deed: Deed, port: int) -> None:
+    """Set a knob of a simulated starter."""
+    acknowledged = asyncio.Event()
+    session, _ = await connected(demo_client(port), on_ack=lambda *_: acknowledged.set())
+    try:
+        topic = f"simulator/{deed.starter}/{deed.what}"
+        session.publish(1, Message(topic, deed.setting.encode(), qos=1, retain=False))
+        await asyncio.wait_for(acknowledged.wait(), ACKNOWLEDGED_WITHIN_S)
+    finally:
+        await session.disconnect()

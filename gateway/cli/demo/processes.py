@@ -1,9 +1,10 @@
-"""The demo's broker and simulated starters, each a process; MQTT where Mosquitto's clients are missing."""
+"""The demo's broker and simulated starters, each a process."""
 
 from __future__ import annotations
 
 import asyncio
 import importlib.util
+import itertools
 import os
 import shutil
 import socket
@@ -16,10 +17,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import BrokerError, PortError
-from gateway.mqtt import FIRST_FAILURE, BrokerSettings, Incoming, Message, Version, connected
+from gateway.mqtt import BrokerSettings, Version
 
 PORT = 1883
-ACKNOWLEDGED_WITHIN_S = 5.0
 _START_TIMEOUT_S = 20.0
 
 
@@ -97,6 +97,22 @@ def free_port(wanted: int) -> int:
     raise BrokerError("no free port on loopback")
 
 
+@asynccontextmanager
+async def waited_for(what: str) -> AsyncIterator[None]:
+    """Say on stderr what is waited for: at once, and each second."""
+
+    async def say() -> None:
+        for second in itertools.count():
+            print(f"waiting for {what}" + (f", {second} s" if second else ""), file=sys.stderr, flush=True)
+            await asyncio.sleep(1.0)
+
+    saying = asyncio.create_task(say())
+    try:
+        yield
+    finally:
+        saying.cancel()
+
+
 async def _has_begun(broker: Process, port: int) -> bool:
     """Return whether a broker listens, in time and before it ends."""
     for _ in range(int(_START_TIMEOUT_S / 0.1)):
@@ -139,38 +155,7 @@ async def _process(*command: str, **streams: Any) -> AsyncIterator[Process]:
             await process.wait()
 
 
-async def watch(port: int, topic: str) -> None:
-    """Print topic and payload of each message that comes, until the connection is lost or Ctrl-C."""
-    session, _ = await connected(demo_client(port), on_incoming=_show)
-    try:
-        if not await session.subscribe(topic, with_retained=True):
-            raise BrokerError(f"the broker on port {port} does not let {topic} be read")
-        await session.lost
-    finally:
-        await session.disconnect()
-    raise BrokerError(f"the connection to the broker on port {port} was lost", "does the demo still run?")
-
-
-async def publish(port: int, topic: str, payload: str) -> None:
-    """Publish one message, not retained; BrokerError unless the broker has taken it."""
-    acknowledged: asyncio.Queue[int] = asyncio.Queue()
-    session, _ = await connected(demo_client(port), on_ack=lambda _, code: acknowledged.put_nowait(code))
-    try:
-        session.publish(1, Message(topic, payload.encode(), qos=1, retain=False))
-        code = await asyncio.wait_for(acknowledged.get(), ACKNOWLEDGED_WITHIN_S)
-    except TimeoutError:
-        raise BrokerError(f"the broker on port {port} has not taken the message") from None
-    finally:
-        await session.disconnect()
-    if code >= FIRST_FAILURE:
-        raise BrokerError(f"the broker on port {port} does not let {topic} be written")
-
-
 def demo_client(port: int) -> BrokerSettings:
     """Return the way to a demo's broker by MQTT 3.1.1, which each of its brokers takes."""
     client_id = f"starter-gateway-demo-{uuid.uuid4().hex[:8]}"
     return BrokerSettings("127.0.0.1", port, client_id, version=Version.V311)
-
-
-def _show(message: Incoming) -> None:
-    print(message.topic, message.payload.decode("utf-8", "replace"), flush=True)

@@ -1,36 +1,29 @@
-"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time.
-
-Their knobs are topics apart from any gateway's, `simulator/{starter}/{knob}`: the gateway knows nothing of
-them. Only a broker on loopback may carry them.
-"""
+"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time."""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import json
-import logging
 import signal
 import sys
-import time
 import uuid
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
+from gateway.cli.demo.knobs import simulator_topics
+from gateway.client import broker_at
 from gateway.config.convert import timing_of, version_of
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
-from gateway.config.values import is_loopback, split_url
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
-from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Hooks, Incoming, Message, Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
-from gateway.sim.controls import KNOBS, set_knob
+from gateway.sim.controls import KNOBS
 from gateway.sim.core.motor import PHASES
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -56,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or Ctrl-C."""
-    work = simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
+    work = simulate(load(args.config), knobs_at=args.knobs, is_companion=args.companion)
     asyncio.run(work)
     return 0
 
@@ -76,9 +69,7 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
         yield lines
 
 
-async def simulate(
-    config: Config, *, knobs_at: tuple[str, int] | None = None, is_companion: bool = False
-) -> None:
+async def simulate(config: Config, *, knobs_at: str | None = None, is_companion: bool = False) -> None:
     """Simulate until SIGTERM or SIGINT, or as a companion until stdin ends."""
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -95,9 +86,8 @@ async def simulate(
             way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
         if knobs_at is not None:
-            broker = BrokerSettings(
-                *knobs_at, f"simulator-{uuid.uuid4().hex[:8]}", version=version_of(config.mqtt.version)
-            )
+            broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+            broker = replace(broker, version=version_of(config.mqtt.version))
             await stack.enter_async_context(simulator_topics(_by_name(config, lines), broker))
             print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
@@ -110,16 +100,6 @@ def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, Simulate
         for starter in table.starters
         if starter.enabled
     }
-
-
-def _broker(url: str | None) -> tuple[str, int] | None:
-    """Return host and port of the broker for the knobs, if there is to be one; UsageError for another URL."""
-    if url is None:
-        return None
-    parts = split_url(url)
-    if parts is None or parts[0].scheme != "mqtt":
-        raise UsageError(f"--knobs {url!r} is no broker on this machine (mqtt://127.0.0.1:1883)")
-    return parts[0].hostname or "", parts[1]
 
 
 def simulated_unit(starter: StarterTable) -> SimulatedUnit:
@@ -168,75 +148,3 @@ def _link(table: LineTable) -> Path | None:
     if path.is_symlink() and not str(path.readlink()).startswith("/dev/pts/"):
         return None  # a stable name of a real adapter
     return path
-
-
-log = logging.getLogger(__name__)
-
-TREE = "simulator"
-FILTER = f"{TREE}/+/+"
-DONE = "done"  # simulator/{starter}/done says what a knob did
-MOST_WAITING = 100  # answers, while the broker is away
-
-_PAYLOAD_SHOWN = 40
-
-
-@asynccontextmanager
-async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSettings) -> AsyncIterator[None]:
-    """Serve the knobs of these starters at a broker on loopback; UsageError for another broker."""
-    if not is_loopback(broker.host):
-        raise UsageError(
-            f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
-        )
-    answers = Outbox(last_topic="", memory=Bounds(MOST_WAITING, 2**20))
-
-    def take(incoming: Incoming) -> None:
-        answer = answer_to(units, incoming)
-        if answer is not None:
-            answers.put(answer, time.monotonic())
-            connection.wake()
-
-    connection = BrokerConnection(
-        broker,
-        answers,
-        command_filter=FILTER,
-        hooks=Hooks(will=lambda: None, on_incoming=take, on_link=_log_link),
-    )
-    running = asyncio.create_task(connection.run())
-    try:
-        yield
-    finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
-
-
-def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
-    """Apply the knob that a message names and return the answer; None for a message of our own."""
-    _, starter, knob = incoming.topic.split("/")
-    if knob == DONE:
-        return None
-    setting = incoming.payload.decode("utf-8", "replace")
-    answer = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
-    try:
-        answer["text"] = _apply(units, starter, knob, setting, is_retained=incoming.is_retained)
-        log.info("simulated starter=%s %s", starter, answer["text"])
-    except UsageError as error:
-        answer["error"] = str(error)
-        log.warning("simulated starter=%s %s: %s", starter, knob, error)
-    payload = json.dumps(answer).encode()
-    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False, is_queued=True)
-
-
-def _apply(
-    units: Mapping[str, SimulatedUnit], starter: str, knob: str, setting: str, *, is_retained: bool
-) -> str:
-    unit = units.get(starter)
-    if unit is None:
-        raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")
-    if is_retained:
-        raise UsageError("retained: it would be done again at every start")
-    return set_knob(unit, knob, setting)
-
-
-def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
-    log.debug("knobs: connected=%s %s", is_connected, trouble)

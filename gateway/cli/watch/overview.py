@@ -1,54 +1,65 @@
-"""What gateways publish of their starters, as rows for a table; pure.
+"""The starters of one gateway or many, as rows for a table, made of the records that these publish; pure.
 
 A gateway is live while its freshness token changes (`gateway/fresh`, every second): a retained status says
-nothing about now. Ages are by that gateway's own clock, so that the clock of this machine does not matter.
+nothing about now. A starter that is good at a live gateway answers now; else the time of its last good reply
+counts, by that gateway's clock, so that the clock of this machine does not matter.
 """
 
 from __future__ import annotations
 
-import enum
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime
-from typing import Any
 
-from gateway.contract import read_object, shortened
+from gateway.cli.command import coded
+from gateway.contract import (
+    AlarmRecord,
+    AvailabilityRecord,
+    FreshRecord,
+    Quality,
+    Record,
+    ResultRecord,
+    StateRecord,
+    StatusRecord,
+    ValueRecord,
+    read_record,
+)
 
-LIVE_WITHIN_S = 12.0  # without a new token for longer, a gateway is not live
-
-CURRENT, CURRENT_PCT = "current", "current_pct"
-_FAULT, _OFFLINE = "fault", "offline"
-_MOVING = ("starting", "running", "stopping")
-
-
-class Signal(enum.StrEnum):
-    """The four status signals of NAMUR NE 107, and none."""
-
-    FAILURE = "F"
-    CHECK = "C"  # someone works at it: locked, local
-    OUT_OF_SPEC = "S"
-    MAINTENANCE = "M"
-    NONE = ""
-
-
-_ORDER = tuple(Signal)
-
-
-@dataclass(slots=True)
-class ShownValue:
-    """A published number with its unit."""
-
-    value: float
-    unit: str
-    is_good: bool
+LIVE_WITHIN_S = 3.0  # without a new token for longer, a gateway is not live
+TOPICS = (
+    "gateway/status",
+    "gateway/fresh",
+    "starter/+/availability",
+    "starter/+/state",
+    "starter/+/alarm/+",
+    "starter/+/value/current",
+    "starter/+/value/current_pct",
+    "result/+/+",
+)
+HINDRANCES = {  # of a motor at rest, by the flag of its state that is false then
+    "configured": "not configured",
+    "power_present": "no power",
+    "general_enabled": "not enabled",
+    "ready_to_start": "not ready to start",
+}
+KINDS: Mapping[str, type[Record]] = {
+    "state": StateRecord,
+    "availability": AvailabilityRecord,
+    "value": ValueRecord,
+    "alarm": AlarmRecord,
+}
+MOVING = ("starting", "running", "stopping")
+SIGNALS = ("F", "C", "S", "")  # of NAMUR NE 107: failure, check (somebody works at it), out of specification
+UNKNOWN = StateRecord(starter="", state="unknown", quality=Quality.BAD, time_s=None, seq=0)
+ONLINE = AvailabilityRecord(starter="", state="online", since_s=0.0, reason=None)
 
 
 @dataclass(slots=True)
 class GatewayLine:
-    """A gateway's status, its token, and the difference of its clock to ours."""
+    """A gateway, and the difference of its clock to ours."""
 
-    state: str = "unknown"
-    reason: str = ""
+    name: str
+    status: StatusRecord | None = None
     token: str = ""
     live_at_s: float | None = None  # when the token last changed; None: not yet seen to change
     ahead_s: float = 0.0  # of the wall time that the caller gives
@@ -56,55 +67,71 @@ class GatewayLine:
     def is_live(self, now_s: float) -> bool:
         """Return whether it has shown a new token lately, and has not ended."""
         is_recent = self.live_at_s is not None and now_s - self.live_at_s <= LIVE_WITHIN_S
-        return is_recent and self.state != _OFFLINE
+        return is_recent and self.status is not None and self.status.state != "offline"
 
 
 @dataclass(slots=True)
 class StarterRow:
     """One starter as last published."""
 
-    gateway: str
+    gateway: GatewayLine
     name: str
-    availability: str = "unknown"
-    state: str = "unknown"
-    is_good: bool = False
-    reason: str = ""
-    time_s: float | None = None  # of the state, since 1970 by the gateway's clock
-    readings: dict[str, ShownValue] = field(default_factory=dict)
-    alarms: dict[str, tuple[str, str]] = field(default_factory=dict)  # active: code -> severity, text
-    is_local: bool = False
-    locked_by: str = ""
-    command: str = ""  # the last one, in words
+    state: StateRecord = UNKNOWN
+    availability: AvailabilityRecord = ONLINE
+    value: dict[str, ValueRecord] = field(default_factory=dict)  # by point
+    alarm: dict[str, AlarmRecord] = field(default_factory=dict)  # by code
+    result: ResultRecord | None = None  # of the last command
 
     @property
-    def signal(self) -> Signal:
-        """Return the one status signal that matters most."""
-        if self.state == _FAULT or self.availability == _OFFLINE or self._has(_FAULT):
-            return Signal.FAILURE
-        if self.locked_by or self.is_local or self.availability == "disabled":
-            return Signal.CHECK
-        if self.availability == "degraded" or not self.is_good or self._has("alarm"):
-            return Signal.OUT_OF_SPEC
-        return Signal.MAINTENANCE if self.alarms else Signal.NONE
+    def alarms(self) -> Sequence[AlarmRecord]:
+        """The active alarms and faults."""
+        return [alarm for _, alarm in sorted(self.alarm.items()) if alarm.is_active]
 
     @property
-    def trouble(self) -> str:
-        """Return in words what is wrong; empty when nothing is."""
-        parts = [
-            text if code in text.lower() else f"{code.upper()} {text}"
-            for code, (_, text) in sorted(self.alarms.items())
-        ]
-        if self.availability not in ("online", "unknown") or self.reason:
-            word = "" if self.availability in ("online", "unknown") else self.availability
-            parts.insert(0, ": ".join(part for part in (word, self.reason) if part))
-        if self.locked_by:
-            parts.append(f"locked by {self.locked_by}")
-        if self.is_local:
-            parts.append("local")
-        return "; ".join(parts)
+    def is_good(self) -> bool:
+        """Whether it was just read, as far as its gateway has said."""
+        return self.state.quality is Quality.GOOD
 
-    def _has(self, severity: str) -> bool:
-        return any(each == severity for each, _ in self.alarms.values())
+    @property
+    def signal(self) -> str:
+        """The most important of `SIGNALS`."""
+        presence, is_local = self.availability.state, self.state.flags.get("remote") is False
+        severities = {alarm.severity for alarm in self.alarms}
+        if self.state.state == "fault" or presence == "offline" or "fault" in severities:
+            return "F"
+        if self.state.lock or is_local or presence == "disabled":
+            return "C"
+        return "" if self.is_good and presence == "online" and not severities else "S"
+
+    def troubles(self) -> Iterator[str]:
+        """Yield in words what is wrong, the most important first."""
+        state, presence, why = self.state, self.availability.state, self.availability.reason
+        if presence != "online":
+            yield f"{presence}: {why}" if why else presence
+        yield from (coded(alarm.code, alarm.text) for alarm in self.alarms)
+        if state.reason:
+            yield state.reason
+        if state.state == "not_ready":
+            hindrances = [text for flag, text in HINDRANCES.items() if state.flags.get(flag) is False]
+            yield ", ".join(hindrances) or "pausing or being adjusted"
+        if state.lock is not None:
+            yield f"locked by {state.lock.by}: {state.lock.reason}"
+        if state.flags.get("remote") is False:
+            yield "local"
+
+    def commanded(self) -> Iterator[str]:
+        """Yield the last command in words, if there was one."""
+        if self.result is not None:
+            code, phase = self.result.code, self.result.phase
+            why = "" if code in ("", "ok", phase) else f" ({code})"
+            yield f"{self.result.client} {self.result.verb}: {phase}{why}"
+
+    def silent_s(self, now_s: float) -> float | None:
+        """Return how long ago the last good reply came: 0 while it answers; None: it never did."""
+        if self.is_good and self.gateway.is_live(now_s):
+            return 0.0
+        times = [time_s for time_s in (self.state.time_s, *(v.time_s for v in self.value.values())) if time_s]
+        return max(now_s + self.gateway.ahead_s - max(times), 0.0) if times else None
 
 
 class Overview:
@@ -121,106 +148,41 @@ class Overview:
     def take(self, topic: str, payload: bytes, now_s: float) -> None:
         """Apply one message that came at `now_s` (seconds since 1970)."""
         levels = topic.split("/")
-        gateway, rest = "/".join(levels[: self._depth]), levels[self._depth :]
-        try:
-            message = read_object(payload) if payload else {}
+        name, rest = "/".join(levels[: self._depth]), levels[self._depth :]
+        gateway = self.gateways.setdefault(name, GatewayLine(name))
+        with suppress(ValueError):  # somebody else publishes below this base
             match rest:
                 case ["gateway", "status"]:
-                    self._take_status(gateway, message)
+                    gateway.status = read_record(StatusRecord, payload)
                 case ["gateway", "fresh"]:
-                    self._take_token(gateway, message, now_s)
-                case ["starter", name, "info" | "state" | "availability"] if not payload:
-                    self._rows.pop((gateway, name), None)  # its gateway has it no longer
-                case ["starter", name, "availability"]:
-                    row = self._row(gateway, name)
-                    row.availability = _text(message.get("state")) or "unknown"
-                    row.reason = _text(message.get("reason"))
-                case ["starter", name, "state"]:
-                    _take_state(self._row(gateway, name), message)
-                case ["starter", name, "value", point] if point in (CURRENT, CURRENT_PCT):
-                    _take_value(self._row(gateway, name), point, message)
-                case ["starter", name, "alarm", code]:
-                    _take_alarm(self._row(gateway, name), code, message)
-                case ["result", name, client] if (gateway, name) in self._rows:
-                    self._take_result(self._row(gateway, name), client, message)
-        except (ValueError, TypeError):
-            return  # whatever else is published below this base is not ours
+                    fresh = read_record(FreshRecord, payload)
+                    if gateway.token not in ("", fresh.token):  # the first may have been retained for days
+                        gateway.live_at_s, gateway.ahead_s = now_s, fresh.time_s - now_s
+                    gateway.token = fresh.token
+                case ["starter", starter, "state" | "availability"] if not payload:
+                    self._rows.pop((name, starter), None)  # its gateway has it no longer
+                case ["starter", starter, "state" | "availability" as kind]:
+                    record = _read(kind, payload, starter)
+                    setattr(self._row(gateway, starter), kind, record)
+                case ["starter", starter, "value" | "alarm" as kind, leaf]:
+                    record = _read(kind, payload, starter, leaf)
+                    getattr(self._row(gateway, starter), kind)[leaf] = record
+                case ["result", starter, client] if (name, starter) in self._rows:
+                    result = read_record(ResultRecord, payload, starter=starter, client=client)
+                    row = self._rows[name, starter]
+                    row.result = row.result if result.is_duplicate else result
 
-    def rows(self, only: Callable[[StarterRow], bool] = lambda _: True) -> list[StarterRow]:
-        """Return the starters, those first that someone must look at."""
-        rows = [row for row in self._rows.values() if only(row)]
-        return sorted(rows, key=_order)
+    def rows(self) -> Sequence[StarterRow]:
+        """Return the starters, those first that somebody must look at."""
 
-    def age_s(self, row: StarterRow, now_s: float) -> float | None:
-        """Return how old a starter's state is, by its gateway's clock; None when it was never read."""
-        return None if row.time_s is None else max(now_s + self._gateway(row.gateway).ahead_s - row.time_s, 0)
+        def order(row: StarterRow) -> tuple[int, bool, str, str]:
+            return SIGNALS.index(row.signal), row.state.state not in MOVING, row.gateway.name, row.name
 
-    def is_live(self, row: StarterRow, now_s: float) -> bool:
-        """Return whether the gateway of a starter is live."""
-        return self._gateway(row.gateway).is_live(now_s)
+        return sorted(self._rows.values(), key=order)
 
-    def _gateway(self, name: str) -> GatewayLine:
-        return self.gateways.setdefault(name, GatewayLine())
-
-    def _row(self, gateway: str, name: str) -> StarterRow:
-        return self._rows.setdefault((gateway, name), StarterRow(gateway, name))
-
-    def _take_status(self, name: str, message: Mapping[str, Any]) -> None:
-        gateway = self._gateway(name)
-        gateway.state = _text(message.get("state")) or "unknown"
-        gateway.reason = _text(message.get("reason"))
-
-    def _take_token(self, name: str, message: Mapping[str, Any], now_s: float) -> None:
-        gateway, token = self._gateway(name), _text(message.get("token"))
-        if gateway.token and token != gateway.token:  # the first may have been retained for days
-            gateway.live_at_s = now_s
-            gateway.ahead_s = _time_s(message.get("time"), now_s) - now_s
-        gateway.token = token
-
-    def _take_result(self, row: StarterRow, client: str, message: Mapping[str, Any]) -> None:
-        if message.get("duplicate"):
-            return
-        phase, code = _text(message.get("phase")), _text(message.get("code"))
-        why = "" if code in ("", "ok", phase) else f" ({code})"
-        row.command = f"{client} {_text(message.get('verb'))}: {phase}{why}"
+    def _row(self, gateway: GatewayLine, starter: str) -> StarterRow:
+        return self._rows.setdefault((gateway.name, starter), StarterRow(gateway, starter))
 
 
-def _take_state(row: StarterRow, message: Mapping[str, Any]) -> None:
-    row.state = _text(message.get("state")) or "unknown"
-    row.is_good = message.get("quality") == "good"
-    row.time_s = _time_s(message.get("time"), 0.0) or None
-    row.is_local = message.get("remote") is False
-    locked = message.get("locked")
-    row.locked_by = _text(locked.get("by")) if isinstance(locked, Mapping) else ""
-
-
-def _take_value(row: StarterRow, point: str, message: Mapping[str, Any]) -> None:
-    value = message.get("value")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        row.readings.pop(point, None)
-        return
-    row.readings[point] = ShownValue(value, _text(message.get("unit")), message.get("quality") == "good")
-
-
-def _take_alarm(row: StarterRow, code: str, message: Mapping[str, Any]) -> None:
-    if message.get("active") is True:
-        row.alarms[shortened(code)] = _text(message.get("severity")), _text(message.get("text"))
-    else:
-        row.alarms.pop(shortened(code), None)
-
-
-def _order(row: StarterRow) -> tuple[int, bool, str, str]:
-    signal = row.signal
-    rank = len(_ORDER) if signal is Signal.NONE else _ORDER.index(signal)
-    return rank, row.state not in _MOVING, row.gateway, row.name
-
-
-def _text(value: object) -> str:
-    """Return a text of somebody else's fit for a terminal."""
-    return shortened(value, 80) if isinstance(value, str) else ""
-
-
-def _time_s(value: object, default: float) -> float:
-    if not isinstance(value, str):
-        return default
-    return datetime.fromisoformat(value).timestamp()
+def _read(kind: str, payload: bytes, starter: str, leaf: str = "") -> Record:
+    return read_record(KINDS[kind], payload, starter=starter, point=leaf, code=leaf)

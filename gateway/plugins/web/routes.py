@@ -49,6 +49,7 @@ from gateway.plugins.web.requests import (
 from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import INDEX, StaticFile
 from gateway.plugins.web.streams import Stream, Streams, topic_pair, unhurried
+from gateway.store import CURVES, with_curves
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +62,6 @@ METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
 MOST_STARTS = 50  # in an answer; of older ones those with samples
 MOST_TRIPS = 20
-_CURVES = ("curve", "baseline_curve")
 _VERB = re.compile(r"[a-z_]{1,32}", re.ASCII)
 _COLUMNS = ("severity", "code", "text", "client", "verb", "decision", "id")
 
@@ -244,16 +244,14 @@ class WebApp:
         Where the store cannot be read these are the latest of this run.
         """
         try:
-            rows = await self._gateway.stored(name, (*_CURVES, "start", "trip"))
+            rows = await self._gateway.stored(name, (*CURVES, "start", "trip"))
         except StoreError:
             of_run = (self._model.records(name, kind) for kind in (StartRecord, TripRecord))
             starts, trips = ([each.payload() for each in records] for records in of_run)
             return starts, trips
-        curves = {row.id: {"samples": row.data} for row in rows if row.kind in _CURVES}
-        begun = [row for row in rows if row.kind == "start"]
-        shown = [row for row in begun[:-MOST_STARTS] if row.id in curves] + begun[-MOST_STARTS:]
-        starts = [encoded({**row.data, **curves.get(row.id, {})}) for row in shown]
-        return starts, [encoded(row.data) for row in rows if row.kind == "trip"][-MOST_TRIPS:]
+        begun = [row.data for row in with_curves(rows) if row.kind == "start"]
+        shown = [start for start in begun[:-MOST_STARTS] if "samples" in start] + begun[-MOST_STARTS:]
+        return [*map(encoded, shown)], [encoded(row.data) for row in rows if row.kind == "trip"][-MOST_TRIPS:]
 
     def _plots(self, name: str) -> dict[str, Any]:
         plots, now_s = self._model.plots(name), self._gateway.clock.now_s()

@@ -268,7 +268,9 @@ OTHERS = [
 USAGE = [
     line_row(f"wrong use: {words or 'nothing at all'}", words, given=SSW07 + ALICE, code=2, out="", err=said)
     for words, said in [
-        ("frobnicate", "invalid choice: 'frobnicate' (choose from "),
+        ("frobnicate", "no command 'frobnicate' (one of run, demo, "),
+        ("watc CONFIG", "no command 'watc' (did you mean watch?)"),
+        ("report CONFIG pmup", "no starter 'pmup' (did you mean pump?)"),
         ("check", "the following arguments are required: CONFIG (see starter-gateway check --help)"),
         ("check CONFIG --fast", "--fast"),
         ("check CONFIG CONFIG", "unrecognized arguments"),

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, results, row
+from tests.rig import RigPlant, ScenarioRow, command, frames, play, results, row
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
 from tests.scenarios.cli.lines import beside, cli
 
@@ -45,12 +45,6 @@ SENDING = [
         },
     ),
     row(
-        "a fault is a reason too",
-        given=SSW07 + ALICE,
-        at={3.0: "pump trip E05"},
-        then={6.0: cli(START, code=1, out=("rejected [fault_active]", "find its cause, then reset"))},
-    ),
-    row(
         "a start that the starter does not follow is not confirmed",
         given=SSW07 + ALICE,
         at={3.0: "pump VB01 = 0x4102"},  # ready, whatever is written to it
@@ -61,12 +55,6 @@ SENDING = [
         given=SSW07 + ALICE,
         at={3.0: lambda plant: plant.do(lambda: plant.line_of("pump").refuse("pump", 4, functions=(5,)))},
         then={3.5: cli(START, code=1, out="failed [server_device_failure]")},
-    ),
-    row(
-        "a silent starter is not commanded",
-        given=SSW07 + ALICE,
-        at={3.0: fault("silent", "pump")},
-        then={30.0: [cli(START, code=1, out="rejected [offline]"), frames("pump")]},
     ),
     beside(
         "a client without the right is refused",
@@ -112,54 +100,12 @@ SENDING = [
         cli(START, code=1, out="rejected [select_first]"),
         _two_steps,
     ),
-    beside(
-        "a wrong token selects nothing",
-        SSW07 + ALICE,
-        cli(f"{START} select=0123456789abcdef", code=1, out="rejected [not_selected]"),
-    ),
     row(
         "a group is stopped by one command",
         given=HALL,
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start")},
         then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 starters were read back")},
-    ),
-    beside(
-        "a group takes no other verb",
-        HALL,
-        cli("send CONFIG hall start", code=1, out="rejected [group_only_stop]"),
-        frames("pump"),
-        frames("fan"),
-    ),
-    beside(
-        "a verb that the family does not have",
-        SSW07 + ALICE,
-        cli("send CONFIG pump configure", code=1, out="rejected [unknown_verb]"),
-    ),
-    beside(
-        "an argument that is missing",
-        SSW07 + ALICE,
-        cli("send CONFIG pump set parameter=P314", code=1, out="rejected [bad_arguments]"),
-    ),
-    beside(
-        "a value outside the manual's range",
-        SSW07 + ALICE,
-        cli("send CONFIG pump set parameter=P314 value=1000", code=1, out="[out_of_range]"),
-        frames("pump"),
-    ),
-    beside(
-        "a lock by one holds for all",
-        SSW07 + ALICE,
-        cli("send CONFIG pump lock reason=bearing", out="confirmed"),
-        cli(START, code=1, out="rejected [locked]"),
-        cli("send CONFIG pump unlock", out="confirmed"),
-        cli(START, out="confirmed"),
-    ),
-    beside(
-        "a site without operators takes no command",
-        SSW07,
-        cli(f"{START} --client alice", code=1, out="rejected [not_allowed]"),
-        frames("pump"),
     ),
     beside(
         "several values are read at once, each on a line",
