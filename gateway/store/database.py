@@ -79,38 +79,42 @@ class Database:
         self._connection: Connection | None = None
         self._is_flushing = True
         self._place: tuple[int, int] | None = None
+        self._is_lost = False  # the file is gone, and no new one is open yet
 
     @property
     def is_open(self) -> bool:
         """Return whether work can be done."""
         return self._connection is not None
 
-    @property
-    def is_in_place(self) -> bool:
-        """Return whether the open file is still the one of this name; SQLite itself would not notice."""
-        return not self._is_file or self._place == _place(self.path)
+    def leave_if_gone(self) -> None:
+        """Close the file when it is no longer the one of its name; SQLite itself would not notice."""
+        if self.is_open and self._is_file and self._place != _place(self.path):
+            self.close()
+            self._is_lost = True
 
-    def open(self, *, is_lost: bool = False) -> str:
-        """Open or create the file; return what had to be put aside for it, if anything. StoreError."""
+    def open(self) -> str:
+        """Open or create the file; return how the one before it was lost, if it was. StoreError."""
+        lost = f"{self.path} was removed while in use; a new one is used" if self._is_lost else ""
         if self._is_file:
             with _translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
-            self._connect(is_lost=is_lost)
+            self._connect()
         except DamagedError as error:
             return self.replace(error)
         except FullError:
             if not self._reserve.give_up():
                 raise
-            self._connect(is_lost=is_lost)
-        return ""
+            self._connect()
+        return lost
 
     def replace(self, error: DamagedError) -> str:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
         with _translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
-        self._connect(is_lost=True)
+        self._is_lost = True
+        self._connect()
         return f"{error}; put aside as {aside.name}, a new one is used"
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
@@ -136,6 +140,8 @@ class Database:
 
     def take_reserve(self) -> None:
         """Take the room again that was given up, as soon as the disk has it; FullError."""
+        if not self._reserve.is_held:
+            self._shrink()
         with _translated(self.path):
             if not self._reserve.take():
                 raise FullError(f"{self.path}: the disk is full")
@@ -146,26 +152,20 @@ class Database:
         The log is written back first: while the disk was full it could not be, and it has to be begun again.
         """
         if self._reserve.give_up():
-            self._tidy_if_possible()
+            self._shrink()
         answers = self.transact(works)
-        self._tidy_if_possible()
+        self._shrink()
         return answers
 
-    def _tidy_if_possible(self) -> None:
-        try:
-            self.tidy()
-        except StoreError as error:  # the work itself is done all the same
-            log.debug("store=%s %s", self.path, error)
-
-    def tidy(self) -> None:
-        """Write the log back into the file; give back to a full disk what the file does not need."""
+    def _shrink(self) -> None:
+        """Give back to a full disk what the file does not need, as far as that is possible now."""
         connection = self._opened()
-        with _translated(self.path):
-            if not self._reserve.is_held:
+        try:
+            with _translated(self.path):
                 connection.execute(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})").fetchall()
                 _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
-            else:
-                _ask(connection, "PRAGMA wal_checkpoint(PASSIVE)")
+        except StoreError as error:  # the next attempt does it
+            log.debug("store=%s %s", self.path, error)
 
     def close(self) -> None:
         """Close the file."""
@@ -181,7 +181,7 @@ class Database:
             raise StoreError(f"{self.path} is not open")
         return self._connection
 
-    def _connect(self, *, is_lost: bool) -> None:
+    def _connect(self) -> None:
         with _translated(self.path):
             is_there = self._is_file and self.path.exists()
             if is_there and not self.path.is_file():
@@ -190,7 +190,7 @@ class Database:
                 os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
-                self._prepare(connection, is_lost=is_lost, is_there=is_there)
+                self._prepare(connection, is_there=is_there)
             except BaseException as error:
                 connection.close()
                 if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
@@ -198,11 +198,12 @@ class Database:
                 raise
         self._connection = connection
         self._place = _place(self.path)
+        self._is_lost = False
 
-    def _prepare(self, connection: Connection, *, is_lost: bool, is_there: bool) -> None:
+    def _prepare(self, connection: Connection, *, is_there: bool) -> None:
         """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
         connection.text_factory = _text
-        version = 0
+        version, is_lost = 0, self._is_lost
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
             version = _version(connection, self.path, self._schema)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
@@ -375,7 +376,7 @@ def _translated(path: Path) -> Iterator[None]:
             raise FullError(f"{path}: {error}") from error
         if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             raise StoreError(f"{path} is in use by another process") from error
-        if code in (None, sqlite3.SQLITE_ERROR):
+        if code in (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT):
             raise
         raise StoreError(f"{path}: {error}") from error
 

@@ -1,4 +1,4 @@
-"""The table of commands: which of its results reaches the disk."""
+"""What is written behind, such as commands: what reaches the disk, and what it may not take with it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,20 @@ import asyncio
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 from gateway.contract import Phase, ResultRecord
 from gateway.errors import StoreError
+from gateway.store.behind import Behind
 from gateway.store.commands import CommandTable
+from gateway.store.documents import put_body
+from gateway.store.schema import STATE
+from gateway.store.worker import Store
+from tests.store.store_rig import PATIENCE_S
 from tests.virtual_time import VirtualClock
+
+NAMES = "SELECT name FROM documents ORDER BY name"
 
 
 class FullStore:
@@ -40,8 +48,10 @@ class FullStore:
 
 async def test_when_the_disk_takes_neither_accepted_nor_the_end_the_end_is_written_later() -> None:
     store = FullStore()
+    behind = Behind(store)  # type: ignore[arg-type]
     table = CommandTable(
         store,  # type: ignore[arg-type]
+        behind,
         clock=VirtualClock(asyncio.get_running_loop()),
         hold_s=0.0,
         on_slow=lambda _: None,
@@ -56,8 +66,22 @@ async def test_when_the_disk_takes_neither_accepted_nor_the_end_the_end_is_writt
         done.set_exception(StoreError("the disk is full"))
     await asyncio.sleep(0.01)
     store.is_full = False
-    table.resume()
+    behind.resume()
     await asyncio.sleep(0.01)
 
     assert published == [Phase.CONFIRMED]
     assert store.written == ["confirmed"]
+
+
+async def test_one_document_with_a_bug_takes_no_other_with_it() -> None:
+    store, lost = Store(None, STATE), asyncio.Event()
+    behind = Behind(store, on_lost=lost.set)
+    for number in range(9):
+        work = partial(put_body, name=str(number), body="x")
+        behind.put(number, work if number != 4 else lambda _: 1 / 0)
+    store.start(lambda *_: None)
+    await lost.wait()
+    found = await asyncio.wrap_future(store.submit(lambda file: file.execute(NAMES).fetchall()))
+    store.close(within_s=PATIENCE_S)
+
+    assert "".join(name for (name,) in found) == "01235678"
