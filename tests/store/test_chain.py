@@ -40,12 +40,9 @@ def placed(lines: list[str]) -> list[tuple[str, str]]:
     [
         ({"b": 1, "a": 2.0}, '{"a":2.0,"b":1}'),
         ({"t": (1, [True, None])}, '{"t":[1,[true,null]]}'),
-        (float("nan"), "null"),
-        (float("inf"), "null"),
         (Colour.RED, '"red"'),
         ("°C", '"°C"'),
         ("\ud800", '"?"'),
-        ({2, 1}, '["1","2"]'),
         (b"\x01", "\"b'\\\\x01'\""),
         ({1: "one"}, '{"1":"one"}'),
     ],
