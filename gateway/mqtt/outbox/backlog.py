@@ -1,10 +1,10 @@
 """The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
-being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
-memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
-written, and `written` or `unwritten` must follow. A row that the broker has acknowledged before that is never
-written; one that was is deleted together with what is written later.
+being published live), in flight, or in its queue. It leaves memory when it is gone, or when it is written and
+beyond the queue's window. Nothing here does I/O: `batch` says what is to be written, and `written` or
+`unwritten` must follow. A row that the broker has acknowledged before that is never written; one that was is
+deleted together with what is written later.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 500  # at a time
+MOST_VALUES = 100  # at a time: the intent of a start waits for no more
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -33,7 +33,7 @@ class Bounds(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What is to be written at once; of its rows the values come last."""
+    """What is to be written at once."""
 
     rows: Sequence[OutboxRow] = ()
     delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
@@ -67,10 +67,10 @@ class Backlog:
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
-        self._stored: set[int] = set()  # rows that the table has, perhaps
+        self._stored: set[int] = set()  # unwritten and staged rows that the table has all the same, perhaps
         self._flying: set[int] = set()
         self._unwritten: dict[int, None] = {}
-        self._writing: frozenset[int] = frozenset()
+        self._writing: Batch | None = None
         self._delivered: dict[int, Rank] = {}  # what the table has to delete
         self._lost: dict[int, Rank] = {}  # likewise, together with a loss
         self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
@@ -150,13 +150,8 @@ class Backlog:
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
         queue = self.queues[rank]
-        if not queue.rows:
-            return None
-        if not queue.is_next_here:
-            if not self.is_table_away():
-                return None
-            self._bring_strays(rank)
-        return self._memory[queue.ids[0]] if queue.ids else None
+        is_known = queue.is_next_here or self.is_table_away()
+        return self._memory[queue.ids[0]] if queue.ids and is_known else None
 
     def take(self, row: OutboxRow) -> None:
         """Remove what `first` returned, until it is done or given back."""
@@ -222,30 +217,28 @@ class Backlog:
         ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
         values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
         ids += islice(values, MOST_VALUES)
-        for id_ in ids:
-            del self._unwritten[id_]
-        self._writing = frozenset(ids)
+        self._stored.update(ids)
         lost, self._lost = self._lost, {}
         rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, delivered, lost, self.losses.unsaved())
+        self._writing = Batch(rows, delivered, lost, self.losses.unsaved())
+        return self._writing
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
-        self._writing = frozenset()
         if batch.is_relief and batch.losses is not None:
             self.losses.save_again()  # without those whose event is written with them
-        elif not batch.is_relief:
-            self.losses.note_written()
+        if batch is not self._writing:  # relief, or the table was lost meanwhile
+            return
+        self._writing = None
+        self.losses.note_written()
         for row in batch.rows:
             if row.id in self._memory:
+                del self._unwritten[row.id]
+                self._stored.discard(row.id)
                 self._leave_to_table(self._memory[row.id])
 
     def unwritten(self, batch: Batch) -> None:
-        """Note that a batch could not be written, or not all of it."""
-        self._writing = frozenset()
-        again = {row.id: None for row in batch.rows if row.id in self._memory}
-        self._unwritten = again | self._unwritten
-        self._stored |= again.keys()
+        """Note that a batch could not be written, as far as is known."""
         self._delivered = {**batch.delivered, **self._delivered}
         self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
@@ -269,8 +262,7 @@ class Backlog:
             if rank in totals:
                 queue.recall(totals[rank])
             else:
-                self._bring_strays(rank)
-                queue.read(HIGHEST, 0.0)
+                queue.bring((), HIGHEST, 0.0)
 
     def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
         """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
@@ -284,25 +276,24 @@ class Backlog:
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
-        queue.bring(row.id for row in rows)
         for row in page.damaged:
             queue.lose_beyond(1, row.size)
             self._lost[row.id] = rank
             self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
-        self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
+        upto = HIGHEST if page.is_last else page.upto
+        queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:
             self._lose_beyond(rank)
-        queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
         self._make_room()
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
         self._delivered.clear()
         self._lost.clear()
+        self._writing = None
         for rank, queue in self.queues.items():
-            self._bring_strays(rank)
             self._lose_beyond(rank)
-            queue.read(HIGHEST, 0.0)
+            queue.bring((), HIGHEST, 0.0)
         self._unwritten = dict.fromkeys(sorted(self._memory))
         self.losses.save_again()
         self.on_work()
@@ -348,17 +339,16 @@ class Backlog:
         for rank, queue in self.queues.items():
             if reason == DISK_FULL and queue.rows:
                 return self.first(rank)
-            if not queue.ids:
-                self._bring_strays(rank)
             if queue.ids:
                 return self._memory[queue.ids[0]]
         return None
 
     def _leave_to_table(self, row: OutboxRow) -> None:
         """Forget a row that the table has, unless it is held, in flight or within the window."""
-        is_written = row.id not in self._unwritten and row.id not in self._writing
-        is_here = row.id in self._held or row.id in self._flying or row.id in self.queues[row.rank]
-        if is_written and not is_here:
+        queue = self.queues[row.rank]
+        is_needed = row.id in self._unwritten or row.id in self._held or row.id in self._flying
+        if row.id > queue.upto and not is_needed:
+            queue.leave(row)
             del self._memory[row.id]
             self._bytes -= row.size
 
@@ -383,17 +373,9 @@ class Backlog:
         self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
 
     def _lose_beyond(self, rank: Rank) -> None:
-        """Declare what the table should have and has not; everything in memory is within the queue."""
+        """Declare what the table should have and has not."""
         queue = self.queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
             queue.lose_beyond(queue.beyond, size)
-
-    def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:
-        """Have rows of beyond that are still in memory within the queue."""
-        queue = self.queues[rank]
-        if queue.beyond:
-            places = self._held | self._flying | set(queue.ids)
-            rows = (row for row in self._memory.values() if row.rank is rank and row.id <= upto)
-            queue.bring(row.id for row in rows if row.id not in places)
