@@ -151,16 +151,14 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     for number in ("7", "8"):
         box.put(result(number), 0.0)
     taken = {each.message.key: each for each in take_all(box)}
-    batch = backlog.batch()
-    assert batch is not None
-    backlog.written(batch)
+    for batch in backlog.batches():
+        backlog.written(batch)
 
     for each in taken.values():
         box.acked(each.ticket, 0)
 
     def deleted() -> list[int]:
-        found = backlog.batch()
-        return [] if found is None else list(found.delivered)
+        return [id_ for batch in backlog.batches() for id_ in batch.delivered]
 
     assert box.is_idle
     assert deleted() == [taken["alice/8"].rows[0].id]
@@ -179,7 +177,7 @@ def test_what_is_acknowledged_before_it_is_written_never_is() -> None:
     for each in take_all(box):
         box.acked(each.ticket, 0)
 
-    assert box.backlog.batch() is None
+    assert box.backlog.batches() == []
     assert not box.backlog.is_to_be_stored(row)
 
 

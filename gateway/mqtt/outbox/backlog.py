@@ -2,7 +2,7 @@
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
 being published live), in flight, or in its queue. It leaves memory when it is gone, or when it is written and
-beyond the queue's window. Nothing here does I/O: `batch` says what is to be written, and `written` or
+beyond the queue's window. Nothing here does I/O: `batches` says what is to be written, and `written` or
 `unwritten` must follow. A row that the broker has acknowledged before that is never written; one that was is
 deleted together with what is written later.
 """
@@ -33,18 +33,12 @@ class Bounds(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What is to be written at once."""
+    """What is to be written at once; without rows a full disk takes it too."""
 
     rows: Sequence[OutboxRow] = ()
     delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
     lost: Mapping[int, Rank] = {}  # likewise
     losses: Sequence[Loss] | None = None  # None: the table has them
-    is_relief: bool = False  # of a full disk: what is new is not in it
-
-    @property
-    def deletes_only(self) -> bool:
-        """Return whether a full disk permits it."""
-        return not self.rows and len(self.lost) <= MOST_DELETED
 
     @property
     def is_flushed(self) -> bool:
@@ -197,37 +191,34 @@ class Backlog:
 
     # What is to be written.
 
-    def batch(self, *, deletes_only: bool = False) -> Batch | None:
-        """Return what is to be written next, None for nothing.
+    def batches(self) -> list[Batch]:
+        """Return what is to be written next: what is to be deleted, then what is new.
 
-        All events and results are in it, so that what declares a loss is written with the loss.
-        `deletes_only`: the disk is full, and what was lost makes room there, too.
+        All events and results are in the second, so that what declares a loss is written with the loss.
         """
-        delivered = self._deletable()
-        for id_ in delivered:
-            del self._delivered[id_]
-        if deletes_only:
-            lost = dict(islice(self._lost.items(), MOST_DELETED))
+        found: list[Batch] = []
+        delivered, lost = self._deletable(), dict(islice(self._lost.items(), MOST_DELETED))
+        if delivered or lost:
+            for id_ in delivered:
+                del self._delivered[id_]
             for id_ in lost:
                 del self._lost[id_]
-            losses = self.losses.with_declared() if lost else None
-            return Batch([], delivered, lost, losses, is_relief=True) if delivered or lost else None
-        if not (self._unwritten or self._lost or self.losses.is_unsaved):
-            return Batch(delivered=delivered) if delivered else None
-        ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
-        values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
-        ids += islice(values, MOST_VALUES)
-        self._stored.update(ids)
-        lost, self._lost = self._lost, {}
-        rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        self._writing = Batch(rows, delivered, lost, self.losses.unsaved())
-        return self._writing
+            found.append(Batch((), delivered, lost, self.losses.with_declared() if lost else None))
+        if self._unwritten or self.losses.is_unsaved:
+            ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
+            values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
+            ids += islice(values, MOST_VALUES)
+            self._stored.update(ids)
+            rows = [self.in_utc(self._memory[id_]) for id_ in ids]
+            self._writing = Batch(rows, losses=self.losses.unsaved())
+            found.append(self._writing)
+        return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
-        if batch.is_relief and batch.losses is not None:
+        if batch.lost:
             self.losses.save_again()  # without those whose event is written with them
-        if batch is not self._writing:  # relief, or the table was lost meanwhile
+        if batch is not self._writing:  # a deletion, or the table was lost meanwhile
             return
         self._writing = None
         self.losses.note_written()

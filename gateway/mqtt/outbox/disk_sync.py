@@ -69,7 +69,6 @@ class DiskSync:
         self._is_recalled = False
         self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
-        self._is_full = False
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
@@ -174,26 +173,26 @@ class DiskSync:
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self, *, may_wait: bool = True) -> None:
-        """Write what is to be written; where there was no room for it, delete what was delivered first."""
-        while batch := self._next_batch():
-            is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
-            is_freeing = batch.deletes_only
-            within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
-            work = partial(self._written, batch)
-            try:
-                await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-            except BaseException:
-                self._outbox.backlog.unwritten(batch)
-                self._is_full = True
-                raise
-            self._is_full = False
-            self._outbox.backlog.written(batch)
-            if is_flushed:
-                self._flushed_s = self._clock.now_s()
+        """Write all that is to be written, as far as a full disk permits."""
+        while batches := self._outbox.backlog.batches():
+            writing = (self._write_batch(batch, may_wait=may_wait) for batch in batches)
+            for outcome in await asyncio.gather(*writing, return_exceptions=True):
+                if outcome is not None:
+                    raise outcome
 
-    def _next_batch(self) -> Batch | None:
-        room = self._outbox.backlog.batch(deletes_only=True) if self._is_full else None
-        return room or self._outbox.backlog.batch()
+    async def _write_batch(self, batch: Batch, *, may_wait: bool) -> None:
+        is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+        is_freeing = not batch.rows
+        within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
+        work = partial(self._written, batch)
+        try:
+            await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+        except BaseException:
+            self._outbox.backlog.unwritten(batch)
+            raise
+        self._outbox.backlog.written(batch)
+        if is_flushed:
+            self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         gone = (*batch.delivered.items(), *batch.lost.items())
