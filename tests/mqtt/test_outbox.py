@@ -167,20 +167,6 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     assert deleted() == [taken["alice/7"].rows[0].id]
 
 
-def test_what_is_acknowledged_before_it_is_written_never_is() -> None:
-    box = outbox()
-    connect(box)
-    box.put(event("1"), 0.0)
-    row = box.stage(result("2"), 0.0)
-    box.put(result("2"), 0.0)
-
-    for each in take_all(box):
-        box.acked(each.ticket, 0)
-
-    assert box.backlog.batches() == []
-    assert not box.backlog.is_to_be_stored(row)
-
-
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:
     box = outbox(memory=Bounds(4, 10**6))
     dropped = []

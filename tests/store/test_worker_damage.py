@@ -25,19 +25,6 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def test_that_a_file_was_lost_is_still_known_after_a_restart(keeping: Make, path: Path) -> None:
-    path.write_text("Dear diary, " * 1000)
-    first = keeping(path)
-    first.until(News.OPEN)
-    lost_s = first.store.lost_s
-    first.close()
-
-    second = keeping(path)
-    second.until(News.OPEN)
-
-    assert second.store.lost_s == lost_s is not None
-
-
 @pytest.mark.parametrize(
     "sql",
     [
