@@ -1,7 +1,8 @@
 """What is written behind: the newest work of each key waits in memory until the disk has done it.
 
-While the file is away it waits on, for a bounded number of keys. A part at a time is written; each success
-starts the next part, and `resume` starts one when the file is back. Work with a bug is given up alone.
+While the file is away it waits on, for a bounded number of keys. A part at a time is written, with another
+transaction if there is one soon; each success starts the next part, and `resume` starts one when the file is
+back. Work with a bug is given up alone.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Behind:
         """Have the next part done of what waits."""
         if self._waiting and not self._is_writing:
             self._is_writing = True
-            self._submit((), within_s=BEHIND_S)
+            self._submit((), within_s=BEHIND_S if len(self._waiting) < AT_ONCE else 0.0)
 
     def _set(self, key: Hashable, work: Work) -> None:
         self._waiting.pop(key, None)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.store.reserve import Reserve
-from gateway.system.whole_files import NEW, private, put_in_place, sync_file, without_waiting
+from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +40,6 @@ _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLI
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside-"
 _STAMP_DIGITS = 20
-_HEADER_BYTES = 100
 _CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
 _NOTE = "REPLACE INTO meta VALUES (?, ?)"
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
@@ -269,22 +268,12 @@ def mark_restored(path: Path) -> None:
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:
-    """Return the version of a database as it is; None when there is none, or none that can be read.
-
-    Where another process holds the file, its header must do, which lacks what is still in the write-ahead
-    log. Without such a log the header is enough, and nothing is made beside the file.
-    """
-    try:
-        if Path(f"{path}-wal").exists():
-            with suppress(StoreError, sqlite3.Error), _translated(path), closing(_reader(path)) as connection:
+    """Return the version of a database as it is; None when there is none, or none that can be read."""
+    with suppress(OSError, StoreError, sqlite3.Error):
+        if path.is_file():
+            with _translated(path), closing(_reader(path, is_idle=True)) as connection:
                 return _ours(*_marks(connection), schema)
-        with open(path, "rb", opener=without_waiting) as file:
-            header = file.read(_HEADER_BYTES)
-    except OSError:
-        return None
-    return _ours(
-        int.from_bytes(header[68:72]), int.from_bytes(header[60:64]), schema
-    )  # sqlite.org/fileformat2
+    return None
 
 
 def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:

@@ -204,24 +204,25 @@ class Backlog:
             for id_ in lost:
                 del self._lost[id_]
             found.append(Batch((), delivered, lost, self.losses.with_declared() if lost else None))
-        if self._unwritten or self.losses.is_unsaved:
+        if self._unwritten or lost or self.losses.is_unsaved:
             ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
             values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
             ids += islice(values, MOST_VALUES)
             self._stored.update(ids)
             rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-            self._writing = Batch(rows, losses=self.losses.unsaved())
+            losses = self.losses.pending if lost or self.losses.is_unsaved else None
+            self._writing = Batch(rows, losses=losses)
             found.append(self._writing)
         return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
-        if batch.lost:
-            self.losses.save_again()  # without those whose event is written with them
+        if batch.losses is not None:
+            self.losses.note_stored(batch.losses)
         if batch is not self._writing:  # a deletion, or the table was lost meanwhile
             return
         self._writing = None
-        self.losses.note_written()
+        self.losses.note_events_stored()
         for row in batch.rows:
             if row.id in self._memory:
                 del self._unwritten[row.id]
@@ -233,7 +234,7 @@ class Backlog:
         self._delivered = {**batch.delivered, **self._delivered}
         self._lost = {**batch.lost, **self._lost}
         if batch.losses is not None:
-            self.losses.save_again()
+            self.losses.note_stored(None)
 
     def in_utc(self, row: OutboxRow) -> OutboxRow:
         """Return a row as the table has it."""
@@ -246,7 +247,7 @@ class Backlog:
         for queue in self.queues.values():
             queue.expect_table()
 
-    def recall(self, totals: Mapping[Rank, Total], losses: Iterable[Loss]) -> None:
+    def recall(self, totals: Mapping[Rank, Total], losses: Sequence[Loss]) -> None:
         """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
         self.losses.recall(losses)
         for rank, queue in self.queues.items():
@@ -286,7 +287,7 @@ class Backlog:
             self._lose_beyond(rank)
             queue.bring((), HIGHEST, 0.0)
         self._unwritten = dict.fromkeys(sorted(self._memory))
-        self.losses.save_again()
+        self.losses.note_stored(None)
         self.on_work()
 
     # Inside.

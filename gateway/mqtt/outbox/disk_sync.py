@@ -168,7 +168,7 @@ class DiskSync:
         self._wait_no_longer(keys)
         self._wake()
 
-    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], Iterable[Loss]]:
+    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], list[Loss]]:
         table = self._table
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
