@@ -31,18 +31,16 @@ CACHE_KIB = 512  # rows are written once and read once: more would only fill up 
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOGGED_PAGES = 100  # then it is: the file grows by these, and the reserve must be enough for that
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
-MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
 LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the write-ahead log
 
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
-_ASIDE = ".aside-"
-_STAMP_DIGITS = 20
+_ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
 _CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
-_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
+_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 
 
 class FullError(StoreError):
@@ -230,8 +228,8 @@ class Database:
         connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
         connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
         is_restored = connection.execute("DELETE FROM meta WHERE key = 'restored_s'").rowcount > 0
-        for key in ("opened_s", "lost_s") if is_lost or is_restored else ("opened_s",):
-            connection.execute(_NOTE, (key, time.time()))
+        if is_lost or is_restored:
+            connection.execute(_NOTE, ("lost_s", time.time()))
         connection.execute("COMMIT")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
@@ -395,19 +393,10 @@ def _place(path: Path) -> tuple[int, int] | None:
 
 
 def put_aside(path: Path) -> Path:
-    """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
-    stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
+    """Rename a file and SQLite's files beside it, and return its new name; an earlier such file goes."""
+    aside = path.with_name(f"{path.name}{_ASIDE}")
     for end in _COMPANIONS:
+        Path(f"{aside}{end}").unlink(missing_ok=True)
         if os.path.lexists(f"{path}{end}"):
-            os.rename(f"{path}{end}", path.with_name(stem + end))
-    _forget_oldest(path)
-    return path.with_name(stem)
-
-
-def _forget_oldest(path: Path) -> None:
-    length = len(path.name) + len(_ASIDE) + _STAMP_DIGITS
-    entries = sorted(entry for entry in path.parent.iterdir() if entry.name.startswith(path.name + _ASIDE))
-    recent = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
-    for entry in entries:
-        if entry.name[:length] not in recent and not entry.is_dir():
-            entry.unlink()
+            os.rename(f"{path}{end}", f"{aside}{end}")
+    return aside

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.store.database import MOST_ASIDE, stored_version
+from gateway.store.database import stored_version
 from gateway.store.worker import News
 from tests.store.store_rig import THINGS, Keeping, Make, insert, texts
 
@@ -32,7 +32,6 @@ def path(tmp_path: Path) -> Path:
         "PRAGMA user_version = 0",
         "DROP TABLE thing",
         "ALTER TABLE thing RENAME COLUMN text TO other",
-        "DELETE FROM sqlite_master WHERE name = 'thing'",
     ],
 )
 def test_a_database_of_another_shape_is_put_aside_or_repaired(keeping: Make, path: Path, sql: str) -> None:
@@ -72,7 +71,7 @@ def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, pat
         assert one.do(texts)[-1] == "a"
         one.close()
 
-    assert len(list(path.parent.glob("*.aside-*[0-9]"))) == MOST_ASIDE
+    assert {each.name for each in path.parent.glob("*.aside*")} <= {"x.sqlite.aside", "x.sqlite.aside-wal"}
 
 
 def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
@@ -130,7 +129,7 @@ def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
 
     assert "in use by another process" in text
     assert second.do(texts)[-1] == "a"
-    assert not list(path.parent.glob("*.aside-*"))
+    assert not list(path.parent.glob("*.aside*"))
 
 
 def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, path: Path) -> None:
@@ -142,5 +141,5 @@ def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, pat
     text = one.until(News.AWAY)
 
     assert "has format 2, and this program knows formats up to 1" in text
-    assert not list(path.parent.glob("*.aside-*"))
+    assert not list(path.parent.glob("*.aside*"))
     assert stored_version(path, THINGS) == 2
