@@ -316,8 +316,7 @@ class Model:
         return is_said
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
-        gone = (*batch.delivered.items(), *batch.lost.items())
-        self.table.delete(connection, ((rank, id_) for id_, rank in gone))
+        self.table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
@@ -355,9 +354,9 @@ class Model:
         rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
-        lost = set(self.backlog._lost)
-        for batch in self.doing[1] if self.doing[0] == "batches" else ():
-            lost |= batch.lost.keys()
+        batches = self.doing[1] if self.doing[0] == "batches" else ()
+        gone = [*self.backlog._gone.items(), *(each for batch in batches for each in batch.gone.items())]
+        lost = {id_ for id_, each in gone if each.is_lost}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
         oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}

@@ -158,7 +158,7 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
         box.acked(each.ticket, 0)
 
     def deleted() -> list[int]:
-        return [id_ for batch in backlog.batches() for id_ in batch.delivered]
+        return [id_ for batch in backlog.batches() for id_ in batch.gone]
 
     assert box.is_idle
     assert deleted() == [taken["alice/8"].rows[0].id]

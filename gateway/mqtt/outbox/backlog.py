@@ -32,12 +32,18 @@ class Bounds(NamedTuple):
     bytes: int
 
 
+class Gone(NamedTuple):
+    """A row that the table has to delete: the broker has it, or it is lost."""
+
+    rank: Rank
+    is_lost: bool
+
+
 class Batch(NamedTuple):
     """What is to be written at once; without rows a full disk takes it too."""
 
     rows: Sequence[OutboxRow] = ()
-    delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
-    lost: Mapping[int, Rank] = {}  # likewise
+    gone: Mapping[int, Gone] = {}  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None = None  # None: the table has them
 
     @property
@@ -61,12 +67,9 @@ class Backlog:
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
-        self._stored: set[int] = set()  # unwritten and staged rows that the table has all the same, perhaps
         self._flying: set[int] = set()
-        self._unwritten: dict[int, None] = {}
-        self._writing: Batch | None = None
-        self._delivered: dict[int, Rank] = {}  # what the table has to delete
-        self._lost: dict[int, Rank] = {}  # likewise, together with a loss
+        self._unwritten: dict[int, bool] = {}  # with whether the table has it all the same, perhaps
+        self._gone: dict[int, Gone] = {}
         self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
@@ -102,13 +105,14 @@ class Backlog:
             self.release(staged)
         else:
             self._memory[row.id] = row
-            self._enqueue(row, is_new=True)
+            self._unwritten[row.id] = False
+            self._enqueue(row)
 
     def hold(self, row: OutboxRow) -> None:
         """Have a row stored that waits to be released."""
         self._memory[row.id] = row
         self._held.add(row.id)
-        self._unwritten[row.id] = None
+        self._unwritten[row.id] = False
 
     def stage(self, row: OutboxRow) -> None:
         """Hold a row that somebody else stores, until the same is put."""
@@ -118,11 +122,7 @@ class Backlog:
 
     def is_to_be_stored(self, row: OutboxRow) -> bool:
         """Return whether a staged row must be in the table: the broker does not have it; from any thread."""
-        self._stored.add(row.id)  # before it is looked for: it may be gone the moment after
-        if row.id in self._memory:
-            return True
-        self._stored.discard(row.id)
-        return False
+        return row.id in self._memory
 
     def holds(self, id_: int) -> bool:
         """Return whether a row is held."""
@@ -132,14 +132,15 @@ class Backlog:
         """Let a held row be sent."""
         self._held.remove(id_)
         row = self._memory[id_]
-        # Whether a staged row could be stored is not known here: it is stored again, which changes nothing.
-        self._enqueue(row, is_new=bool(row.key))
+        if row.key:  # whether it could be stored is not known here: it is stored again, which changes nothing
+            self._unwritten[row.id] = True
+        self._enqueue(row)
 
     def cancel(self, id_: int) -> None:
         """Remove a row if it is held: the broker has its message."""
         if id_ in self._held:
             self._held.remove(id_)
-            self._have_deleted(self._memory.pop(id_), self._delivered)
+            self._have_deleted(self._memory.pop(id_), is_lost=False)
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
@@ -169,7 +170,7 @@ class Backlog:
         """Note that the broker has acknowledged what was taken."""
         for row in rows:
             self._flying.remove(row.id)
-            self._forget(row, self._delivered)
+            self._forget(row, is_lost=False)
             if row.key in self._needed:
                 self._needed[row.key] = row.id
 
@@ -197,42 +198,35 @@ class Backlog:
         All events and results are in the second, so that what declares a loss is written with the loss.
         """
         found: list[Batch] = []
-        delivered, lost = self._deletable(), dict(islice(self._lost.items(), MOST_DELETED))
-        if delivered or lost:
-            for id_ in delivered:
-                del self._delivered[id_]
-            for id_ in lost:
-                del self._lost[id_]
-            found.append(Batch((), delivered, lost, self.losses.with_declared() if lost else None))
-        if self._unwritten or lost or self.losses.is_unsaved:
+        needed = frozenset(self._needed.values())
+        gone = dict(islice((each for each in self._gone.items() if each[0] not in needed), MOST_DELETED))
+        has_lost = any(each.is_lost for each in gone.values())
+        if gone:
+            self._gone = {id_: each for id_, each in self._gone.items() if id_ not in gone}
+            found.append(Batch((), gone, self.losses.with_declared() if has_lost else None))
+        if self._unwritten or has_lost or self.losses.is_unsaved:
             ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
             values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
             ids += islice(values, MOST_VALUES)
-            self._stored.update(ids)
+            self._unwritten.update(dict.fromkeys(ids, True))
             rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-            losses = self.losses.pending if lost or self.losses.is_unsaved else None
-            self._writing = Batch(rows, losses=losses)
-            found.append(self._writing)
+            losses = self.losses.pending if has_lost or self.losses.is_unsaved else None
+            found.append(Batch(rows, losses=losses))
         return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
         if batch.losses is not None:
             self.losses.note_stored(batch.losses)
-        if batch is not self._writing:  # a deletion, or the table was lost meanwhile
-            return
-        self._writing = None
-        self.losses.note_events_stored()
+        if not batch.gone:
+            self.losses.note_events_stored()
         for row in batch.rows:
-            if row.id in self._memory:
-                del self._unwritten[row.id]
-                self._stored.discard(row.id)
+            if self._unwritten.pop(row.id, False):
                 self._leave_to_table(self._memory[row.id])
 
     def unwritten(self, batch: Batch) -> None:
         """Note that a batch could not be written, as far as is known."""
-        self._delivered = {**batch.delivered, **self._delivered}
-        self._lost = {**batch.lost, **self._lost}
+        self._gone = {**batch.gone, **self._gone}
         if batch.losses is not None:
             self.losses.note_stored(None)
 
@@ -264,13 +258,13 @@ class Backlog:
     def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self.queues[rank]
-        rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
+        rows = [row for row in page.rows if row.id not in self._memory and row.id not in self._gone]
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
         for row in page.damaged:
             queue.lose_beyond(1, row.size)
-            self._lost[row.id] = rank
+            self._gone[row.id] = Gone(rank, is_lost=True)
             self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
         upto = HIGHEST if page.is_last else page.upto
         queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
@@ -280,39 +274,27 @@ class Backlog:
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
-        self._delivered.clear()
-        self._lost.clear()
-        self._writing = None
+        self._gone.clear()
         for rank, queue in self.queues.items():
             self._lose_beyond(rank)
             queue.bring((), HIGHEST, 0.0)
-        self._unwritten = dict.fromkeys(sorted(self._memory))
+        self._unwritten = dict.fromkeys(sorted(self._memory), True)
         self.losses.note_stored(None)
         self.on_work()
 
     # Inside.
 
-    def _enqueue(self, row: OutboxRow, *, is_new: bool) -> None:
-        if is_new:
-            self._unwritten[row.id] = None
+    def _enqueue(self, row: OutboxRow) -> None:
         self._bytes += row.size
         self.queues[row.rank].add(row)
         self._leave_to_table(row)
         self._make_room()
 
-    def _deletable(self) -> dict[int, Rank]:
-        """Return some rows that were delivered and need not stay."""
-        if not self._delivered:
-            return {}
-        needed = frozenset(self._needed.values())
-        free = ((id_, rank) for id_, rank in self._delivered.items() if id_ not in needed)
-        return dict(islice(free, MOST_DELETED))
-
     def _make_room(self) -> None:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
         while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
             self.queues[victim.rank].remove(victim)
-            self._forget(victim, self._lost)
+            self._forget(victim, is_lost=True)
             self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
     def _excess(self) -> str:
@@ -344,22 +326,16 @@ class Backlog:
             del self._memory[row.id]
             self._bytes -= row.size
 
-    def _forget(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+    def _forget(self, row: OutboxRow, *, is_lost: bool) -> None:
         """Let go of a row that is in no place any more."""
         del self._memory[row.id]
         self._bytes -= row.size
-        self._have_deleted(row, gone)
+        self._have_deleted(row, is_lost=is_lost)
 
-    def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+    def _have_deleted(self, row: OutboxRow, *, is_lost: bool) -> None:
         """Have the table delete a row that it has, or may have."""
-        is_written = row.id not in self._unwritten or row.id in self._stored
-        self._unwritten.pop(row.id, None)
-        self._stored.discard(row.id)
-        if is_written:
-            gone[row.id] = row.rank
-
-    def _is_gone(self, id_: int) -> bool:
-        return id_ in self._delivered or id_ in self._lost
+        if self._unwritten.pop(row.id, True):
+            self._gone[row.id] = Gone(row.rank, is_lost)
 
     def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
         self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))

@@ -195,8 +195,7 @@ class DiskSync:
             self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
-        gone = (*batch.delivered.items(), *batch.lost.items())
-        self._table.delete(connection, ((rank, id_) for id_, rank in gone))
+        self._table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
