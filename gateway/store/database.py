@@ -7,6 +7,7 @@ Without a path the same lives in memory.
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sqlite3
@@ -352,7 +353,8 @@ def _translated(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+        kind = FullError if error.errno in (errno.ENOSPC, errno.EDQUOT) else StoreError
+        raise kind(f"{error.filename or path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:  # of a message that quotes what is damaged
         raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
