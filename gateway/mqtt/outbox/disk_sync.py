@@ -20,13 +20,14 @@ from concurrent.futures import Future
 from functools import partial
 from typing import TypeVar
 
-from gateway.contract import PublishEvent
+from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.store import BEHIND_S, Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
+from gateway.system.rate_limits import Damped
 from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ RETRY_S = 1.0
 COMPANY_S = 0.1  # starts of several motors share a transaction
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
+REFUSED_EVERY_S = 3600.0  # events
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 
 
@@ -74,6 +76,8 @@ class DiskSync:
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._outbox.backlog.is_table_away = lambda: store.is_unreadable
         self._outbox.backlog.on_work = self._work.set
+        refused = Damped(self._publish_refused, clock=clock, every_s=REFUSED_EVERY_S)
+        self._outbox.on_refused = lambda topic, code: refused.put("", (topic, code))
         self._outbox.backlog.expect_table()
 
     def note_news(self, news: News, _text: str) -> None:
@@ -228,9 +232,12 @@ class DiskSync:
         return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
 
     def _declare(self) -> None:
-        """Publish what was lost or refused, once there is a connection."""
+        """Publish what was lost, once there is a connection."""
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
-            for each in (self._outbox.backlog.losses, self._outbox.refusals):
-                if event := each.declare(now_s):
-                    self._publish_event(event)
+            if event := self._outbox.backlog.losses.declare(now_s):
+                self._publish_event(event)
+
+    def _publish_refused(self, last: tuple[str, int], count: int) -> None:
+        topic, code = last
+        self._publish_event(EventCode.PUBLISH_REFUSED, count=max(count, 1), topic=topic, reason_code=code)

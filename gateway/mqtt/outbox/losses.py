@@ -1,7 +1,4 @@
-"""What no subscriber will ever see: lost before the broker had it, or refused by the broker.
-
-Losses are summed up, stored in the table, and declared once; refusals are counted, and published hourly.
-"""
+"""What was lost before the broker had it: summed up, stored in the table, and declared once."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ from gateway.store import Loss, merged
 log = logging.getLogger(__name__)
 
 DECLARE_EVERY_S = 60.0  # losses that go on are summed up
-REFUSED_EVERY_S = 3600.0
 
 
 class Losses:
@@ -68,30 +64,6 @@ class Losses:
         self.pending = ()
         self._declared_s = now_s
         return event
-
-
-class RefusedMessages:
-    """Publications that the broker would not take; they are not sent again."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._published = 0
-        self._published_s = float("-inf")
-        self._last = ("", 0)
-
-    def add(self, topic: str, reason_code: int) -> None:
-        """Note one."""
-        self.count += 1
-        self._last = (topic, reason_code)
-
-    def declare(self, now_s: float) -> Event | None:
-        """Return the event that counts them; None when there is no new one, or when it is too soon."""
-        count = self.count - self._published
-        if not count or now_s < self._published_s + REFUSED_EVERY_S:
-            return None
-        self._published, self._published_s = self.count, now_s
-        topic, code = self._last
-        return event_of(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)
 
 
 def _gap(losses: Sequence[Loss]) -> Event:
