@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.database import newer_text, snapshot, stored_version, write_file
+from gateway.errors import DamagedError, NewerError
+from gateway.store.database import newer_text, snapshot, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
@@ -160,13 +160,12 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Non
 @contextmanager
 def open_archive(path: Path) -> Iterator[Archive]:
     """Open a backup and verify all of it; DamagedError, NewerError, StoreError when it cannot be read."""
-    try:
-        with tarfile.open(path, mode="r:gz") as tar:
-            yield Archive(_verified(tar, tar.getmembers(), path), tar)
-    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
-    except OSError as error:
-        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+    with translated(path):
+        try:
+            with tarfile.open(path, mode="r:gz") as tar:
+                yield Archive(_verified(tar, tar.getmembers(), path), tar)
+        except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
 
 
 def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path) -> Manifest:

@@ -1,4 +1,4 @@
-"""What is written behind: the newest work of each key waits in memory until the disk has done it.
+"""Work that is written behind: the newest of each key waits in memory until the disk has done it.
 
 While the file is away it waits on, for a bounded number of keys. A part at a time is written, with another
 transaction if there is one soon; each success starts the next part, and `resume` starts one when the file is

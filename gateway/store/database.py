@@ -94,7 +94,7 @@ class Database:
         """Open or create the file; return how the one before it was lost, if it was. StoreError."""
         lost = f"{self.path} was removed while in use; a new one is used" if self._is_lost else ""
         if self._is_file:
-            with _translated(self.path):
+            with translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
             self._connect()
@@ -109,7 +109,7 @@ class Database:
     def replace(self, error: DamagedError) -> str:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
-        with _translated(self.path):
+        with translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
         self._is_lost = True
         self._connect()
@@ -122,7 +122,7 @@ class Database:
         next transaction that is.
         """
         connection = self._opened()
-        with _translated(self.path):
+        with translated(self.path):
             if is_flushed != self._is_flushing:
                 _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
                 self._is_flushing = is_flushed
@@ -140,7 +140,7 @@ class Database:
         """Take the room again that was given up, as soon as the disk has it; FullError."""
         if not self._reserve.is_held:
             self._shrink()
-        with _translated(self.path):
+        with translated(self.path):
             if not self._reserve.take():
                 raise FullError(f"{self.path}: the disk is full")
 
@@ -159,7 +159,7 @@ class Database:
         """Give back to a full disk what the file does not need, as far as that is possible now."""
         connection = self._opened()
         try:
-            with _translated(self.path):
+            with translated(self.path):
                 connection.execute(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})").fetchall()
                 _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
         except StoreError as error:  # the next attempt does it
@@ -180,7 +180,7 @@ class Database:
         return self._connection
 
     def _connect(self) -> None:
-        with _translated(self.path):
+        with translated(self.path):
             is_there = self._is_file and self.path.exists()
             if is_there and not self.path.is_file():
                 raise DamagedError(f"{self.path} is no file")
@@ -248,10 +248,10 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
     if path.exists() and not os.access(path, os.R_OK):
         raise StoreError(f"{path} may not be read by this user (make the backup as root)")
     new = copy.with_name(copy.name + NEW)
-    with _translated(copy):
+    with translated(copy):
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with _translated(path), closing(_reader(path)) as source:
+        with translated(path), closing(_reader(path)) as source:
             version = _version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
@@ -262,7 +262,7 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
 
 def mark_restored(path: Path) -> None:
     """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
-    with _translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
+    with translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
         connection.execute(_NOTE, ("restored_s", time.time()))
 
 
@@ -270,7 +270,7 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     """Return the version of a database as it is; None when there is none, or none that can be read."""
     with suppress(OSError, StoreError, sqlite3.Error):
         if path.is_file():
-            with _translated(path), closing(_reader(path, is_idle=True)) as connection:
+            with translated(path), closing(_reader(path, is_idle=True)) as connection:
                 return _ours(*_marks(connection), schema)
     return None
 
@@ -280,7 +280,7 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is
 
     `is_idle`: no process opens it meanwhile, unless one has already.
     """
-    with _translated(path):
+    with translated(path):
         os.stat(path)
         with closing(_reader(path, is_idle=is_idle)) as connection:
             _version(connection, path, schema)
@@ -348,7 +348,7 @@ def newer_text(path: Path, version: int, schema: Schema) -> str:
 
 
 @contextmanager
-def _translated(path: Path) -> Iterator[None]:
+def translated(path: Path) -> Iterator[None]:
     """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
     try:
         yield

@@ -119,10 +119,10 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        What is urgent is done first, then what may wait (`within_s`) for another transaction, then all else;
-        among its like everything keeps its order. What need not be flushed at once outlives the process, but
-        perhaps not a power cut. What is freeing only deletes, and is done on a full disk too: it should touch
-        less than a quarter of the reserve.
+        Urgent work is done first, then work that may wait (`within_s`) for another transaction, then the
+        others; each keeps its order among its like. Work that need not be flushed at once outlives the
+        process, but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it
+        should touch less than a quarter of the reserve.
         """
         waiting = self._urgent if is_urgent else self._riding if within_s else self._others
         piece = _Piece(work, waiting, is_flushed, is_freeing)

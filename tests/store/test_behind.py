@@ -1,4 +1,4 @@
-"""What is written behind: work with a bug takes no other with it, and the rows of a disk hold the rest."""
+"""Writing behind: work with a bug takes no other with it, and the rows of a disk hold the rest."""
 
 from __future__ import annotations
 

@@ -3,11 +3,11 @@
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
 1. Every LOOK_S the rows that the broker has not acknowledged are written, few values at a time, so that the
-   intent of a start does not wait for all of them. What is acknowledged later is deleted with the next rows,
-   or with what somebody else writes.
+   intent of a start does not wait for all of them. Rows that are acknowledged later are deleted with the next
+   ones, or in another part's transaction.
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
-3. What memory or disk could not hold is declared once, in the event `gap`.
+3. Rows that neither memory nor disk could hold are declared once, in the event `gap`.
 4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
 

@@ -1,4 +1,4 @@
-"""What was lost before the broker had it: summed up, stored in the table, and declared once."""
+"""Rows that were lost before the broker had them: summed up, stored in the table, and declared once."""
 
 from __future__ import annotations
 
