@@ -192,8 +192,8 @@ class Store:
             _fail(batch, error)
         except Exception as error:  # the guard at the thread's top
             log.exception("store=%s a piece of work failed", self._file.path)
-            failure = UnstorableError(f"an error inside the gateway: {error!r}")
-            if not begun:
+            failure = _unstorable(error)
+            if not begun:  # it is not a piece's, and comes again
                 self._go_away(failure)
             _fail(begun[-1:] or batch, failure)
         for piece in reversed(batch):
@@ -250,6 +250,9 @@ class Store:
                 _finish(freeing, self._file.relieve([piece.work for piece in freeing]))
             except StoreError as failure:
                 _fail(freeing, failure)
+            except Exception as failure:
+                log.exception("store=%s a piece of work failed on a full disk", self._file.path)
+                _fail(freeing, _unstorable(failure))
 
     def _go_away(self, error: StoreError) -> None:
         """Begin a pause before the next attempt, unless this error is one that the pause makes."""
@@ -278,6 +281,11 @@ class _Piece:
         """Return whether it is to be done: its caller has not given it up meanwhile."""
         self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
         return self.is_begun
+
+
+def _unstorable(error: Exception) -> UnstorableError:
+    """Return what the caller gets of a bug."""
+    return UnstorableError(f"an error inside the gateway: {error!r}")
 
 
 def _taken(pieces: deque[_Piece], most: int) -> list[_Piece]:

@@ -115,6 +115,8 @@ def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
         one.do(write)
     with pytest.raises(StoreError, match="full"):
         one.do(insert("b"))
+    with pytest.raises(StoreError, match="inside the gateway"):
+        one.store.submit(lambda _: 1 / 0, is_freeing=True).result(PATIENCE_S)
     freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
     freed.result(PATIENCE_S)
     (reserve,) = tmp_path.rglob("*-reserve")
