@@ -100,12 +100,12 @@ class CommandTable(Journal):
     """Stores commands on the disk; only `intend` and `settle` wait for it."""
 
     def __init__(
-        self, store: Store, behind: Behind, *, clock: Clock, hold_s: float, on_slow: Callable[[float], None]
+        self, store: Store, *, clock: Clock, hold_s: float, on_slow: Callable[[float], None]
     ) -> None:
         self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
-        self._behind = behind
+        self._behind = Behind(store)
         self._clock = clock
         self._hold_s = hold_s
         self._on_slow = on_slow  # called when the disk delays a command
@@ -172,8 +172,9 @@ class CommandTable(Journal):
             async with asyncio.timeout(within_s):
                 await asyncio.wrap_future(self._store.submit(_nothing, is_urgent=True))
 
-    def read(self) -> None:
-        """Read the commands of earlier runs, once; the store is open."""
+    def resume(self) -> None:
+        """Go on now that the store is open: read it, the first time; write what it has missed."""
+        self._behind.resume()
         if not self._is_recalled:
             done = self._store.submit(self._read, is_urgent=True)
             done.add_done_callback(on_this_loop(self._recall))
@@ -191,7 +192,7 @@ class CommandTable(Journal):
 
     def _recall(self, future: Future[list[Remembered]]) -> None:
         if self._is_recalled or future.exception() is not None:
-            return  # `read` is called again, when the store is open
+            return  # `resume` tries again, when the store is open
         self._is_recalled = True
         if self._store.lost_s is not None:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)

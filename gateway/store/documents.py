@@ -84,6 +84,11 @@ class Documents:
                 self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
 
+    def resume(self) -> None:
+        """Have what the disk has missed saved, now that it is back."""
+        if self._behind is not None:
+            self._behind.resume()
+
     def save_all(self) -> None:
         """Save all documents again: the file was lost."""
         for document in self._documents:

@@ -51,11 +51,10 @@ class StateStore:
         self._publish_event = publish_event
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
-        self._behind = Behind(self.store)
-        self.documents = Documents(self._behind, path, is_operated=has_operators, publish_event=publish_event)
-        self.commands = CommandTable(
-            self.store, self._behind, clock=clock, hold_s=hold_s, on_slow=self._note_slow
+        self.documents = Documents(
+            Behind(self.store), path, is_operated=has_operators, publish_event=publish_event
         )
+        self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
         self._followers: list[OnNews] = []
         self._is_away = False
@@ -100,8 +99,8 @@ class StateStore:
                 if self._is_away:
                     self._publish_event(EventCode.STORE_AVAILABLE)
                 self._is_away = False
-                self.commands.read()
-                self._behind.resume()
+                self.commands.resume()
+                self.documents.resume()
                 self._audit.resume()
             case News.AWAY:
                 self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
