@@ -73,7 +73,7 @@ def keeping(tmp_path: Path) -> Iterator[Callable[..., Keeping]]:
     """Give a function that opens a store; every store is closed with the test."""
     open_: list[Keeping] = []
 
-    def make(path: Path | None = None, **options: int) -> Keeping:
+    def make(path: Path | None = None, **options: Any) -> Keeping:
         open_.append(Keeping(path or tmp_path / "state" / "x.sqlite", **options))
         return open_[-1]
 

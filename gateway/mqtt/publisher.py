@@ -102,7 +102,7 @@ class Publisher:
         reported = (0, 0)
         due_s = self._clock.now_s()
         while True:
-            losses = (self._outbox.backlog.losses.dropped, self._outbox.refusals.count)
+            losses = (self._outbox.backlog.losses.dropped, self._outbox.refused)
             if losses != reported or self._clock.now_s() >= due_s:
                 self._sink.put(OutboxRecord(**self._outbox.statistics(self._clock.now_s())))
                 reported = losses

@@ -10,28 +10,24 @@ from __future__ import annotations
 
 import json
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
 from functools import partial
-from itertools import accumulate, islice
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.contract import AuditRecord, rfc3339
-from gateway.errors import UnstorableError
+from gateway.store.behind import Behind
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import BEHIND_S, Store
-from gateway.system.supervised import on_this_loop
+from gateway.store.worker import Store
 
 T = TypeVar("T")
 
 MOST_BYTES = 48 * 2**20  # of all lines
 GIVEN_UP = 16  # of so many lines one goes when there is no room left
 MOST_WAITING = 5_000  # entries; what is more is lost, and counted
-MOST_AT_ONCE = 200
 
 _LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
 _PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
@@ -49,11 +45,9 @@ class Audit:
     """Takes entries in order; returns at once. All calls on the app's loop."""
 
     def __init__(self, store: Store, *, boot: str) -> None:
-        self._store = store
+        self._behind = Behind(store, on_lost=self._note_lost)
         self._boot = boot
-        self._waiting: deque[Mapping[str, Any]] = deque()  # also while they are being written
-        self._is_writing = False
-        self._lost = 0
+        self._taken = self._lost = 0
 
     def put(self, record: AuditRecord) -> None:
         """Take a decision about a command."""
@@ -66,39 +60,22 @@ class Audit:
         self._take(_note(code, text, self._boot))
 
     def resume(self) -> None:
-        """Have what waits written, a part at a time: each success starts the next."""
-        if self._is_writing or not (self._waiting or self._lost):
-            return
-        if self._lost:
-            lost, self._lost = self._lost, 0
-            self._waiting.append(_note("entries_lost", f"{lost} entries could not be stored", self._boot))
-        self._is_writing = True
-        future = self._store.submit(self._write, within_s=BEHIND_S)
-        future.add_done_callback(on_this_loop(self._written))
+        """Have what waits written; the store is open."""
+        self._behind.resume()
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        if len(self._waiting) >= MOST_WAITING:
-            self._lost += 1  # reported once there is room
-        else:
-            self._waiting.append(entry)
-        self.resume()
+        if len(self._behind) >= MOST_WAITING:
+            self._note_lost()
+            return
+        entries = [entry]
+        if self._lost:
+            lost, self._lost = self._lost, 0
+            entries.insert(0, _note("entries_lost", f"{lost} entries could not be stored", self._boot))
+        self._taken += 1
+        self._behind.put(self._taken, partial(append, entries=entries))
 
-    def _write(self, connection: Connection) -> int:
-        """Write what waits by now, in the store's thread, and return how many entries that is."""
-        entries = list(islice(self._waiting, MOST_AT_ONCE))
-        append(connection, entries=entries)
-        return len(entries)
-
-    def _written(self, future: Future[int]) -> None:
-        self._is_writing = False
-        error = future.exception()
-        if error is None:
-            for _ in range(future.result()):
-                self._waiting.popleft()
-            self.resume()
-        elif isinstance(error, UnstorableError):  # they would fail each time
-            self._lost += len(self._waiting)
-            self._waiting.clear()
+    def _note_lost(self) -> None:
+        self._lost += 1  # reported with the next entry that there is room for
 
 
 def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:

@@ -2,14 +2,14 @@
 
 Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files
 whose names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar
-gives it: the caller says where each goes. What does not fit to its SHA-256 is refused, and so is what is
-larger than any gateway's state, before it is read.
+gives it: the caller says where each goes. What does not fit to its SHA-256 is refused.
 """
 
 from __future__ import annotations
 
 import gzip
 import hashlib
+import io
 import os
 import re
 import shutil
@@ -19,13 +19,12 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Annotated, NamedTuple
+from typing import NamedTuple
 
-from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
-from pydantic.functional_validators import AfterValidator
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.database import newer_text, snapshot, stored_version, write_file
+from gateway.errors import DamagedError, NewerError
+from gateway.store.database import newer_text, snapshot, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
@@ -39,23 +38,7 @@ OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, LOCK_FILE)))})([.
 FORMAT = 1
 MANIFEST = "manifest.json"
 PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
-MOST_BYTES = 2**30  # of all files together; both databases are a quarter of that at most
-MOST_MANIFEST_BYTES = 4 * 2**20
-MOST_FILES = 1000
-MOST_HEADER_BYTES = 16 * 2**20  # of all files' headers together
-MOST_READ = 4  # times each file may be read, with something to spare
 CHUNK_BYTES = 2**20
-
-_TOO_MUCH = "it holds what no backup of a gateway does"
-
-
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("it could not be printed as it is")
-    return text
-
-
-Text = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_printable)]
 
 
 class Origin(BaseModel):
@@ -64,22 +47,22 @@ class Origin(BaseModel):
     model_config = ConfigDict(strict=True)
 
     format: int = FORMAT
-    version: Text  # of the gateway that made it
+    version: str  # of the gateway that made it
 
 
 class Manifest(Origin):
     """What a backup says of itself."""
 
-    made: Text
-    gateway: Text
-    config: Text  # the configuration's name
-    folder: Text  # where that was
-    state_dir: Text
+    made: str
+    gateway: str
+    config: str  # the configuration's name
+    folder: str  # where that was
+    state_dir: str
     has_secrets: bool
-    left_out: list[Text]  # files
-    logins: list[Text]  # whose passwords were left out
-    state: dict[Text, int]  # the version of each file of the state
-    files: dict[Text, Text] = {}  # SHA-256 by name, in the order of the tar
+    left_out: list[str]  # files
+    logins: list[str]  # whose passwords were left out
+    state: dict[str, int]  # the version of each file of the state
+    files: dict[str, str] = {}  # SHA-256 by name, in the order of the tar
 
 
 class Member(NamedTuple):
@@ -156,64 +139,37 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Non
     for member in members:
         with member.content.open("rb") as content:
             facts.files[member.name] = _digest(content)
-    manifest, new = path.with_name(f"{path.name}.{MANIFEST}"), path.with_name(path.name + NEW)
+    new = path.with_name(path.name + NEW)
     try:
-        with open(manifest, "wb", opener=_fresh) as file:
-            file.write(facts.model_dump_json(indent=1).encode())
         with (
             open(new, "wb", opener=_fresh) as file,
-            gzip.GzipFile(filename="", mode="wb", fileobj=file, compresslevel=PACKING) as packed,
-            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT, dereference=True) as tar,
+            tarfile.open(
+                fileobj=file, mode="w:gz", compresslevel=PACKING, format=tarfile.PAX_FORMAT, dereference=True
+            ) as tar,
         ):
-            for member in (Member(MANIFEST, manifest, manifest), *members):
+            _add_manifest(tar, facts.model_dump_json(indent=1).encode())
+            for member in members:
                 _add(tar, member)
         sync_file(new)
         with open_archive(new):
             put_in_place(new, path)
     finally:
-        for each in (manifest, new):
-            each.unlink(missing_ok=True)
-
-
-class _Bounded(gzip.GzipFile):
-    """The unpacked stream, of which no more can be read than `left`: a tar's headers may be of any length."""
-
-    left = MOST_HEADER_BYTES
-
-    def read(self, size: int | None = -1) -> bytes:
-        if size is None or not 0 <= size <= self.left:
-            raise tarfile.TarError(_TOO_MUCH)
-        self.left -= size
-        return super().read(size)
+        new.unlink(missing_ok=True)
 
 
 @contextmanager
 def open_archive(path: Path) -> Iterator[Archive]:
     """Open a backup and verify all of it; DamagedError, NewerError, StoreError when it cannot be read."""
-    try:
-        with _Bounded(path) as stream, tarfile.open(fileobj=stream, mode="r:") as tar:
-            infos = list(_infos(tar))
-            stream.left = MOST_READ * MOST_BYTES
-            yield Archive(_verified(tar, infos, path), tar)
-    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
-    except OSError as error:
-        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
-
-
-def _infos(tar: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
-    """Yield each file's header, as long as all are no more than a backup can have; TarError."""
-    octets = 0
-    for number, info in enumerate(tar, 1):
-        octets += info.size
-        is_plain = info.type in (tarfile.REGTYPE, tarfile.AREGTYPE) and not info.issparse()
-        if not is_plain or info.size < 0 or octets > MOST_BYTES or number > MOST_FILES:
-            raise tarfile.TarError(_TOO_MUCH)
-        yield info
+    with translated(path):
+        try:
+            with tarfile.open(path, mode="r:gz") as tar:
+                yield Archive(_verified(tar, tar.getmembers(), path), tar)
+        except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise DamagedError(f"{path} is no whole backup: {error} (take another copy)") from error
 
 
 def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path) -> Manifest:
-    if not infos or infos[0].name != MANIFEST or infos[0].size > MOST_MANIFEST_BYTES:
+    if not infos or infos[0].name != MANIFEST:
         raise DamagedError(f"{path} is no backup of a gateway: it does not begin with {MANIFEST}")
     text = _opened(tar, infos[0]).read()
     try:
@@ -231,18 +187,21 @@ def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path
     return manifest
 
 
-def _opened(tar: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
-    source = tar.extractfile(info)
-    if source is None:
+def _opened(tar: tarfile.TarFile, info: tarfile.TarInfo) -> io.BufferedReader:
+    source = tar.extractfile(info) if info.isreg() else None
+    if not isinstance(source, io.BufferedReader):
         raise DamagedError(f"{info.name} is no file")
     return source
 
 
-def _digest(source: IO[bytes]) -> str:
-    digest = hashlib.sha256()
-    while chunk := source.read(CHUNK_BYTES):
-        digest.update(chunk)
-    return digest.hexdigest()
+def _digest(content: io.BufferedReader) -> str:
+    return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def _add_manifest(tar: tarfile.TarFile, text: bytes) -> None:
+    info = tarfile.TarInfo(MANIFEST)
+    info.size = len(text)
+    tar.addfile(info, io.BytesIO(text))
 
 
 def _add(tar: tarfile.TarFile, member: Member) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -37,8 +36,9 @@ class Verification:
 
 
 def canonical(value: Any) -> str:
-    """Return the one JSON text of a value: keys sorted, no blanks; no NaN, no foreign types."""
-    return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    """Return the one JSON text of a value: keys sorted, no blanks; what JSON does not know as a text."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=str)
+    return text.encode("utf-8", "replace").decode()
 
 
 def link(head: Head, body: Mapping[str, Any]) -> tuple[str, Head]:
@@ -87,22 +87,3 @@ def _problems(entry: dict[str, Any], stated: Head, before: Head | None) -> Itera
 
 def _hash(previous: str, body: Mapping[str, Any]) -> str:
     return hashlib.sha256(f"{previous}{canonical(body)}".encode()).hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    """Return the value with nothing in it that JSON could not say, or could say in two ways."""
-    match value:
-        case None | bool() | int():
-            return value
-        case float():
-            return value if math.isfinite(value) else None
-        case str():
-            return str(value).encode("utf-8", "replace").decode()
-        case Mapping():
-            return {_plain(str(key)): _plain(item) for key, item in value.items()}
-        case list() | tuple():
-            return [_plain(item) for item in value]
-        case set() | frozenset():
-            return sorted(map(canonical, value))
-        case _:
-            return _plain(str(value))

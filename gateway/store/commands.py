@@ -16,26 +16,22 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
-from itertools import islice
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
-from gateway.errors import DamagedError, StoreError, UnstorableError
+from gateway.errors import DamagedError, StoreError
+from gateway.store.behind import Behind
 from gateway.store.database import Connection, Work
-from gateway.store.worker import BEHIND_S, Store
+from gateway.store.worker import Store
 from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
-MOST_UNSAVED = 10_000
-AT_ONCE = 100  # commands that are written behind in one transaction
 MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
 # Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
@@ -109,15 +105,13 @@ class CommandTable(Journal):
         self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
+        self._behind = Behind(store)
         self._clock = clock
         self._hold_s = hold_s
         self._on_slow = on_slow  # called when the disk delays a command
         self._is_recalled = False
         self._held_until_s = 0.0  # steady clock
         self._run = secrets.token_hex(4)  # names this run's stops without an id
-        self._unsaved: OrderedDict[Key, Work] = OrderedDict()  # what is written behind
-        self._is_saving = False
-        self._submitted: dict[Key, Work] = {}  # the latest of what is under way to the disk
 
     @property
     def trouble(self) -> str:
@@ -136,20 +130,20 @@ class CommandTable(Journal):
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
         key, is_final = self._key(result), result.phase.is_final
-        if key is None or result.phase is Phase.WRITTEN:
-            if then is not None:
-                then()
-        elif not result.id and is_final:  # a stop has ended, and cannot be repeated
-            self._put(key, _Forgetting(*key), _Waiting(None, is_limited=True))
-            if then is not None:
-                then()
-        else:
+        if key is not None and result.phase is not Phase.WRITTEN:
             row = _row(key, result, may_be_written=result.verb == STOP)
-            work = partial(_put, row=row, also=self.row_of(result) if is_final else None)
-            if then is not None or is_final:  # a crash must not find a stop that has ended under way
-                self._put(key, work, _Waiting(then, is_limited=is_final))
-            else:
-                self._put_behind(key, work)
+            work: Work = partial(_put, row=row, also=self.row_of(result) if is_final else None)
+            if not result.id and is_final:  # a stop has ended, and cannot be repeated
+                work = partial(_forget, key=key)
+            if then is None and not is_final:
+                self._behind.put(key, work)
+                return
+            done = self._behind.put_now(key, work)  # a crash must not find a stop that has ended under way
+            if then is not None and result.id:
+                _call_when_stored(done, then, is_limited=is_final)
+                return
+        if then is not None:
+            then()
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -170,8 +164,7 @@ class CommandTable(Journal):
     def forget(self, keys: Sequence[Key]) -> None:
         """Delete these commands; those that a crash leaves are deleted by the next run."""
         for key in keys:
-            self._unsaved.pop(key, None)
-            self._put_behind(key, _Forgetting(*key))
+            self._behind.put(key, partial(_forget, key=key))
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
@@ -180,75 +173,17 @@ class CommandTable(Journal):
                 await asyncio.wrap_future(self._store.submit(_nothing, is_urgent=True))
 
     def resume(self) -> None:
-        """Go on after the store was opened: read it, the first time; write what it has missed."""
+        """Go on now that the store is open: read it, the first time; write what it has missed."""
+        self._behind.resume()
         if not self._is_recalled:
             done = self._store.submit(self._read, is_urgent=True)
             done.add_done_callback(on_this_loop(self._recall))
-        self._save_unsaved()
 
     def _key(self, result: ResultRecord) -> Key | None:
         """Return where a result is stored; None for nowhere."""
         if not result.id and result.verb != STOP:
             return None
         return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
-
-    def _put(self, key: Key, work: Work, waiting: _Waiting) -> None:
-        work = self._submitted[key] = self._next(key, work)
-
-        def noted(future: Future[None]) -> None:
-            error, is_latest = future.exception(), self._submitted.get(key) is work
-            if is_latest:
-                del self._submitted[key]
-            if error is None or waiting.is_limited:
-                waiting.end()
-            if error is None:
-                self._save_unsaved()
-            elif is_latest and not isinstance(error, UnstorableError):  # else it would fail each time
-                self._unsaved.setdefault(key, work)
-                self._bound()
-
-        self._store.submit(work, is_urgent=True).add_done_callback(on_this_loop(noted))
-
-    def _put_behind(self, key: Key, work: Work) -> None:
-        self._submitted.pop(key, None)
-        self._unsaved[key] = self._next(key, work)
-        self._bound()
-        self._save_unsaved()
-
-    def _next(self, key: Key, work: Work) -> Work:
-        """Return work that takes the place of what is unsaved of a command."""
-        before = self._unsaved.pop(key, None)
-        return partial(_replace, before, work) if isinstance(before, _Forgetting) else work
-
-    def _bound(self) -> None:
-        while len(self._unsaved) > MOST_UNSAVED:
-            self._unsaved.popitem(last=False)
-
-    def _save_unsaved(self) -> None:
-        """Have the latest of what is unsaved written, a part at a time: each success starts the next part."""
-        if self._unsaved and not self._is_saving:
-            self._is_saving = True
-            self._store.submit(self._save, within_s=BEHIND_S).add_done_callback(on_this_loop(self._saved))
-
-    def _save(self, connection: Connection) -> list[tuple[Key, Work]]:
-        """Write a part of what is unsaved by now, in the store's thread, and return it."""
-        some = list(islice(self._unsaved.items(), AT_ONCE))
-        for _, work in some:
-            work(connection)
-        return some
-
-    def _saved(self, future: Future[list[tuple[Key, Work]]]) -> None:
-        self._is_saving = False
-        error = future.exception()
-        if error is None:
-            for key, work in future.result():
-                if self._unsaved.get(key) is work:  # else there is a newer one
-                    del self._unsaved[key]
-        elif not isinstance(error, UnstorableError):
-            return  # `resume` goes on
-        elif self._unsaved:  # one of them would fail each time: they are given up one by one
-            self._unsaved.popitem(last=False)
-        self._save_unsaved()
 
     def _read(self, connection: Connection) -> list[Remembered]:
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
@@ -265,22 +200,21 @@ class CommandTable(Journal):
         self.on_recalled(future.result())
 
 
-class _Waiting:
-    """A call that waits for the disk; where it is limited, no longer than PUBLISH_WITHIN_S."""
+def _call_when_stored(future: Future[Any], call: Callable[[], None], *, is_limited: bool) -> None:
+    """Call once when it is stored; where that is limited, also when it fails or takes PUBLISH_WITHIN_S."""
+    calls = [call]
 
-    def __init__(self, call: Callable[[], None] | None, *, is_limited: bool) -> None:
-        self.is_limited = is_limited
-        self._call = call
-        loop = asyncio.get_running_loop()
-        self._timer = loop.call_later(PUBLISH_WITHIN_S, self.end) if call and is_limited else None
+    def end() -> None:
+        while calls:
+            calls.pop()()
 
-    def end(self) -> None:
-        """Wait no longer."""
-        call, self._call = self._call, None
-        if self._timer is not None:
-            self._timer.cancel()
-        if call is not None:
-            call()
+    def note(done: Future[Any]) -> None:
+        if is_limited or done.exception() is None:
+            end()
+
+    future.add_done_callback(on_this_loop(note))
+    if is_limited:
+        asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, end)
 
 
 def _nothing(_connection: Connection) -> None:
@@ -293,24 +227,13 @@ def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None
         also(connection)
 
 
-@dataclass(frozen=True, slots=True)
-class _Forgetting:
-    """Deletes a command; of a stop without an id also those of earlier runs."""
-
-    client: str
-    id: str
-
-    def __call__(self, connection: Connection) -> None:
-        if self.id.startswith(UNNAMED):
-            connection.execute(_FORGET_UNNAMED, (self.client, self.id.partition("/")[2], UNNAMED))
-        else:
-            connection.execute(_FORGET, (self.client, self.id))
-
-
-def _replace(before: _Forgetting, work: Work, connection: Connection) -> None:
-    """Store a command under the id of one that is forgotten."""
-    before(connection)
-    work(connection)
+def _forget(connection: Connection, *, key: Key) -> None:
+    """Delete a command; of a stop without an id also those of earlier runs."""
+    client, id_ = key
+    if id_.startswith(UNNAMED):
+        connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
+    else:
+        connection.execute(_FORGET, key)
 
 
 def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:

@@ -7,6 +7,7 @@ Without a path the same lives in memory.
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sqlite3
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.store.reserve import Reserve
-from gateway.system.whole_files import NEW, private, put_in_place, sync_file, without_waiting
+from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 log = logging.getLogger(__name__)
 
@@ -31,19 +32,16 @@ CACHE_KIB = 512  # rows are written once and read once: more would only fill up 
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOGGED_PAGES = 100  # then it is: the file grows by these, and the reserve must be enough for that
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
-MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
 LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the write-ahead log
 
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
-_ASIDE = ".aside-"
-_STAMP_DIGITS = 20
-_HEADER_BYTES = 100
+_ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
 _CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
-_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
+_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 
 
 class FullError(StoreError):
@@ -79,38 +77,42 @@ class Database:
         self._connection: Connection | None = None
         self._is_flushing = True
         self._place: tuple[int, int] | None = None
+        self._is_lost = False  # the file is gone, and no new one is open yet
 
     @property
     def is_open(self) -> bool:
         """Return whether work can be done."""
         return self._connection is not None
 
-    @property
-    def is_in_place(self) -> bool:
-        """Return whether the open file is still the one of this name; SQLite itself would not notice."""
-        return not self._is_file or self._place == _place(self.path)
+    def leave_if_gone(self) -> None:
+        """Close the file when it is no longer the one of its name; SQLite itself would not notice."""
+        if self.is_open and self._is_file and self._place != _place(self.path):
+            self.close()
+            self._is_lost = True
 
-    def open(self, *, is_lost: bool = False) -> str:
-        """Open or create the file; return what had to be put aside for it, if anything. StoreError."""
+    def open(self) -> str:
+        """Open or create the file; return how the one before it was lost, if it was. StoreError."""
+        lost = f"{self.path} was removed while in use; a new one is used" if self._is_lost else ""
         if self._is_file:
-            with _translated(self.path):
+            with translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
-            self._connect(is_lost=is_lost)
+            self._connect()
         except DamagedError as error:
             return self.replace(error)
         except FullError:
             if not self._reserve.give_up():
                 raise
-            self._connect(is_lost=is_lost)
-        return ""
+            self._connect()
+        return lost
 
     def replace(self, error: DamagedError) -> str:
         """Put the file aside and open a new one; return what people should know of it."""
         self.close()
-        with _translated(self.path):
+        with translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
-        self._connect(is_lost=True)
+        self._is_lost = True
+        self._connect()
         return f"{error}; put aside as {aside.name}, a new one is used"
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
@@ -120,7 +122,7 @@ class Database:
         next transaction that is.
         """
         connection = self._opened()
-        with _translated(self.path):
+        with translated(self.path):
             if is_flushed != self._is_flushing:
                 _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
                 self._is_flushing = is_flushed
@@ -136,7 +138,9 @@ class Database:
 
     def take_reserve(self) -> None:
         """Take the room again that was given up, as soon as the disk has it; FullError."""
-        with _translated(self.path):
+        if not self._reserve.is_held:
+            self._shrink()
+        with translated(self.path):
             if not self._reserve.take():
                 raise FullError(f"{self.path}: the disk is full")
 
@@ -146,26 +150,20 @@ class Database:
         The log is written back first: while the disk was full it could not be, and it has to be begun again.
         """
         if self._reserve.give_up():
-            self._tidy_if_possible()
+            self._shrink()
         answers = self.transact(works)
-        self._tidy_if_possible()
+        self._shrink()
         return answers
 
-    def _tidy_if_possible(self) -> None:
-        try:
-            self.tidy()
-        except StoreError as error:  # the work itself is done all the same
-            log.debug("store=%s %s", self.path, error)
-
-    def tidy(self) -> None:
-        """Write the log back into the file; give back to a full disk what the file does not need."""
+    def _shrink(self) -> None:
+        """Give back to a full disk what the file does not need, as far as that is possible now."""
         connection = self._opened()
-        with _translated(self.path):
-            if not self._reserve.is_held:
+        try:
+            with translated(self.path):
                 connection.execute(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})").fetchall()
                 _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
-            else:
-                _ask(connection, "PRAGMA wal_checkpoint(PASSIVE)")
+        except StoreError as error:  # the next attempt does it
+            log.debug("store=%s %s", self.path, error)
 
     def close(self) -> None:
         """Close the file."""
@@ -181,8 +179,8 @@ class Database:
             raise StoreError(f"{self.path} is not open")
         return self._connection
 
-    def _connect(self, *, is_lost: bool) -> None:
-        with _translated(self.path):
+    def _connect(self) -> None:
+        with translated(self.path):
             is_there = self._is_file and self.path.exists()
             if is_there and not self.path.is_file():
                 raise DamagedError(f"{self.path} is no file")
@@ -190,7 +188,7 @@ class Database:
                 os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
-                self._prepare(connection, is_lost=is_lost, is_there=is_there)
+                self._prepare(connection, is_there=is_there)
             except BaseException as error:
                 connection.close()
                 if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
@@ -198,11 +196,12 @@ class Database:
                 raise
         self._connection = connection
         self._place = _place(self.path)
+        self._is_lost = False
 
-    def _prepare(self, connection: Connection, *, is_lost: bool, is_there: bool) -> None:
+    def _prepare(self, connection: Connection, *, is_there: bool) -> None:
         """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
         connection.text_factory = _text
-        version = 0
+        version, is_lost = 0, self._is_lost
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
             version = _version(connection, self.path, self._schema)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
@@ -230,8 +229,8 @@ class Database:
         connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
         connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
         is_restored = connection.execute("DELETE FROM meta WHERE key = 'restored_s'").rowcount > 0
-        for key in ("opened_s", "lost_s") if is_lost or is_restored else ("opened_s",):
-            connection.execute(_NOTE, (key, time.time()))
+        if is_lost or is_restored:
+            connection.execute(_NOTE, ("lost_s", time.time()))
         connection.execute("COMMIT")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
@@ -249,10 +248,10 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
     if path.exists() and not os.access(path, os.R_OK):
         raise StoreError(f"{path} may not be read by this user (make the backup as root)")
     new = copy.with_name(copy.name + NEW)
-    with _translated(copy):
+    with translated(copy):
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with _translated(path), closing(_reader(path)) as source:
+        with translated(path), closing(_reader(path)) as source:
             version = _version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
@@ -263,27 +262,17 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
 
 def mark_restored(path: Path) -> None:
     """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
-    with _translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
+    with translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
         connection.execute(_NOTE, ("restored_s", time.time()))
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:
-    """Return the version of a database as it is; None when there is none, or none that can be read.
-
-    Where another process holds the file, its header must do, which lacks what is still in the write-ahead
-    log. Without such a log the header is enough, and nothing is made beside the file.
-    """
-    try:
-        if Path(f"{path}-wal").exists():
-            with suppress(StoreError, sqlite3.Error), _translated(path), closing(_reader(path)) as connection:
+    """Return the version of a database as it is; None when there is none, or none that can be read."""
+    with suppress(OSError, StoreError, sqlite3.Error):
+        if path.is_file():
+            with translated(path), closing(_reader(path, is_idle=True)) as connection:
                 return _ours(*_marks(connection), schema)
-        with open(path, "rb", opener=without_waiting) as file:
-            header = file.read(_HEADER_BYTES)
-    except OSError:
-        return None
-    return _ours(
-        int.from_bytes(header[68:72]), int.from_bytes(header[60:64]), schema
-    )  # sqlite.org/fileformat2
+    return None
 
 
 def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:
@@ -291,7 +280,7 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is
 
     `is_idle`: no process opens it meanwhile, unless one has already.
     """
-    with _translated(path):
+    with translated(path):
         os.stat(path)
         with closing(_reader(path, is_idle=is_idle)) as connection:
             _version(connection, path, schema)
@@ -359,12 +348,13 @@ def newer_text(path: Path, version: int, schema: Schema) -> str:
 
 
 @contextmanager
-def _translated(path: Path) -> Iterator[None]:
+def translated(path: Path) -> Iterator[None]:
     """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
     try:
         yield
     except OSError as error:
-        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+        kind = FullError if error.errno in (errno.ENOSPC, errno.EDQUOT) else StoreError
+        raise kind(f"{error.filename or path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:  # of a message that quotes what is damaged
         raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
@@ -375,7 +365,7 @@ def _translated(path: Path) -> Iterator[None]:
             raise FullError(f"{path}: {error}") from error
         if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             raise StoreError(f"{path} is in use by another process") from error
-        if code in (None, sqlite3.SQLITE_ERROR):
+        if code in (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT):
             raise
         raise StoreError(f"{path}: {error}") from error
 
@@ -405,19 +395,10 @@ def _place(path: Path) -> tuple[int, int] | None:
 
 
 def put_aside(path: Path) -> Path:
-    """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
-    stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
+    """Rename a file and SQLite's files beside it, and return its new name; an earlier such file goes."""
+    aside = path.with_name(f"{path.name}{_ASIDE}")
     for end in _COMPANIONS:
+        Path(f"{aside}{end}").unlink(missing_ok=True)
         if os.path.lexists(f"{path}{end}"):
-            os.rename(f"{path}{end}", path.with_name(stem + end))
-    _forget_oldest(path)
-    return path.with_name(stem)
-
-
-def _forget_oldest(path: Path) -> None:
-    length = len(path.name) + len(_ASIDE) + _STAMP_DIGITS
-    entries = sorted(entry for entry in path.parent.iterdir() if entry.name.startswith(path.name + _ASIDE))
-    recent = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
-    for entry in entries:
-        if entry.name[:length] not in recent and not entry.is_dir():
-            entry.unlink()
+            os.rename(f"{path}{end}", f"{aside}{end}")
+    return aside

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -17,11 +16,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
+from gateway.store.behind import Behind
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
-from gateway.store.worker import BEHIND_S, Store
-from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
 
@@ -32,14 +30,14 @@ _PUT = "REPLACE INTO documents VALUES (?, ?)"
 
 
 class Documents:
-    """All documents of a gateway, as an earlier run left them; without a store nothing is saved.
+    """All documents of a gateway, as an earlier run left them; without `behind` nothing is saved.
 
     While `is_operated` is False, documents that only commands need are not saved.
     """
 
     def __init__(
         self,
-        store: Store | None = None,
+        behind: Behind | None = None,
         path: Path | None = None,
         *,
         is_operated: bool = True,
@@ -47,10 +45,10 @@ class Documents:
     ) -> None:
         self.is_operated = is_operated
         self.damage = ""  # why nothing is known from earlier; empty: it is
-        self._store = store
+        self._behind = behind
         self._publish_event = publish_event
         self._bodies: dict[str, str] = {}
-        self._documents: dict[str, Document[Any]] = {}
+        self._documents: list[Document[Any]] = []
         try:
             self._bodies = read_bodies(path)
         except StoreError as error:
@@ -70,17 +68,13 @@ class Documents:
         So long as `delay_s` a change may wait for others.
         """
 
-        def save(body: str, within_s: float) -> Future[None] | None:
-            if self._store is None or (is_for_operators and not self.is_operated):
-                return None
-            self._bodies[name] = body
-            return self._store.submit(write, is_urgent=not within_s, within_s=within_s)
+        def save() -> None:
+            if self._behind is not None and (self.is_operated or not is_for_operators):
+                body = self._bodies[name] = kind.dump_json(provide()).decode()
+                self._behind.put(name, partial(put_body, name=name, body=body))
 
-        def write(connection: Connection) -> None:
-            put_body(connection, name=name, body=self._bodies[name])  # the newest, whatever the order
-
-        document = Document(kind, provide, save, delay_s=delay_s)
-        self._documents[name] = document
+        document: Document[T] = Document(name, save, self._behind, delay_s=delay_s)
+        self._documents.append(document)
         document.damage = self.damage
         try:
             document.loaded = parsed(kind, self._bodies.get(name), name)
@@ -90,63 +84,53 @@ class Documents:
                 self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
 
-    def save_again(self, *, is_lost: bool) -> None:
-        """Save what the disk has missed; everything when it was lost."""
-        for document in self._documents.values():
-            if document.is_dirty or is_lost:
-                document.touch()
+    def resume(self) -> None:
+        """Have what the disk has missed saved, now that it is back."""
+        if self._behind is not None:
+            self._behind.resume()
+
+    def save_all(self) -> None:
+        """Save all documents again: the file was lost."""
+        for document in self._documents:
+            document.touch()
 
     async def close(self) -> None:
         """Save what has changed, if that is possible in time."""
-        await asyncio.gather(*(document.saved() for document in self._documents.values()))
+        await asyncio.gather(*(document.saved() for document in self._documents))
 
 
 class Document(Generic[T]):
     """One document. All calls on the app's loop."""
 
-    def __init__(
-        self,
-        kind: TypeAdapter[T],
-        provide: Callable[[], T],
-        save: Callable[[str, float], Future[None] | None],
-        *,
-        delay_s: float,
-    ) -> None:
+    def __init__(self, name: str, save: Callable[[], None], behind: Behind | None, *, delay_s: float) -> None:
         self.loaded: T | None = None  # by an earlier run
         self.damage = ""  # why it is not known what an earlier run saved
-        self.is_dirty = False
-        self._kind = kind
-        self._provide = provide
+        self._name = name
         self._save = save
+        self._behind = behind
         self._delay_s = delay_s
-        self._timer: asyncio.TimerHandle | None = None
-        self._latest: Future[None] | None = None
+        self._timer: asyncio.TimerHandle | None = None  # while a change waits for others
 
     def touch(self) -> None:
         """Have the document saved soon, because it has changed."""
-        self.is_dirty = True
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(self._delay_s, partial(self._write, BEHIND_S))
+            self._timer = asyncio.get_running_loop().call_later(self._delay_s, self._write)
 
     async def saved(self, *, within_s: float = SAVED_WITHIN_S) -> bool:
         """Return whether everything up to now is on the disk, after waiting for that at most so long."""
-        if self.is_dirty:
-            self._write(0.0)
-        if self._latest is not None:
-            await asyncio.wait((asyncio.wrap_future(self._latest),), timeout=within_s)
-        return self._latest is None or (self._latest.done() and self._latest.exception() is None)
+        if self._timer is not None:
+            self._write()
+        if self._behind is None or self._name not in self._behind:
+            return True
+        done = self._behind.hurry(self._name)
+        await asyncio.wait((asyncio.wrap_future(done),), timeout=within_s)
+        return done.done() and done.exception() is None
 
-    def _write(self, within_s: float) -> None:
+    def _write(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None
-        self.is_dirty = False
-        self._latest = self._save(self._kind.dump_json(self._provide()).decode(), within_s)
-        if self._latest is not None:
-            self._latest.add_done_callback(on_this_loop(self._written))
-
-    def _written(self, future: Future[None]) -> None:
-        self.is_dirty = self.is_dirty or future.exception() is not None
+        self._save()
 
 
 def read_bodies(path: Path | None) -> dict[str, str]:

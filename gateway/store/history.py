@@ -45,7 +45,7 @@ _PRUNE = """
     DELETE FROM history WHERE starter = ? AND kind = ? AND number <=
     (SELECT number FROM history WHERE starter = ? AND kind = ? ORDER BY number DESC LIMIT 1 OFFSET ?)
 """
-_WINDOW_BITS, _MEMORY_LEVEL = 13, 6  # 64 KB of memory instead of 256 KB, for 2 % more on disk
+_WINDOW_BITS = 13  # 8 KiB instead of 32: less memory, hardly more on the disk
 
 
 class HistoryRow(NamedTuple):
@@ -172,8 +172,7 @@ def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:
 def _write(connection: Connection, *, rows: Iterable[HistoryRow]) -> None:
     """Store rows, and delete those that are too many now."""
     for row in rows:
-        packer = zlib.compressobj(zlib.Z_DEFAULT_COMPRESSION, zlib.DEFLATED, _WINDOW_BITS, _MEMORY_LEVEL)
-        packed = packer.compress(json.dumps(row.data, separators=(",", ":")).encode()) + packer.flush()
+        packed = zlib.compress(json.dumps(row.data, separators=(",", ":")).encode(), wbits=_WINDOW_BITS)
         connection.execute(_PUT, (row.starter, row.kind, row.id, time.time(), packed))
         connection.execute(_PRUNE, (row.starter, row.kind, row.starter, row.kind, row.limit))
 

@@ -33,7 +33,15 @@ from gateway.errors import StoreError
 from gateway.store import audit
 from gateway.store.chain import Head, read_line
 from gateway.store.commands import remembered
-from gateway.store.database import Connection, FullError, Schema, put_aside, read_file, write_file
+from gateway.store.database import (
+    Connection,
+    FullError,
+    Schema,
+    put_aside,
+    read_file,
+    translated,
+    write_file,
+)
 from gateway.store.outbox import Loss, OutboxRow, OutboxTable, Rank, merged
 from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
@@ -120,10 +128,8 @@ def import_late(state_dir: Path | None) -> None:
 
 def documents_of_0_2(state_dir: Path) -> dict[str, str]:
     """Return the documents in the files of 0.2.0, by name. StoreError."""
-    try:
+    with translated(state_dir):
         found = {file: (state_dir / file).read_bytes() for file in DOCUMENTS if (state_dir / file).is_file()}
-    except OSError as error:
-        raise StoreError(f"{error.filename}: {error.strerror}") from error
     return {DOCUMENTS[file][0]: _document(file, octets) for file, octets in found.items()}
 
 
@@ -146,12 +152,10 @@ def _document(file: str, octets: bytes) -> str:
 
 def _demand_room(state_dir: Path) -> None:
     """Raise StoreError where the copies would fill the disk, and wear it out at each attempt."""
-    names = [state_dir / name for name in DATABASES if (state_dir / name).exists()]
-    try:
-        needed = 2 * sum(path.stat().st_size for path in names)  # in the write-ahead log and in the file
+    with translated(state_dir):
+        sizes = [(state_dir / name).stat().st_size for name in DATABASES if (state_dir / name).exists()]
+        needed = 2 * sum(sizes)  # in the write-ahead log and in the file
         disk = os.statvfs(state_dir)
-    except OSError as error:
-        raise StoreError(f"{error.filename or state_dir}: {error.strerror}") from error
     if disk.f_bavail * disk.f_frsize < needed:
         raise StoreError(f"{state_dir}: the import of what 0.2.0 has stored needs {needed / 2**20:.1f} MiB")
 
@@ -159,15 +163,14 @@ def _demand_room(state_dir: Path) -> None:
 def _build(new: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
     """Make one of our files under another name, in one transaction. StoreError."""
     try:
-        _remove(new)
-        write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir, problems=problems))
-        sync_file(new)
-    except (OSError, StoreError) as error:
+        with translated(new):
+            _remove(new)
+            write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir, problems=problems))
+            sync_file(new)
+    except StoreError:
         with suppress(OSError):
             _remove(new)  # it takes the room that others need
-        if isinstance(error, StoreError):
-            raise
-        raise StoreError(f"{error.filename or new}: {error.strerror}") from error
+        raise
 
 
 def _remove(new: Path) -> None:
@@ -177,12 +180,10 @@ def _remove(new: Path) -> None:
 
 def _put_in_place(path: Path) -> None:
     """Give a file its name; one that is there is put aside. StoreError."""
-    try:
+    with translated(path):
         if path.exists():
             put_aside(path)
         put_in_place(path.with_name(path.name + NEW), path)
-    except OSError as error:
-        raise StoreError(f"{error.filename or path}: {error.strerror}") from error
 
 
 def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: list[str]) -> None:

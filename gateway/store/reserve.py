@@ -6,7 +6,6 @@ left besides, so that a store on a full disk does not change its mind every few 
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 
@@ -36,18 +35,9 @@ class Reserve:
         disk, is_held = os.statvfs(self._path.parent), self.is_held
         if disk.f_bavail * disk.f_frsize < (1 if is_held else 2) * RESERVE_BYTES:
             return False
-        if is_held:
-            return True
-        descriptor = private(str(self._path), os.O_RDWR | os.O_CREAT)
-        try:
-            os.posix_fallocate(descriptor, 0, RESERVE_BYTES)
-        except OSError as error:
-            os.truncate(self._path, 0)
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return False
-            raise
-        finally:
-            os.close(descriptor)
+        if not is_held:
+            with open(self._path, "wb", opener=private) as file:
+                os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
         return True
 
     def give_up(self) -> bool:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
 from gateway.store.audit import Audit
+from gateway.store.behind import Behind
 from gateway.store.commands import CommandTable, Remembered
 from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
@@ -50,7 +51,9 @@ class StateStore:
         self._publish_event = publish_event
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
-        self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
+        self.documents = Documents(
+            Behind(self.store), path, is_operated=has_operators, publish_event=publish_event
+        )
         self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
         self._followers: list[OnNews] = []
@@ -97,15 +100,15 @@ class StateStore:
                     self._publish_event(EventCode.STORE_AVAILABLE)
                 self._is_away = False
                 self.commands.resume()
-                self.documents.save_again(is_lost=False)
+                self.documents.resume()
+                self._audit.resume()
             case News.AWAY:
                 self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
                 self._is_away = True
             case News.LOST:
                 self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
                 self._audit.note("chain_begun_anew", text)
-                self.documents.save_again(is_lost=True)
-        self._audit.resume()
+                self.documents.save_all()
         for follower in self._followers:
             follower(news, text)
 

@@ -41,14 +41,12 @@ MOST_AT_ONCE = 500  # pieces in one transaction
 MOST_RIDING = 20  # pieces that an urgent one takes along
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
 BATCH_S = 0.05  # of one transaction, while there is more to do
-IDLE_S = 1.0  # without work, after which the log is written back
-TIDY_AFTER = 100  # transactions
 
 
 class News(enum.StrEnum):
     """A change of a store's state."""
 
-    OPEN = "store_open"  # for the first time, or again after AWAY
+    OPEN = "store_open"  # for the first time, or again after AWAY or LOST
     AWAY = "store_away"  # nothing can be stored
     LOST = "store_lost"  # the file was set aside or is gone; a new one is in use
 
@@ -59,7 +57,8 @@ OnNews = Callable[[News, str], None]  # with a text for people
 class Store:
     """The file and its thread; `path` None: the same in memory.
 
-    `prepare` is called in the thread before the file is opened; while it raises StoreError, the file is away.
+    `prepare` is called in the thread until the file was open once; a StoreError of it says that
+    the file is away.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Store:
         retry_s: float = RETRY_S,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._prepare = prepare
+        self._prepare: Callable[[], object] | None = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
         self._on_news: OnNews = lambda *_: None
         self._urgent: deque[_Piece] = deque()
@@ -84,18 +83,20 @@ class Store:
         self._pause_s = retry_s
         self._retry_s = 0.0  # when what failed is tried again
         self._busy_since_s: float | None = None
-        self._untidy = 0  # transactions since the log was written back
         self._is_closed = False
-        self._is_lost = False  # the file is gone, and no new one is open yet
 
     @property
     def trouble(self) -> str:
         """Return why nothing can be stored now; empty when it can."""
-        since_s = self._busy_since_s
-        busy_s = 0.0 if since_s is None else time.monotonic() - since_s
+        busy_s = self._busy_s()
         if not self._trouble and busy_s > HANG_S:
             return f"the disk has not answered for {busy_s:.0f} s"
         return self._trouble
+
+    @property
+    def is_unreadable(self) -> bool:
+        """Return whether not even reading is possible; on a full disk it is. False before the first try."""
+        return self._busy_s() > HANG_S or (self._reported is News.AWAY and not self._file.is_open)
 
     @property
     def lost_s(self) -> float | None:
@@ -118,17 +119,18 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        What is urgent is done first, then what may wait (`within_s`) for another transaction, then all else;
-        among its like everything keeps its order. What need not be flushed at once outlives the process, but
-        perhaps not a power cut. What is freeing only deletes, and is done on a full disk too: it should touch
-        less than a quarter of the reserve.
+        Urgent work is done first, then work that may wait (`within_s`) for another transaction, then the
+        others; each keeps its order among its like. Work that need not be flushed at once outlives the
+        process, but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it
+        should touch less than a quarter of the reserve.
         """
-        piece = _Piece(work, is_urgent, is_flushed, is_freeing)
+        waiting = self._urgent if is_urgent else self._riding if within_s else self._others
+        piece = _Piece(work, waiting, is_flushed, is_freeing)
         if self._is_closed or len(self._urgent) + len(self._riding) + len(self._others) >= MOST_WAITING:
             why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
             piece.future.set_exception(StoreError(why))
         else:
-            (self._urgent if is_urgent else self._riding if within_s else self._others).append(piece)
+            waiting.append(piece)
             self._wake.put(time.monotonic() + within_s)
         return piece.future
 
@@ -140,31 +142,29 @@ class Store:
             self._thread.join(within_s)
         return not self._thread.is_alive()
 
+    def _busy_s(self) -> float:
+        since_s = self._busy_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
+
     # Everything below happens in the thread.
 
     def _run(self) -> None:
-        self._do([])  # opens the file
         is_over = False
         while not is_over:
             is_over = self._wait()
+            self._do([])  # opens the file
             while batch := self._next_batch():
                 self._do(batch)
         self._file.close()
 
     def _wait(self) -> bool:
-        """Return when something may wait no longer, and whether it is the last; be tidy meanwhile."""
-        due_s = inf
-        while (now_s := time.monotonic()) < due_s:
-            rest_s = self._pause_s if self._trouble else IDLE_S if self._untidy >= TIDY_AFTER else inf
-            pause_s = min(due_s - now_s, rest_s)
+        """Return when something may wait no longer, and whether it is the last."""
+        due_s = self._retry_s if self._trouble else inf
+        while (rest_s := due_s - time.monotonic()) > 0:
             try:
-                by_s = self._wake.get(timeout=None if pause_s == inf else pause_s)
+                by_s = self._wake.get(timeout=None if rest_s == inf else rest_s)
             except queue.Empty:
-                if pause_s < rest_s:
-                    break
-                self._do([])
-                self._tidy()
-                continue
+                break
             if by_s is None:
                 return True
             due_s = min(due_s, by_s)
@@ -177,110 +177,91 @@ class Store:
         return [piece for piece in (*urgent, *riding, *others) if piece.begin()]
 
     def _do(self, batch: Sequence[_Piece]) -> None:
+        """Do what there is time for in one transaction; a piece with a bug is left out of the next one."""
         self._busy_since_s = time.monotonic()
-        self._serve(batch)
-        self._busy_since_s = None
-
-    def _serve(self, batch: Sequence[_Piece]) -> None:
-        """Do what there is time for in one transaction; one by one when a bug of one piece is in the way."""
+        begun: list[_Piece] = []
         try:
             self._open()
-            answers = self._attempt(batch)
+            _finish(batch, self._attempt(batch, begun))
         except FullError as error:
-            self._go_away(str(error))
+            self._go_away(error)
             self._relieve(batch, error)
         except StoreError as error:
             self._file.close()
-            self._go_away(str(error))
+            self._go_away(error)
             _fail(batch, error)
         except Exception as error:  # the guard at the thread's top
-            if len(batch) > 1:
-                for piece in batch:
-                    self._serve([piece])
-                return
             log.exception("store=%s a piece of work failed", self._file.path)
-            _fail(batch, UnstorableError(f"an error inside the gateway: {error!r}"))
-        else:
-            self._untidy += bool(answers)
-            for piece, answer in zip(batch, answers, strict=False):
-                piece.future.set_result(answer)
-            self._put_back(batch[len(answers) :])
-
-    def _put_back(self, pieces: Sequence[_Piece]) -> None:
-        """Have what there was no time for done next, in its order and rank."""
-        self._urgent.extendleft(piece for piece in reversed(pieces) if piece.is_urgent)
-        self._others.extendleft(piece for piece in reversed(pieces) if not piece.is_urgent)
+            failure = _unstorable(error)
+            if not begun:  # it is not a piece's, and comes again
+                self._go_away(failure)
+            _fail(begun[-1:] or batch, failure)
+        for piece in reversed(batch):
+            if not piece.future.done():
+                piece.waiting.appendleft(piece)
+        self._busy_since_s = None
 
     def _open(self) -> None:
         """See to it that the file is open, where it belongs, and has room; StoreError when it is not now."""
-        if self._file.is_open and not self._file.is_in_place:
-            self._file.close()
-            self._is_lost = True
-        if self._is_lost and (not self._trouble or time.monotonic() >= self._retry_s):
-            self._file.open(is_lost=True)
-            self._is_lost = False
-            self._report(News.LOST, f"{self._file.path} was removed while in use; a new one is used")
-        if not self._trouble:
+        self._file.leave_if_gone()
+        if self._file.is_open and not self._trouble:
             return
         if time.monotonic() < self._retry_s:
             raise FullError(self._trouble) if self._file.is_open else StoreError(self._trouble)
         if not self._file.is_open:
-            self._prepare()
-            if lost := self._file.open():
+            if self._prepare is not None:
+                self._prepare()
+            lost = self._file.open()
+            self._prepare = None
+            if lost:
                 self._report(News.LOST, lost)
         self._file.take_reserve()
         self._trouble = ""
         self._report(News.OPEN, f"{self._file.path} is open")
 
-    def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
+    def _attempt(self, batch: Sequence[_Piece], begun: list[_Piece]) -> list[Any]:
         """Do the work; once more in a new file where the one in use is damaged."""
         if not batch:
             return []
         is_flushed = any(piece.is_flushed for piece in batch)
         try:
-            return self._file.transact(self._in_time(batch), is_flushed=is_flushed)
+            return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
         except DamagedError as error:
             self._report(News.LOST, self._file.replace(error))
-        return self._file.transact(self._in_time(batch), is_flushed=is_flushed)
+        return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
 
-    def _in_time(self, batch: Sequence[_Piece]) -> Iterator[Work]:
+    def _in_time(self, batch: Sequence[_Piece], begun: list[_Piece]) -> Iterator[Work]:
         """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
         until_s = time.monotonic() + BATCH_S
         had_urgent = len(self._urgent)
-        for number, piece in enumerate(batch):
-            if number and (time.monotonic() > until_s or len(self._urgent) > had_urgent):
+        begun.clear()
+        for piece in batch:
+            if begun and (time.monotonic() > until_s or len(self._urgent) > had_urgent):
                 return
+            begun.append(piece)
             yield piece.work
 
     def _relieve(self, batch: Sequence[_Piece], error: FullError) -> None:
         """Do what deletes although the disk is full; all else fails."""
         freeing = [piece for piece in batch if piece.is_freeing]
         _fail([piece for piece in batch if not piece.is_freeing], error)
-        if not freeing:
-            return
-        try:
-            answers = self._file.relieve([piece.work for piece in freeing])
-        except StoreError as failure:
-            _fail(freeing, failure)
-            return
-        for piece, answer in zip(freeing, answers, strict=True):
-            piece.future.set_result(answer)
-
-    def _tidy(self) -> None:
-        """Write the log back; a failure shows in the next transaction as well."""
-        self._untidy = 0
-        if self._file.is_open:
+        if freeing:
             try:
-                self._file.tidy()
-            except StoreError as error:
-                log.info("store=%s %s", self._file.path, error)
+                _finish(freeing, self._file.relieve([piece.work for piece in freeing]))
+            except StoreError as failure:
+                _fail(freeing, failure)
+            except Exception as failure:
+                log.exception("store=%s a piece of work failed on a full disk", self._file.path)
+                _fail(freeing, _unstorable(failure))
 
-    def _go_away(self, trouble: str) -> None:
-        if not self._trouble or time.monotonic() >= self._retry_s:
-            self._retry_s = time.monotonic() + self._pause_s
-        self._trouble = trouble
+    def _go_away(self, error: StoreError) -> None:
+        """Begin a pause before the next attempt, unless this error is one that the pause makes."""
+        if time.monotonic() < self._retry_s:
+            return
+        self._retry_s = time.monotonic() + self._pause_s
+        self._trouble = str(error)
         if self._reported is not News.AWAY:
-            self._report(News.AWAY, trouble)
+            self._report(News.AWAY, self._trouble)
 
     def _report(self, news: News, text: str) -> None:
         self._reported = news
@@ -290,7 +271,7 @@ class Store:
 @dataclass(slots=True)
 class _Piece:
     work: Work
-    is_urgent: bool
+    waiting: deque[_Piece]  # where it waits until it is done
     is_flushed: bool
     is_freeing: bool
     is_begun: bool = False
@@ -302,8 +283,19 @@ class _Piece:
         return self.is_begun
 
 
+def _unstorable(error: Exception) -> UnstorableError:
+    """Return what the caller gets of a bug."""
+    return UnstorableError(f"an error inside the gateway: {error!r}")
+
+
 def _taken(pieces: deque[_Piece], most: int) -> list[_Piece]:
     return [pieces.popleft() for _ in range(min(len(pieces), most))]
+
+
+def _finish(pieces: Sequence[_Piece], answers: Sequence[Any]) -> None:
+    """Give their answers to the first pieces, for which there was time."""
+    for piece, answer in zip(pieces, answers, strict=False):
+        piece.future.set_result(answer)
 
 
 def _fail(pieces: Sequence[_Piece], error: StoreError) -> None:

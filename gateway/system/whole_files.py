@@ -13,11 +13,6 @@ def private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def without_waiting(path: str, flags: int) -> int:
-    """Open what may be a pipe in a file's place, without waiting for its other end; for `open(opener=)`."""
-    return os.open(path, flags | os.O_NONBLOCK)
-
-
 def put_in_place(new: Path, path: Path) -> None:
     """Rename a file that is on the disk already, and return when the name is as well; OSError."""
     new.replace(path)

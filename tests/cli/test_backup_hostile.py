@@ -37,7 +37,6 @@ BAD = {
     "is a hard link": of_type(tarfile.LNKTYPE, "manifest.json"),
     "is a folder": of_type(tarfile.DIRTYPE),
     "is no file that the configuration names": with_names("state/state.sqlite", "config/cron.d/evil"),
-    "writes to the terminal": saying(version="\x1b]0;evil\x07"),
     "has a list for a text": saying(version=["0.2.0"]),
     "has no whole folder": saying(folder="etc"),
     "climbs out of the configuration's folder": with_names("config/site.toml", "config/../../evil"),

@@ -75,7 +75,7 @@ def test_a_file_in_the_state_directory_that_may_not_be_written_is_a_problem(
 
 @pytest.mark.root
 def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path) -> None:
-    for name in ("history.sqlite", "state.sqlite", "state.sqlite.aside-1"):
+    for name in ("history.sqlite", "state.sqlite", "state.sqlite.aside"):
         (tmp_path / name).touch()
     for path in (tmp_path, *tmp_path.rglob("*")):
         give(path)

@@ -74,15 +74,6 @@ def test_without_a_load_hours_count_and_no_band_does() -> None:
     assert not counters.has_load
 
 
-def test_energy_is_the_area_under_the_power() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    for at_s in range(0, 3601, 10):
-        counters.note_readings(readings(at_s, active_power=100.0 * at_s / 3600))
-
-    assert counters.totals.energy_kwh == pytest.approx(50.0)
-
-
 def test_trips_count_by_code_within_bounds() -> None:
     counters = MotorCounters()
     for number in range(200):

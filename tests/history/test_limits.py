@@ -9,18 +9,7 @@ from gateway.plugins.history.limits import (
     LEAST_LEVEL,
     ThermalModel,
     pause_left_s,
-    starts_left,
 )
-
-
-def test_starts_left_are_those_of_the_last_hour() -> None:
-    assert starts_left(3, [], now_s=10_000) == 3
-    assert starts_left(3, [6000, 7000], now_s=10_000) == 2
-    assert starts_left(3, [7000, 8000, 9000, 9500], now_s=10_000) == 0
-
-
-def test_without_a_rule_the_number_of_starts_is_not_known() -> None:
-    assert starts_left(None, [1.0], now_s=2.0) is None
 
 
 @pytest.mark.parametrize(

@@ -39,34 +39,6 @@ def trip(text: str, readings: ReadingTable, at_fault: dict[str, Any]) -> TripRec
     )
 
 
-def running(recorder: TripRecorder, until_s: float, *, trip_s: float, every_s: float = 0.5) -> None:
-    """A motor whose current rises until it trips."""
-    for count in range(round(until_s / every_s) + 1):
-        at_s = count * every_s
-        is_tripped = at_s >= trip_s
-        values = {"running": not is_tripped, "fault": is_tripped, "current": 0.0 if is_tripped else 50 + at_s}
-        recorder.ring.note(values, at_s=at_s)
-
-
-def test_a_record_has_the_minute_before_the_first_reading_that_showed_the_fault() -> None:
-    recorder = TripRecorder()
-    running(recorder, 100.5, trip_s=100.0)
-    recorder.note_alarm("e05", "Motor overload", is_active=True)
-    fault(recorder, now_s=100.5)
-    recorder.add_fault_data({"P050": {"value": 251, "unit": "%", "name": "thermal"}}, [])
-
-    trip = recorder.take_due(100.5 + AFTER_S)
-
-    assert trip is not None
-    assert (trip.code, trip.text, trip.state_before) == ("e05", "Motor overload", "running")
-    table = trip.readings
-    assert table.t_s[0] == -60.0
-    row = dict(zip(table.t_s, zip(table.points["fault"], table.points["current"], strict=True), strict=True))
-    assert row[-0.5] == (False, 149.5)
-    assert row[0.0] == (True, 0.0)
-    assert trip.at_fault["P050"]["value"] == 251
-
-
 def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
     recorder = TripRecorder()
     recorder.note_alarm("fault", "Fault", is_active=True)

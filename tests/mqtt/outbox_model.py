@@ -10,7 +10,7 @@ import json
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -296,56 +296,57 @@ class Model:
             self.doing = ("page", rank)
             self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
             return
-        chance = self.dice.random()
-        batch = self.backlog.batch(deletes_only=chance < 0.3)
-        if batch is not None:
-            self.doing = ("batch", batch)
-            self.ask = partial(self._transact, partial(self._write, batch))
+        if batches := self.backlog.batches():
+            self.doing = ("batches", batches)
+            self.ask = partial(self._write_all, batches)
+
+    def _write_all(self, batches: Sequence[Batch]) -> Sequence[bool]:
+        """Write them, and return of each whether it is said to be done; a full disk takes what deletes."""
+        return [self._is_done(batch) for batch in batches]
+
+    def _is_done(self, batch: Batch) -> bool:
+        if self.is_disk_well:
+            is_done = is_said = True
+        else:
+            is_said = not batch.rows and self.dice.random() < 0.3
+            is_done = is_said or self.dice.random() < 0.1
+        if is_done:
+            self._transact(partial(self._write, batch))
+            self.stored |= {_number_of(row.payload) for row in batch.rows}
+        return is_said
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
-        gone = (*batch.delivered.items(), *batch.lost.items())
-        self.table.delete(connection, ((rank, id_) for id_, rank in gone))
+        self.table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
 
     def _do(self) -> None:
         assert self.ask is not None
-        if not self.is_disk_well:
-            if self.doing[0] == "batch" and self.dice.random() < 0.5:
-                self._transact(partial(self.table.insert, rows=self._last_values(self.doing[1])))
+        if not self.is_disk_well and self.doing[0] != "batches":
             self.answer = ("failed", None)
         else:
             if self.trouble.table_is_lost and self.dice.random() < 0.002:
                 self.disk = self._new_disk()
                 self.backlog.lose_table()
             self.answer = ("done", self.ask())
-            if self.doing[0] == "batch":
-                self.stored |= {_number_of(row.payload) for row in self.doing[1].rows}
         self.ask = None
-
-    def _last_values(self, batch: Batch) -> list[OutboxRow]:
-        """Return what may have been stored of a batch of which the rest was not: its values are in pieces."""
-        values = [row for row in batch.rows if row.rank is Rank.VALUE]
-        rows = values[self.dice.randrange(len(values) + 1) :]
-        self.stored |= {_number_of(row.payload) for row in rows}
-        return rows
 
     def _take_answer(self) -> None:
         assert self.answer is not None
         (how, answer), (what, about), self.answer = self.answer, self.doing, None
         self.is_unreadable = how == "failed" and what in ("recall", "page")
-        if how == "failed":
-            if what == "batch":
-                self.backlog.unwritten(about)
+        if what == "batches":
+            for batch, is_done in zip(about, answer, strict=True):
+                (self.backlog.written if is_done else self.backlog.unwritten)(batch)
+        elif how == "failed":
+            return
         elif what == "recall":
             self.is_recalled = True
             totals, _keys, losses = answer
             self.backlog.recall(totals, losses)
         elif what == "page":
             self.backlog.page(about, answer)
-        elif what == "batch":
-            self.backlog.written(about)
 
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""
@@ -353,7 +354,9 @@ class Model:
         rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
-        lost = self.backlog._lost.keys() | (self.doing[1].lost if self.doing[0] == "batch" else {}).keys()
+        batches = self.doing[1] if self.doing[0] == "batches" else ()
+        gone = [*self.backlog._gone.items(), *(each for batch in batches for each in batch.gone.items())]
+        lost = {id_ for id_, each in gone if each.is_lost}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
         oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
@@ -381,12 +384,12 @@ class Model:
             self.disk_step()
             if self.ask is None and self.answer is None and self.is_recalled:
                 self.outbox.hold_slow(self.now_s)
-                batch = self.backlog.batch()
-                if batch is None:
+                batches = self.backlog.batches()
+                if not batches:
                     self.looked_s = self.now_s
                     return
-                self.doing = ("batch", batch)
-                self.ask = partial(self._transact, partial(self._write, batch))
+                self.doing = ("batches", batches)
+                self.ask = partial(self._write_all, batches)
             if not self.is_disk_well:
                 return
 

@@ -151,36 +151,20 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     for number in ("7", "8"):
         box.put(result(number), 0.0)
     taken = {each.message.key: each for each in take_all(box)}
-    batch = backlog.batch()
-    assert batch is not None
-    backlog.written(batch)
+    for batch in backlog.batches():
+        backlog.written(batch)
 
     for each in taken.values():
         box.acked(each.ticket, 0)
 
     def deleted() -> list[int]:
-        found = backlog.batch()
-        return [] if found is None else list(found.delivered)
+        return [id_ for batch in backlog.batches() for id_ in batch.gone]
 
     assert box.is_idle
     assert deleted() == [taken["alice/8"].rows[0].id]
     assert deleted() == []
     backlog.let_go("alice/7")
     assert deleted() == [taken["alice/7"].rows[0].id]
-
-
-def test_what_is_acknowledged_before_it_is_written_never_is() -> None:
-    box = outbox()
-    connect(box)
-    box.put(event("1"), 0.0)
-    row = box.stage(result("2"), 0.0)
-    box.put(result("2"), 0.0)
-
-    for each in take_all(box):
-        box.acked(each.ticket, 0)
-
-    assert box.backlog.batch() is None
-    assert not box.backlog.is_to_be_stored(row)
 
 
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:

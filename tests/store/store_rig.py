@@ -36,10 +36,12 @@ def texts(connection: Connection) -> list[str]:
 class Keeping:
     """A store with its news, until `close`."""
 
-    def __init__(self, path: Path | None, *, max_bytes: int = 2**20) -> None:
+    def __init__(
+        self, path: Path | None, *, max_bytes: int = 2**20, prepare: Callable[[], object] = lambda: None
+    ) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02)
+        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02, prepare=prepare)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
-from collections.abc import Callable
-from concurrent.futures import Future
 from contextlib import closing
 from typing import Any
 
 import pytest
 
-from gateway.store import Connection, verify
+from gateway.store import BEHIND_S, Connection, Store, verify
 from gateway.store.audit import Audit, _anchor, append
 from gateway.store.schema import STATE
+from tests.store.store_rig import PATIENCE_S
 
 
 def entries(count: int) -> list[dict[str, Any]]:
@@ -44,32 +43,20 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
         assert verify(lines(connection), after=anchor).problems != ()
 
 
-class SlowStore:
-    """A store whose disk takes work when the test lets it."""
-
-    def __init__(self) -> None:
-        self.trouble = ""
-        self.works: list[tuple[Callable[[Connection], int], Future[int]]] = []
-
-    def submit(self, work: Callable[[Connection], int], *, within_s: float) -> Future[int]:
-        self.works.append((work, Future()))
-        return self.works[-1][1]
-
-
 async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.store.audit.MOST_WAITING", 3)
-    store = SlowStore()
-    audit = Audit(store, boot="b")  # type: ignore[arg-type]
+    store = Store(None, STATE)
+    audit = Audit(store, boot="b")
     for number in range(7):
         audit.note("x", f"{number}")
+    store.start(lambda *_: None)
+    await asyncio.wrap_future(store.submit(lines))  # after all of them
+    await asyncio.sleep(0)
+    audit.note("x", "end")
+    store.submit(lambda _: None, within_s=BEHIND_S)
+    found = [line for _, line in await asyncio.wrap_future(store.submit(lines))]
+    store.close(within_s=PATIENCE_S)
 
-    with closing(sqlite3.connect(":memory:")) as connection:
-        STATE.steps[0](connection)
-        while store.works:
-            work, done = store.works.pop(0)
-            done.set_result(work(connection))
-            await asyncio.sleep(0)
-        found = [line for _, line in lines(connection)]
-
-    assert [text in line for text, line in zip("012", found, strict=False)] == [True] * 3
+    assert [text in line for text, line in zip(("0", "1", "2"), found, strict=False)] == [True] * 3
     assert "4 entries could not be stored" in found[3]
+    assert "end" in found[4]

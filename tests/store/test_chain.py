@@ -40,12 +40,9 @@ def placed(lines: list[str]) -> list[tuple[str, str]]:
     [
         ({"b": 1, "a": 2.0}, '{"a":2.0,"b":1}'),
         ({"t": (1, [True, None])}, '{"t":[1,[true,null]]}'),
-        (float("nan"), "null"),
-        (float("inf"), "null"),
         (Colour.RED, '"red"'),
         ("°C", '"°C"'),
         ("\ud800", '"?"'),
-        ({2, 1}, '["1","2"]'),
         (b"\x01", "\"b'\\\\x01'\""),
         ({1: "one"}, '{"1":"one"}'),
     ],
@@ -71,16 +68,6 @@ def test_no_changed_octet_goes_unnoticed(place: int, data: st.DataObject) -> Non
     assert verify(placed(lines), after=Head()).problems
 
 
-@pytest.mark.parametrize("gone", [0, 2])
-def test_a_removed_line_shows(gone: int) -> None:
-    lines = chain(5)
-    del lines[gone]
-
-    (problem,) = verify(placed(lines), after=Head()).problems
-
-    assert "does not follow" in problem
-
-
 def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() -> None:
     lines = chain(5)
     _, before = read_line(lines[1])
@@ -89,12 +76,3 @@ def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() 
     problems = verify(placed(lines), after=Head()).problems
 
     assert problems == ("line 4: does not follow line 3: something was removed, inserted or exchanged",)
-
-
-def test_a_chain_whose_beginning_was_given_up_is_checked_against_the_anchor() -> None:
-    lines = chain(5)
-    _, anchor = read_line(lines[1])
-
-    assert verify(placed(lines[2:]), after=anchor).problems == ()
-    assert verify(placed(lines[3:]), after=anchor).problems
-    assert verify(placed(lines[3:]), after=None).problems == ()

@@ -53,18 +53,6 @@ async def opened(tmp_path: Path) -> AsyncIterator[OpenHistory]:
     assert await here.store.close(within_s=PATIENCE_S)
 
 
-async def test_the_newest_of_a_kind_stay_for_each_starter(opened: OpenHistory) -> None:
-    for number in range(10):
-        opened.put(str(number))
-    opened.put("only", kind="month")
-    opened.put("other", starter="q")
-
-    assert await opened.ids() == ["7", "8", "9"]
-    assert await opened.ids(kind="month") == ["only"]
-    assert await opened.ids("q") == ["other"]
-    assert len(opened.stored) == 12
-
-
 async def test_a_row_of_the_same_id_takes_the_place_of_the_one_before(opened: OpenHistory) -> None:
     for id_, value in (("a", 1), ("b", 2), ("a", 3)):
         opened.put(id_, value=value)

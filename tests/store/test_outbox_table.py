@@ -21,22 +21,6 @@ def event(id_: int, text: str, key: str = "") -> OutboxRow:
     return OutboxRow(id_, Rank.EVENT, "b/event", text.encode(), 1.0, "run", key)
 
 
-def texts(connection: sqlite3.Connection, table: OutboxTable) -> list[tuple[int, str]]:
-    page = table.page(connection, Rank.EVENT, BEGINNING, 100)
-    return [(row.id, row.payload.decode()) for row in page.rows]
-
-
-def test_a_run_counts_its_own_rows_from_1_and_those_of_earlier_runs_come_before() -> None:
-    connection = disk()
-    OutboxTable().insert(connection, [event(1, "a"), event(2, "b")])
-    table = OutboxTable()
-
-    table.insert(connection, [event(1, "c")])
-    table.delete(connection, [(Rank.EVENT, -1), (Rank.EVENT, 7)])
-
-    assert texts(connection, table) == [(0, "b"), (1, "c")]
-
-
 def test_what_is_staged_before_the_table_is_read_was_not_left_by_an_earlier_run() -> None:
     connection = disk()
     OutboxTable().insert(connection, [event(1, "a", "old")])
@@ -46,15 +30,6 @@ def test_what_is_staged_before_the_table_is_read_was_not_left_by_an_earlier_run(
 
     assert table.totals(connection)[Rank.EVENT].rows == 1
     assert table.keys(connection) == ["old"]
-
-
-def test_a_row_is_written_once() -> None:
-    connection, table = disk(), OutboxTable()
-
-    table.insert(connection, [event(1, "a")])
-    table.insert(connection, [event(1, "again")])
-
-    assert texts(connection, table) == [(1, "a")]
 
 
 def test_a_damaged_row_is_reported_and_not_published() -> None:

@@ -83,20 +83,6 @@ def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: 
     held.result(PATIENCE_S)
 
 
-def test_what_can_never_fit_is_refused_and_the_rest_goes_on(keeping: Make) -> None:
-    one = keeping(max_bytes=40 * 4096)
-
-    with pytest.raises(StoreError, match="full"):
-        one.do(insert("x" * 2**20))
-
-    assert "full" in one.until(News.AWAY)
-    one.store.submit(insert("a"))  # it may be too soon for this one
-    while one.store.trouble:
-        assert one.kinds().count(News.OPEN) <= 2
-    one.do(insert("b"))
-    assert one.do(texts)[-1] == "b"
-
-
 def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping: Make) -> None:
     one = keeping()
     gate, done = threading.Event(), list[str]()
@@ -111,14 +97,6 @@ def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping:
     last.result(PATIENCE_S)
 
     assert done == ["urgent", *map(str, range(100))]
-
-
-def test_without_a_path_all_is_in_memory(keeping: Make) -> None:
-    one = Keeping(None)
-    one.do(insert("a"))
-
-    assert one.do(texts) == ["a"]
-    one.close()
 
 
 def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
@@ -137,6 +115,8 @@ def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
         one.do(write)
     with pytest.raises(StoreError, match="full"):
         one.do(insert("b"))
+    with pytest.raises(StoreError, match="inside the gateway"):
+        one.store.submit(lambda _: 1 / 0, is_freeing=True).result(PATIENCE_S)
     freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
     freed.result(PATIENCE_S)
     (reserve,) = tmp_path.rglob("*-reserve")

@@ -1,10 +1,10 @@
 """The rows that wait for the broker: which of them are in memory, and what is to be written.
 
 A row in memory is in exactly one place: held (it waits for its word: a staged result, or a value that is
-being published live), in flight, in its queue, or beyond its queue's window until the table has it. It leaves
-memory when it is gone, or when it is beyond and written. Nothing here does I/O: `batch` says what is to be
-written, and `written` or `unwritten` must follow. A row that the broker has acknowledged before that is never
-written; one that was is deleted together with what is written later.
+being published live), in flight, or in its queue. It leaves memory when it is gone, or when it is written and
+beyond the queue's window. Nothing here does I/O: `batches` says what is to be written, and `written` or
+`unwritten` must follow. A row that the broker has acknowledged before that is never written; one that was is
+deleted together with what is written later.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 500  # at a time
+MOST_VALUES = 100  # at a time: the intent of a start waits for no more
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -32,19 +32,19 @@ class Bounds(NamedTuple):
     bytes: int
 
 
+class Gone(NamedTuple):
+    """A row that the table has to delete: the broker has it, or it is lost."""
+
+    rank: Rank
+    is_lost: bool
+
+
 class Batch(NamedTuple):
-    """What is to be written at once; of its rows the values come last."""
+    """What is to be written at once; without rows a full disk takes it too."""
 
     rows: Sequence[OutboxRow] = ()
-    delivered: Mapping[int, Rank] = {}  # rows that are to be deleted, by id
-    lost: Mapping[int, Rank] = {}  # likewise
+    gone: Mapping[int, Gone] = {}  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None = None  # None: the table has them
-    is_relief: bool = False  # of a full disk: what is new is not in it
-
-    @property
-    def deletes_only(self) -> bool:
-        """Return whether a full disk permits it."""
-        return not self.rows and len(self.lost) <= MOST_DELETED
 
     @property
     def is_flushed(self) -> bool:
@@ -67,12 +67,9 @@ class Backlog:
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
-        self._stored: set[int] = set()  # rows that the table has, perhaps
         self._flying: set[int] = set()
-        self._unwritten: dict[int, None] = {}
-        self._writing: frozenset[int] = frozenset()
-        self._delivered: dict[int, Rank] = {}  # what the table has to delete
-        self._lost: dict[int, Rank] = {}  # likewise, together with a loss
+        self._unwritten: dict[int, bool] = {}  # with whether the table has it all the same, perhaps
+        self._gone: dict[int, Gone] = {}
         self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
@@ -108,13 +105,14 @@ class Backlog:
             self.release(staged)
         else:
             self._memory[row.id] = row
-            self._enqueue(row, is_new=True)
+            self._unwritten[row.id] = False
+            self._enqueue(row)
 
     def hold(self, row: OutboxRow) -> None:
         """Have a row stored that waits to be released."""
         self._memory[row.id] = row
         self._held.add(row.id)
-        self._unwritten[row.id] = None
+        self._unwritten[row.id] = False
 
     def stage(self, row: OutboxRow) -> None:
         """Hold a row that somebody else stores, until the same is put."""
@@ -124,11 +122,7 @@ class Backlog:
 
     def is_to_be_stored(self, row: OutboxRow) -> bool:
         """Return whether a staged row must be in the table: the broker does not have it; from any thread."""
-        self._stored.add(row.id)  # before it is looked for: it may be gone the moment after
-        if row.id in self._memory:
-            return True
-        self._stored.discard(row.id)
-        return False
+        return row.id in self._memory
 
     def holds(self, id_: int) -> bool:
         """Return whether a row is held."""
@@ -138,25 +132,21 @@ class Backlog:
         """Let a held row be sent."""
         self._held.remove(id_)
         row = self._memory[id_]
-        # Whether a staged row could be stored is not known here: it is stored again, which changes nothing.
-        self._enqueue(row, is_new=bool(row.key))
+        if row.key:  # whether it could be stored is not known here: it is stored again, which changes nothing
+            self._unwritten[row.id] = True
+        self._enqueue(row)
 
     def cancel(self, id_: int) -> None:
         """Remove a row if it is held: the broker has its message."""
         if id_ in self._held:
             self._held.remove(id_)
-            self._have_deleted(self._memory.pop(id_), self._delivered)
+            self._have_deleted(self._memory.pop(id_), is_lost=False)
 
     def first(self, rank: Rank) -> OutboxRow | None:
         """Return the row of a rank that comes next; None when there is none, or it is being read."""
         queue = self.queues[rank]
-        if not queue.rows:
-            return None
-        if not queue.is_next_here:
-            if not self.is_table_away():
-                return None
-            self._bring_strays(rank)
-        return self._memory[queue.ids[0]] if queue.ids else None
+        is_known = queue.is_next_here or self.is_table_away()
+        return self._memory[queue.ids[0]] if queue.ids and is_known else None
 
     def take(self, row: OutboxRow) -> None:
         """Remove what `first` returned, until it is done or given back."""
@@ -180,7 +170,7 @@ class Backlog:
         """Note that the broker has acknowledged what was taken."""
         for row in rows:
             self._flying.remove(row.id)
-            self._forget(row, self._delivered)
+            self._forget(row, is_lost=False)
             if row.key in self._needed:
                 self._needed[row.key] = row.id
 
@@ -202,54 +192,43 @@ class Backlog:
 
     # What is to be written.
 
-    def batch(self, *, deletes_only: bool = False) -> Batch | None:
-        """Return what is to be written next, None for nothing.
+    def batches(self) -> list[Batch]:
+        """Return what is to be written next: what is to be deleted, then what is new.
 
-        All events and results are in it, so that what declares a loss is written with the loss.
-        `deletes_only`: the disk is full, and what was lost makes room there, too.
+        All events and results are in the second, so that what declares a loss is written with the loss.
         """
-        delivered = self._deletable()
-        for id_ in delivered:
-            del self._delivered[id_]
-        if deletes_only:
-            lost = dict(islice(self._lost.items(), MOST_DELETED))
-            for id_ in lost:
-                del self._lost[id_]
-            losses = self.losses.with_declared() if lost else None
-            return Batch([], delivered, lost, losses, is_relief=True) if delivered or lost else None
-        if not (self._unwritten or self._lost or self.losses.is_unsaved):
-            return Batch(delivered=delivered) if delivered else None
-        ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
-        values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
-        ids += islice(values, MOST_VALUES)
-        for id_ in ids:
-            del self._unwritten[id_]
-        self._writing = frozenset(ids)
-        lost, self._lost = self._lost, {}
-        rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-        return Batch(rows, delivered, lost, self.losses.unsaved())
+        found: list[Batch] = []
+        needed = frozenset(self._needed.values())
+        gone = dict(islice((each for each in self._gone.items() if each[0] not in needed), MOST_DELETED))
+        has_lost = any(each.is_lost for each in gone.values())
+        if gone:
+            self._gone = {id_: each for id_, each in self._gone.items() if id_ not in gone}
+            found.append(Batch((), gone, self.losses.with_declared() if has_lost else None))
+        if self._unwritten or has_lost or self.losses.is_unsaved:
+            ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
+            values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
+            ids += islice(values, MOST_VALUES)
+            self._unwritten.update(dict.fromkeys(ids, True))
+            rows = [self.in_utc(self._memory[id_]) for id_ in ids]
+            losses = self.losses.pending if has_lost or self.losses.is_unsaved else None
+            found.append(Batch(rows, losses=losses))
+        return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
-        self._writing = frozenset()
-        if batch.is_relief and batch.losses is not None:
-            self.losses.save_again()  # without those whose event is written with them
-        elif not batch.is_relief:
-            self.losses.note_written()
+        if batch.losses is not None:
+            self.losses.note_stored(batch.losses)
+        if not batch.gone:
+            self.losses.note_events_stored()
         for row in batch.rows:
-            if row.id in self._memory:
+            if self._unwritten.pop(row.id, False):
                 self._leave_to_table(self._memory[row.id])
 
     def unwritten(self, batch: Batch) -> None:
-        """Note that a batch could not be written, or not all of it."""
-        self._writing = frozenset()
-        again = {row.id: None for row in batch.rows if row.id in self._memory}
-        self._unwritten = again | self._unwritten
-        self._stored |= again.keys()
-        self._delivered = {**batch.delivered, **self._delivered}
-        self._lost = {**batch.lost, **self._lost}
+        """Note that a batch could not be written, as far as is known."""
+        self._gone = {**batch.gone, **self._gone}
         if batch.losses is not None:
-            self.losses.save_again()
+            self.losses.note_stored(None)
 
     def in_utc(self, row: OutboxRow) -> OutboxRow:
         """Return a row as the table has it."""
@@ -262,15 +241,14 @@ class Backlog:
         for queue in self.queues.values():
             queue.expect_table()
 
-    def recall(self, totals: Mapping[Rank, Total], losses: Iterable[Loss]) -> None:
+    def recall(self, totals: Mapping[Rank, Total], losses: Sequence[Loss]) -> None:
         """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
         self.losses.recall(losses)
         for rank, queue in self.queues.items():
             if rank in totals:
                 queue.recall(totals[rank])
             else:
-                self._bring_strays(rank)
-                queue.read(HIGHEST, 0.0)
+                queue.bring((), HIGHEST, 0.0)
 
     def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
         """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
@@ -280,56 +258,43 @@ class Backlog:
     def page(self, rank: Rank, page: OutboxPage) -> None:
         """Take what was read; the times of its rows are the steady clock's."""
         queue = self.queues[rank]
-        rows = [row for row in page.rows if row.id not in self._memory and not self._is_gone(row.id)]
+        rows = [row for row in page.rows if row.id not in self._memory and row.id not in self._gone]
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
-        queue.bring(row.id for row in rows)
         for row in page.damaged:
             queue.lose_beyond(1, row.size)
-            self._lost[row.id] = rank
+            self._gone[row.id] = Gone(rank, is_lost=True)
             self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
-        self._bring_strays(rank, HIGHEST if page.is_last else page.upto)
+        upto = HIGHEST if page.is_last else page.upto
+        queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:
             self._lose_beyond(rank)
-        queue.read(HIGHEST if page.is_last else page.upto, page.rows[-1].time_s if page.rows else 0.0)
         self._make_room()
 
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
-        self._delivered.clear()
-        self._lost.clear()
+        self._gone.clear()
         for rank, queue in self.queues.items():
-            self._bring_strays(rank)
             self._lose_beyond(rank)
-            queue.read(HIGHEST, 0.0)
-        self._unwritten = dict.fromkeys(sorted(self._memory))
-        self.losses.save_again()
+            queue.bring((), HIGHEST, 0.0)
+        self._unwritten = dict.fromkeys(sorted(self._memory), True)
+        self.losses.note_stored(None)
         self.on_work()
 
     # Inside.
 
-    def _enqueue(self, row: OutboxRow, *, is_new: bool) -> None:
-        if is_new:
-            self._unwritten[row.id] = None
+    def _enqueue(self, row: OutboxRow) -> None:
         self._bytes += row.size
         self.queues[row.rank].add(row)
         self._leave_to_table(row)
         self._make_room()
 
-    def _deletable(self) -> dict[int, Rank]:
-        """Return some rows that were delivered and need not stay."""
-        if not self._delivered:
-            return {}
-        needed = frozenset(self._needed.values())
-        free = ((id_, rank) for id_, rank in self._delivered.items() if id_ not in needed)
-        return dict(islice(free, MOST_DELETED))
-
     def _make_room(self) -> None:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
         while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
             self.queues[victim.rank].remove(victim)
-            self._forget(victim, self._lost)
+            self._forget(victim, is_lost=True)
             self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
 
     def _excess(self) -> str:
@@ -348,52 +313,37 @@ class Backlog:
         for rank, queue in self.queues.items():
             if reason == DISK_FULL and queue.rows:
                 return self.first(rank)
-            if not queue.ids:
-                self._bring_strays(rank)
             if queue.ids:
                 return self._memory[queue.ids[0]]
         return None
 
     def _leave_to_table(self, row: OutboxRow) -> None:
         """Forget a row that the table has, unless it is held, in flight or within the window."""
-        is_written = row.id not in self._unwritten and row.id not in self._writing
-        is_here = row.id in self._held or row.id in self._flying or row.id in self.queues[row.rank]
-        if is_written and not is_here:
+        queue = self.queues[row.rank]
+        is_needed = row.id in self._unwritten or row.id in self._held or row.id in self._flying
+        if row.id > queue.upto and not is_needed:
+            queue.leave(row)
             del self._memory[row.id]
             self._bytes -= row.size
 
-    def _forget(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+    def _forget(self, row: OutboxRow, *, is_lost: bool) -> None:
         """Let go of a row that is in no place any more."""
         del self._memory[row.id]
         self._bytes -= row.size
-        self._have_deleted(row, gone)
+        self._have_deleted(row, is_lost=is_lost)
 
-    def _have_deleted(self, row: OutboxRow, gone: dict[int, Rank]) -> None:
+    def _have_deleted(self, row: OutboxRow, *, is_lost: bool) -> None:
         """Have the table delete a row that it has, or may have."""
-        is_written = row.id not in self._unwritten or row.id in self._stored
-        self._unwritten.pop(row.id, None)
-        self._stored.discard(row.id)
-        if is_written:
-            gone[row.id] = row.rank
-
-    def _is_gone(self, id_: int) -> bool:
-        return id_ in self._delivered or id_ in self._lost
+        if self._unwritten.pop(row.id, True):
+            self._gone[row.id] = Gone(row.rank, is_lost)
 
     def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
         self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
 
     def _lose_beyond(self, rank: Rank) -> None:
-        """Declare what the table should have and has not; everything in memory is within the queue."""
+        """Declare what the table should have and has not."""
         queue = self.queues[rank]
         if queue.beyond:
             size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
             queue.lose_beyond(queue.beyond, size)
-
-    def _bring_strays(self, rank: Rank, upto: int = HIGHEST) -> None:
-        """Have rows of beyond that are still in memory within the queue."""
-        queue = self.queues[rank]
-        if queue.beyond:
-            places = self._held | self._flying | set(queue.ids)
-            rows = (row for row in self._memory.values() if row.rank is rank and row.id <= upto)
-            queue.bring(row.id for row in rows if row.id not in places)

@@ -2,12 +2,12 @@
 
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
-1. Every LOOK_S the rows that the broker has not acknowledged are written, the values in small pieces, so that
-   the intent of a start does not wait for all of them. What is acknowledged later is deleted with the next
-   rows, or with what somebody else writes.
+1. Every LOOK_S the rows that the broker has not acknowledged are written, few values at a time, so that the
+   intent of a start does not wait for all of them. Rows that are acknowledged later are deleted with the next
+   ones, or in another part's transaction.
 2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
    were replaced before they were sent are published as history, at most 200 every PACE_S.
-3. What memory or disk could not hold is declared once, in the event `gap`.
+3. Rows that neither memory nor disk could hold are declared once, in the event `gap`.
 4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
 
@@ -18,15 +18,16 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeVar, cast
+from typing import TypeVar
 
-from gateway.contract import PublishEvent
+from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.store import BEHIND_S, Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
 from gateway.system.clock import Clock
+from gateway.system.rate_limits import Damped
 from gateway.system.supervised import is_set_within
 
 log = logging.getLogger(__name__)
@@ -35,12 +36,11 @@ T = TypeVar("T")
 
 LOOK_S = 0.5  # rows wait for so long, in which the broker may acknowledge them
 FLUSH_S = 5.0  # values may be in the kernel's hands for so long
-AT_ONCE = 100  # values in one piece of work
 RETRY_S = 1.0
 COMPANY_S = 0.1  # starts of several motors share a transaction
-HANG_S = 2.0  # what is read for so long is not waited for
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
+REFUSED_EVERY_S = 3600.0  # events
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 
 
@@ -68,16 +68,16 @@ class DiskSync:
         self._wake = wake
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
-        self._is_recalled = self._is_unreadable = False
+        self._is_recalled = False
         self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
-        self._is_full = False
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
-        self._asked_s: float | None = None  # since when the disk is at something
-        self._outbox.backlog.is_table_away = self._is_away
+        self._outbox.backlog.is_table_away = lambda: store.is_unreadable
         self._outbox.backlog.on_work = self._work.set
+        refused = Damped(self._publish_refused, clock=clock, every_s=REFUSED_EVERY_S)
+        self._outbox.on_refused = lambda topic, code: refused.put("", (topic, code))
         self._outbox.backlog.expect_table()
 
     def note_news(self, news: News, _text: str) -> None:
@@ -140,11 +140,6 @@ class DiskSync:
         except (TimeoutError, StoreError) as error:
             log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
 
-    def _is_away(self) -> bool:
-        """Return whether what is only in the table cannot be had now."""
-        hangs = self._asked_s is not None and self._clock.now_s() - self._asked_s > HANG_S
-        return hangs or self._is_unreadable
-
     def _wait_no_longer(self, keys: Sequence[str] = ()) -> None:
         call, self.on_recalled = self.on_recalled, lambda _: ()
         for key in call(keys):
@@ -158,24 +153,17 @@ class DiskSync:
             if not self._is_recalled:
                 await self._recall()
             await self._read()
+            if is_due:
+                self._due_s = self._clock.now_s() + LOOK_S
+                await self._write()
         except StoreError as error:
             log.debug("outbox: %s", error)
-            self._is_unreadable = True
-            self._wake()
-            return False
-        self._is_unreadable = False
-        if not is_due:
-            return True
-        self._due_s = self._clock.now_s() + LOOK_S
-        try:
-            await self._write()
-        except StoreError as error:
-            log.debug("outbox: %s", error)
+            self._wake()  # what is in memory does not wait for the table
             return False
         return True
 
     async def _recall(self) -> None:
-        totals, keys, losses = await self._do(self._recalled, is_freeing=True)
+        totals, keys, losses = await self._do(self._recalled)
         for rank, total in totals.items():
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
@@ -184,42 +172,34 @@ class DiskSync:
         self._wait_no_longer(keys)
         self._wake()
 
-    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], Iterable[Loss]]:
+    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], list[Loss]]:
         table = self._table
         return table.totals(connection), table.keys(connection), table.losses(connection)
 
     async def _write(self, *, may_wait: bool = True) -> None:
-        """Write what is to be written; where there was no room for it, delete what was delivered first."""
-        while batch := self._next_batch():
-            is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
-            is_freeing = batch.deletes_only
-            within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
-            works = self._works(batch)
-            try:
-                await self._do(*works, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-            except BaseException:
-                self._outbox.backlog.unwritten(batch)
-                self._is_full = True
-                raise
-            self._is_full = False
-            self._outbox.backlog.written(batch)
-            if is_flushed:
-                self._flushed_s = self._clock.now_s()
+        """Write all that is to be written, as far as a full disk permits."""
+        while batches := self._outbox.backlog.batches():
+            writing = (self._write_batch(batch, may_wait=may_wait) for batch in batches)
+            for outcome in await asyncio.gather(*writing, return_exceptions=True):
+                if outcome is not None:
+                    raise outcome
 
-    def _next_batch(self) -> Batch | None:
-        room = self._outbox.backlog.batch(deletes_only=True) if self._is_full else None
-        return room or self._outbox.backlog.batch()
-
-    def _works(self, batch: Batch) -> list[Work]:
-        """Return what writes a batch, in pieces; what belongs together is in the first one."""
-        first = sum(row.rank is not Rank.VALUE for row in batch.rows)
-        parts = (batch.rows[at : at + AT_ONCE] for at in range(first, len(batch.rows), AT_ONCE))
-        together = partial(self._written, batch._replace(rows=batch.rows[:first]))
-        return [together, *(partial(self._table.insert, rows=part) for part in parts)]
+    async def _write_batch(self, batch: Batch, *, may_wait: bool) -> None:
+        is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+        is_freeing = not batch.rows
+        within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
+        work = partial(self._written, batch)
+        try:
+            await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+        except BaseException:
+            self._outbox.backlog.unwritten(batch)
+            raise
+        self._outbox.backlog.written(batch)
+        if is_flushed:
+            self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
-        gone = (*batch.delivered.items(), *batch.lost.items())
-        self._table.delete(connection, ((rank, id_) for id_, rank in gone))
+        self._table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
@@ -228,7 +208,7 @@ class DiskSync:
         """Read rows back into memory, to be sent or given up."""
         for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
             work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
-            page = await self._do(work, is_freeing=True)
+            page = await self._do(work)
             rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
             self._outbox.backlog.page(rank, page._replace(rows=rows))
             self._work.set()  # another page may be wanted
@@ -236,35 +216,28 @@ class DiskSync:
 
     async def _do(
         self,
-        *works: Callable[[Connection], T],
-        is_freeing: bool = False,
+        work: Callable[[Connection], T],
+        *,
         is_flushed: bool = False,
+        is_freeing: bool = True,
         within_s: float = 0.0,
     ) -> T:
-        """Have work done in the store's thread, in pieces, and return what the first one gives.
-
-        What needs no room is done on a full disk too.
-        """
-        self._asked_s = self._clock.now_s()
-        submit = partial(self._store.submit, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-        try:
-            futures = [asyncio.wrap_future(submit(work)) for work in works]
-            outcomes = await asyncio.gather(*futures, return_exceptions=True)
-            for outcome in outcomes:
-                if isinstance(outcome, BaseException):
-                    raise outcome
-            return cast(T, outcomes[0])
-        finally:
-            self._asked_s = None
+        """Have work done in the store's thread; what reads or deletes is done on a full disk too."""
+        return await asyncio.wrap_future(
+            self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+        )
 
     def _steady_s(self, utc_s: float) -> float:
         """Return a wall time of the past on the steady clock; the future counts as now."""
         return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
 
     def _declare(self) -> None:
-        """Publish what was lost or refused, once there is a connection."""
+        """Publish what was lost, once there is a connection."""
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
-            for each in (self._outbox.backlog.losses, self._outbox.refusals):
-                if event := each.declare(now_s):
-                    self._publish_event(event)
+            if event := self._outbox.backlog.losses.declare(now_s):
+                self._publish_event(event)
+
+    def _publish_refused(self, last: tuple[str, int], count: int) -> None:
+        topic, code = last
+        self._publish_event(EventCode.PUBLISH_REFUSED, count=max(count, 1), topic=topic, reason_code=code)

@@ -1,12 +1,9 @@
-"""What no subscriber will ever see: lost before the broker had it, or refused by the broker.
-
-Losses are summed up, stored in the table, and declared once; refusals are counted, and published hourly.
-"""
+"""Rows that were lost before the broker had them: summed up, stored in the table, and declared once."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from gateway.contract import Event, EventCode, event_of, phrase, rfc3339
 from gateway.store import Loss, merged
@@ -14,7 +11,6 @@ from gateway.store import Loss, merged
 log = logging.getLogger(__name__)
 
 DECLARE_EVERY_S = 60.0  # losses that go on are summed up
-REFUSED_EVERY_S = 3600.0
 
 
 class Losses:
@@ -22,87 +18,52 @@ class Losses:
 
     def __init__(self) -> None:
         self.dropped = 0  # rows, in this run
-        self._sums: Sequence[Loss] = ()
+        self.pending: Sequence[Loss] = ()
         self._declared: Sequence[Loss] = ()  # by an event that is not in the table yet
-        self._is_saved = True
+        self._stored: Sequence[Loss] | None = ()  # what the table has, as far as is known
         self._declared_s = float("-inf")
 
     @property
     def is_unsaved(self) -> bool:
         """Return whether the table has others."""
-        return not self._is_saved
-
-    @property
-    def pending(self) -> Sequence[Loss]:
-        """Return the losses that are not declared yet."""
-        return self._sums
+        return self._stored != self.pending
 
     def add(self, loss: Loss) -> None:
         """Note a loss of this run."""
         if not self.dropped:
             log.warning("outbox: messages are lost before the broker has them: %s", loss.reason)
         self.dropped += loss.rows
-        self._is_saved = False
-        self.recall([loss])
+        self.pending = merged((*self.pending, loss))
 
-    def recall(self, losses: Iterable[Loss]) -> None:
+    def recall(self, losses: Sequence[Loss]) -> None:
         """Begin with what earlier runs have not declared."""
-        self._sums = merged((*self._sums, *losses))
-
-    def unsaved(self) -> Sequence[Loss] | None:
-        """Return all of them when the table has others, else None; `save_again` when writing failed."""
-        is_saved, self._is_saved = self._is_saved, True
-        return None if is_saved else self._sums
+        self.pending = merged((*self.pending, *losses))
+        self._stored = losses
 
     def with_declared(self) -> Sequence[Loss]:
         """Return all of them, also those whose event a full disk does not take: a crash would forget it."""
-        return merged((*self._sums, *self._declared))
+        return merged((*self.pending, *self._declared))
 
-    def note_written(self) -> None:
-        """Record that the table has all that was waiting for it, the event of the losses too."""
+    def note_stored(self, losses: Sequence[Loss] | None) -> None:
+        """Note what the table has now; None: that is not known."""
+        self._stored = losses
+
+    def note_events_stored(self) -> None:
+        """Note that the table has all events, also those that have declared losses."""
         self._declared = ()
-
-    def save_again(self) -> None:
-        """Have all of them written once more."""
-        self._is_saved = False
 
     def declare(self, now_s: float) -> Event | None:
         """Return the event that declares all, which must reach the table with the next change of it.
 
         None when there is nothing to declare, or when it is too soon.
         """
-        if not self._sums or now_s < self._declared_s + DECLARE_EVERY_S:
+        if not self.pending or now_s < self._declared_s + DECLARE_EVERY_S:
             return None
-        event = _gap(self._sums)
-        self._declared = (*self._declared, *self._sums)
-        self._sums = ()
-        self._is_saved = False
+        event = _gap(self.pending)
+        self._declared = (*self._declared, *self.pending)
+        self.pending = ()
         self._declared_s = now_s
         return event
-
-
-class RefusedMessages:
-    """Publications that the broker would not take; they are not sent again."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._published = 0
-        self._published_s = float("-inf")
-        self._last = ("", 0)
-
-    def add(self, topic: str, reason_code: int) -> None:
-        """Note one."""
-        self.count += 1
-        self._last = (topic, reason_code)
-
-    def declare(self, now_s: float) -> Event | None:
-        """Return the event that counts them; None when there is no new one, or when it is too soon."""
-        count = self.count - self._published
-        if not count or now_s < self._published_s + REFUSED_EVERY_S:
-            return None
-        self._published, self._published_s = self.count, now_s
-        topic, code = self._last
-        return event_of(EventCode.PUBLISH_REFUSED, count=count, topic=topic, reason_code=code)
 
 
 def _gap(losses: Sequence[Loss]) -> Event:

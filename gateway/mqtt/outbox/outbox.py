@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 from gateway.contract import HistoryRecord, history_item
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
-from gateway.mqtt.outbox.losses import RefusedMessages
 from gateway.store import OutboxRow, Rank
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
@@ -77,7 +76,8 @@ class Outbox:
         self._late_upto = 0  # the id of the last row from before this connection
         self._was_late = False
         self._history_credit = 0
-        self.refusals = RefusedMessages()
+        self.refused = 0  # messages that the broker would not take; they are not sent again
+        self.on_refused: Callable[[str, int], None] = lambda *_: None  # called with topic and reason code
 
     @property
     def latest(self) -> Mapping[str, Message]:
@@ -182,7 +182,8 @@ class Outbox:
             if not message.payload and self._latest.get(message.topic) is message:
                 del self._latest[message.topic]
         if reason_code >= FIRST_FAILURE:
-            self.refusals.add(message.topic, reason_code)
+            self.refused += 1
+            self.on_refused(message.topic, reason_code)
 
     @property
     def is_idle(self) -> bool:
@@ -200,7 +201,7 @@ class Outbox:
             "oldest_s": round(max(0.0, now_s - min(all_since_s)), 3) if all_since_s else 0.0,
             "bytes": size + sum(each.message.packet_size for each in news),
             "dropped": self.backlog.losses.dropped,
-            "refused": self.refusals.count,
+            "refused": self.refused,
             "reconnects": max(0, self._connections - 1),
         }
 

@@ -1,8 +1,7 @@
-"""The order of one rank: its oldest rows in memory, the others in the table alone.
+"""The order of one rank: rows in memory, and others that the table alone has.
 
 Invariants: `ids` is sorted. Every row up to `upto` is in memory, so that the next one is `ids[0]`; of the
-later ones all are in the table, or on their way to it, and some may be in memory as well. `upto` is HIGHEST
-when all are in memory.
+later ones those that the table has not are in memory too. `upto` is HIGHEST when all are in memory.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ LOWEST, HIGHEST = -(2**60), 2**60  # no row has these ids
 
 
 class RankQueue:
-    """The rows of a rank that may be sent; `window` is how many of a long queue are in memory."""
+    """The rows of a rank that may be sent; `window` is how many of a long queue stay in memory."""
 
     def __init__(self, window: int) -> None:
         self.ids: list[int] = []  # in memory
@@ -28,7 +27,7 @@ class RankQueue:
 
     @property
     def beyond(self) -> int:
-        """Return how many rows are not in memory, or only until the table has them."""
+        """Return how many rows the table alone has."""
         return self.rows - len(self.ids)
 
     @property
@@ -41,10 +40,6 @@ class RankQueue:
         """Return whether the row that comes next is in memory."""
         return bool(self.ids) and self.ids[0] <= self.upto
 
-    def __contains__(self, id_: int) -> bool:
-        place = bisect_left(self.ids, id_)
-        return place < len(self.ids) and self.ids[place] == id_
-
     def expect_table(self) -> None:
         """Take it that the table may have rows of earlier runs, which come first."""
         self.upto = LOWEST
@@ -56,13 +51,10 @@ class RankQueue:
         self.bytes += total.bytes
 
     def add(self, row: OutboxRow) -> None:
-        """Take a row at its place: into memory, or beyond when the window is full."""
+        """Take a row at its place; when the window is full, what comes after it is for the table."""
         if self.upto == HIGHEST and len(self.ids) >= self._window:
-            self.upto = self.ids[-1]
-        if row.id <= self.upto:
-            insort(self.ids, row.id)
-        else:
-            self._go_beyond(row.time_s, row.time_s)
+            self.upto = self.ids[self._window - 1]
+        insort(self.ids, row.id)
         self.rows += 1
         self.bytes += row.size
 
@@ -73,18 +65,20 @@ class RankQueue:
         self.bytes -= row.size
         self._close()
 
-    def bring(self, ids: Iterable[int]) -> None:
-        """Have rows of beyond in memory."""
-        self.ids = sorted({*self.ids, *ids})
+    def leave(self, row: OutboxRow) -> None:
+        """Leave a row to the table, which has it."""
+        self._go_beyond(row.time_s, row.time_s)
+        self.ids.pop(bisect_left(self.ids, row.id))
 
-    def read(self, upto: int, time_s: float) -> None:
-        """Note that memory has every row up to an id now, and what time the last of them has."""
+    def bring(self, ids: Iterable[int], upto: int, time_s: float) -> None:
+        """Have rows of beyond in memory, which now has all up to an id; the last of them has this time."""
+        self.ids = sorted({*self.ids, *ids})
         self.upto = max(self.upto, upto)
         self.first_s = time_s
         self._close()
 
     def lose_beyond(self, rows: int, bytes_: int) -> None:
-        """Forget so many rows that were in the table alone."""
+        """Forget so many rows that the table alone had."""
         self.rows = max(self.rows - rows, len(self.ids))
         self.bytes -= bytes_
         self._close()
@@ -94,5 +88,5 @@ class RankQueue:
         self.last_s = max(self.last_s, last_s) if self.beyond else last_s
 
     def _close(self) -> None:
-        if not self.beyond and self.upto > LOWEST:
+        if not self.beyond and self.upto > LOWEST and len(self.ids) < self._window:
             self.upto = HIGHEST

@@ -26,6 +26,7 @@ from tests.rig import (
     command,
     event,
     frames,
+    msg,
     never,
     play,
     result,
@@ -131,6 +132,31 @@ DISKS = [
             20.0: [frames("pump", START, STOP)],
             80.9: result("start rejected locked"),
             85.0: result("start confirmed ok"),
+        },
+    ),
+    row(
+        "ends that the disk has missed are stored once it is well: a later run knows them",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            3.0: command("pump/alice/start", id="a start"),
+            3.1: fail_disk,
+            9.0: command("pump/alice/stop", id="a stop"),
+            12.0: heal_disk,
+            25.0: ["kill", "start"],
+            40.0: command("pump/alice/start", id="a start"),
+        },
+        then={
+            12.0: [
+                seen("result/pump/alice", id="a start", phase="confirmed", since=3.1),
+                result("stop confirmed ok"),
+                event("store_unavailable"),
+            ],
+            45.0: [
+                never("result/pump/alice", code="crashed"),
+                msg("result/pump/alice", id="a start", phase="confirmed", duplicate=True),
+                frames("pump", START, STOP),
+            ],
         },
     ),
     row(
