@@ -7,7 +7,7 @@ import pytest
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet
-from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, prepare_change, restore_codes
+from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, restore_codes
 
 Rows = dict[str, tuple[int, ...]]
 
@@ -113,21 +113,3 @@ def test_the_timeout_is_never_active_at_zero_on_the_way(mode: int, tenths: int, 
     seen: Rows = {"C8.2.5.1": (1 - mode,), "C8.2.5.3": (15 - tenths,)}
 
     assert codes(plan("ssw900", wanted, seen)) == order
-
-
-@pytest.mark.parametrize(
-    ("family", "verb", "args"),
-    [
-        ("ssw07", "set", {"parameter": "P314", "value": 3}),
-        ("ssw900", "set", {"parameter": "C8.2.5.3", "value": 1.5}),
-        ("sst", "configure", {"R41": 3}),
-    ],
-)
-def test_every_change_demands_standstill_on_what_it_reads(
-    family: str, verb: str, args: dict[str, int | float | str]
-) -> None:
-    preparation = prepare_change(load_profile(family), Variant(slot=1), verb, args)
-
-    assert "is_stopped" in preparation.requires
-    status = {"ssw07": "VB01", "ssw900": "S5.1.1", "sst": "R19"}[family]
-    assert status in {code for read in preparation.reads for code in read.codes}
