@@ -24,7 +24,7 @@ from gateway.app.capacity import (
 from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
-from gateway.cli.doctor.machine import dated_remark
+from gateway.cli.doctor.machine import dated_finding
 from gateway.cli.scan.scan import stable_name
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, StartError
@@ -279,7 +279,7 @@ def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
         who = f"every Sparkplug host is the same person, operator {table.operator}"
         topic = f"spBv1.0/{table.group}/DCMD/{table.node or config.gateway.name}/#"
         yield f"sparkplug.commands: {who} (let the broker's access list say who may write {topic})"
-    if dated := dated_remark(config):
+    if dated := dated_finding(config):
         yield f"{dated.where}: {dated.text}"
     if config.mqtt.allow_plaintext and not config.mqtt.is_tls:
         yield "mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)"

@@ -48,7 +48,7 @@ def settings_of(
 
 
 def client_of(config: Config, given: str | None) -> str:
-    """Return the operator that was named, or the only one of a configuration; UsageError when there is none."""
+    """Return the operator that was given, else the only one of the configuration; UsageError without."""
     if given is not None:
         return checked_client(given)
     clients = sorted({operator.client for operator in config.operators})

@@ -15,7 +15,7 @@ from gateway.cli.broker_kit.lint import warnings
 from gateway.cli.broker_kit.logins import KitSettings, Login, remote_clients
 from gateway.cli.broker_kit.proof import Broker, prove
 from gateway.cli.command import flag
-from gateway.cli.doctor.machine import dated_remark
+from gateway.cli.doctor.machine import dated_finding
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import password_in
@@ -161,7 +161,7 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
         print(f"  logins {up} and {down}; commands of {', '.join(remote) or 'no operator'} come in")
         if not remote:
             print('  (an [[operator]] with freshness = "issued_at" may command over the bridge)')
-        if dated := dated_remark(config):
+        if dated := dated_finding(config):
             print(f"warning: {dated.where}: {dated.text}")
     print("install and prove it: docs/broker.md")
 

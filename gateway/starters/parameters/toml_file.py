@@ -49,7 +49,9 @@ def from_toml(text: str, path: str) -> ParameterSet:
         read = _SET.validate_json(json.dumps(found, default=str))  # as JSON: its lists are tuples
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
+        place, *steps = map(str, first["loc"])
+        keys = {field: f"starter.{key}" for key, field in _FACTS.items()}
+        where = ".".join((keys.get(place, place), *steps))
         raise UsageError(f"{path}: {where}: {first['msg']}: {first['input']!r:.60}") from error
     empty = [code for code, entry in read.parameters.items() if entry.value is None and entry.raw is None]
     if empty:
