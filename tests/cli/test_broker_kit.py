@@ -160,7 +160,9 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
     listeners = (kit / "mosquitto.conf").read_text("utf-8").split("\nlistener ")[1:]
     assert f"\naddress 127.0.0.1:{port}\n" in (kit / "bridge.conf").read_text("utf-8")
     assert sum(each.startswith(f"{port} 127.0.0.1\n") for each in listeners) == 1
-    assert all("\nuse_username_as_clientid true\n" in f"{each}\n" for each in listeners), "it is a listener's own"
+    assert all("\nuse_username_as_clientid true\n" in f"{each}\n" for each in listeners), (
+        "it is a listener's own"
+    )
 
 
 @pytest.fixture

@@ -137,7 +137,7 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     if config.mqtt.is_tls:
         files = f"certfile {INSTALLED}/{CERT}\nkeyfile {INSTALLED}/{KEY}\ntls_version tlsv1.2"
         lines[0] = f"{lines[0]}\n{files}"
-    queued = _BRIDGED_QUEUE if has_bridge else _QUEUE
+    queued = 100_000 if has_bridge else 1000
     return "\n".join([_HEAD, *lines, _REST.format(folder=INSTALLED, queued=queued)])
 
 
@@ -156,18 +156,13 @@ acl_file {folder}/acl
 # Retained values and waiting sessions outlive a restart; every 5 s bounds what a power failure takes.
 # (The distribution's mosquitto.conf says where: persistence_location /var/lib/mosquitto/)
 autosave_interval 5
-# Messages for a slow client{queued}
-# (0 is no way out: 2.0.16 then drops all.)
+# Messages for a slow client beyond this are dropped. A longer queue saves no stop from a flood: the stop
+# waits behind it. With a bridge so much of the telemetry outlasts an outage. (0: 2.0.16 drops everything.)
+max_queued_messages {queued}
 max_packet_size 1048576
 # A stop must not wait for the acknowledgement of what went before it.
 set_tcp_nodelay true
 """
-_QUEUE = """ beyond this are dropped. More of them would not save a stop from a flood:
-# the stop, and all acknowledgements, would wait behind them.
-max_queued_messages 1000"""
-_BRIDGED_QUEUE = """, or for the bridge while its link is cut, beyond this are dropped:
-# so much of the telemetry outlasts an outage.
-max_queued_messages 100000"""
 
 
 def _certificates(
