@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.sites import ALICE, FOUR, SSW07, line, operator, starter, table
+from tests.rig.sites import ALICE, FOUR, SSW07, WEB, line, operator, starter, table
 from tests.scenarios.cli.lines import LineRow, line_row, play_line
 
 MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
@@ -166,9 +166,17 @@ MISTAKES = [  # the others: tests/config
         "line 18: web.port: unknown key (one of listen, ",
     ),
     (
-        "a password file that is missing",
-        '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n' + SSW07,
-        "mqtt.password: password_file: No such file or directory (create it, mode 0600)",
+        "secrets that are missing are found at once",
+        '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n'
+        + SSW07
+        + WEB
+        + table("metrics", token_file="scrape.token"),
+        (
+            re.compile(
+                r"line 8: mqtt.password_file: \S+/mqtt.password: No such file or directory \(create it, mode"
+            ),
+            re.compile(r"metrics.token_file: \S+/scrape.token: No such file or directory"),
+        ),
     ),
     ("no line", ALICE, "line: is missing (at least one [[line]] is needed)"),
     ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: a header [...] is not closed"),
