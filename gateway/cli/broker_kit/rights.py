@@ -83,7 +83,7 @@ class Login:
 class Row:
     """One row of the table: who writes to a filter of topics, and who reads there; of `client` alone."""
 
-    filter: str  # empty: nobody may do anything there
+    filter: str  # empty: no login may use these topics
     writes: frozenset[Role]
     reads: frozenset[Role]
     tried: str  # a topic that the proof tries

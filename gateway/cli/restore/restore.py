@@ -65,7 +65,9 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
     is_new = not place.state_dir.exists()
     place.folder.mkdir(parents=True, exist_ok=True)
     with instance_lock(place.state_dir):
-        _give_state_dir(archive, place, is_new=is_new)
+        if is_new or place.state_dir.stat().st_uid == 0:  # as root: whose the state was
+            for stored in list(place.state.values())[:1]:
+                give_to(place.state_dir, *archive.rights(stored)[1:])
         stage, aside = place.state_dir / STAGE, place.state_dir / _unused_name(place)
         shutil.rmtree(stage, ignore_errors=True)  # of a restore that was cut short
         stage.mkdir(mode=0o700)
@@ -80,7 +82,7 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
                 _restored(path).unlink(missing_ok=True)
             raise
         try:
-            _switch(place, stage, old, ending=f".{aside.name}")
+            _switch(place, stage, old, aside)
         except OSError as error:
             what = f"{error.filename}: {error.strerror}; the gateway has no configuration now"
             hint = "correct this, then restore once more with --replace; what was there is set aside"
@@ -100,14 +102,12 @@ def _linked(place: _Place, aside: Path) -> list[Path]:
             shutil.copytree(path, to, symlinks=True)
         else:
             os.link(path, to, follow_symlinks=False)
-    if old:
-        give_to_owner_of(place.state_dir, [aside, *aside.rglob("*")])
-        for folder in (aside, place.state_dir):
-            sync_folder(folder)
+        sync_folder(to.parent)
+    sync_folder(place.state_dir)
     return old
 
 
-def _switch(place: _Place, stage: Path, old: list[Path], *, ending: str) -> None:
+def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
     """Put in place what was written, of which the configuration comes last.
 
     It goes first: cut short, this leaves none, so that no gateway starts by half of it. Nothing that is set
@@ -115,19 +115,20 @@ def _switch(place: _Place, stage: Path, old: list[Path], *, ending: str) -> None
     """
     for path in place.files:
         if os.path.lexists(path):
-            path.replace(path.with_name(path.name + ending))
+            path.replace(path.with_name(f"{path.name}.{aside.name}"))
     for path in old:
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
         else:
             path.unlink()
-    for path in sorted(stage.rglob("*")):  # folders come before what is in them
-        to = place.state_dir / path.relative_to(stage)
-        if not path.is_dir():
-            path.replace(to)
-        elif not to.is_dir():
-            to.mkdir(mode=0o700)
-            give_to_owner_of(place.state_dir, [to])
+    new = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
+    for path in new:
+        (place.state_dir / path).parent.mkdir(mode=0o700, exist_ok=True)
+        (stage / path).replace(place.state_dir / path)
+    own = {place.state_dir / each for path in new for each in (path, *path.parents)} - {place.state_dir}
+    give_to_owner_of(
+        place.state_dir, [place.state_dir / FILE, *own, *([aside, *aside.rglob("*")] if old else [])]
+    )
     for path in reversed(place.files):
         _restored(path).replace(path)
         sync_folder(path.parent)
@@ -135,12 +136,13 @@ def _switch(place: _Place, stage: Path, old: list[Path], *, ending: str) -> None
 
 
 def _unused_name(place: _Place) -> str:
-    for number in count(1):
-        name = f"{ASIDE}-{number}"
-        there = [place.state_dir / name, *(path.with_name(f"{path.name}.{name}") for path in place.files)]
-        if not any(os.path.lexists(each) for each in there):
-            return name
-    raise AssertionError
+    names = (f"{ASIDE}-{number}" for number in count(1))
+    return next(
+        name
+        for name in names
+        if not os.path.lexists(place.state_dir / name)
+        and not any(os.path.lexists(f"{path}.{name}") for path in place.files)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,18 +180,16 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     if "/" in name or name not in configured or not before.is_absolute():
         raise DamagedError("the backup does not say which its configuration is")
     config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
-    _refuse_foreign(config, before, archive, name)
-    state_dir = _state_dir(config, folder, is_elsewhere=to is not None)
+    known = {f"{CONFIG}/{name}", *(name_in_backup(before, path) for path in files_of(config))}
+    for stored in configured.values():
+        if stored not in known:
+            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
+    state_dir = folder / config.gateway.state_dir
+    if to is not None:  # below that folder, whatever the configuration says
+        state_dir = Path(os.path.normpath(state_dir))
+        state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
     backup.refuse_newer(state_dir, archive.manifest.state)
     return _Place(config, folder / name, folder, state_dir, configured, state)
-
-
-def _give_state_dir(archive: backup.Archive, place: _Place, *, is_new: bool) -> None:
-    """As root, give a folder that is new, or root's own, to the user that the state belonged to."""
-    if is_new or place.state_dir.stat().st_uid == 0:
-        for stored in list(place.state.values())[:1]:
-            give_to(place.state_dir, *archive.rights(stored)[1:])
-    give_to_owner_of(place.state_dir, [place.state_dir / FILE])
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
@@ -201,7 +201,6 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
     backup.upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
-    give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
     for folder in (stage, *(path for path in stage.rglob("*") if path.is_dir())):
         sync_folder(folder)
     return locked
@@ -223,14 +222,6 @@ def _restored(path: Path) -> Path:
     return path.with_name(path.name + RESTORED)
 
 
-def _refuse_foreign(config: Config, folder: Path, archive: backup.Archive, name: str) -> None:
-    """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
-    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
-    for stored in archive.manifest.files:
-        if not stored.startswith(f"{STATE}/") and stored not in known:
-            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
-
-
 def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
     """Return the files of the configuration's folder and of the state, each with its name in the backup."""
     configured: dict[str, str] = {}
@@ -248,15 +239,6 @@ def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
         else:
             raise DamagedError(f"the backup holds {stored}, which no gateway has")
     return configured, state
-
-
-def _state_dir(config: Config, folder: Path, *, is_elsewhere: bool) -> Path:
-    """Return where the state goes: with --to below that folder, whatever the configuration says."""
-    configured = config.gateway.state_dir
-    if not is_elsewhere:
-        return folder / configured
-    whole = Path(os.path.normpath(folder / configured))
-    return whole if whole.is_relative_to(folder) else folder / STATE
 
 
 def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:

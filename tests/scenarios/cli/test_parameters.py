@@ -237,7 +237,7 @@ SETS = [
         sim={"pump": {"family": "ssw06"}},
     ),
     row(
-        "a restore that loses the broker tells what was written",
+        "a restore that loses the broker says what was written",
         given=MILL,
         at={3.0: lambda plant: plant.loop.call_later(1.0, plant.broker.drop)},
         then={3.0: restore("mill", code=1, out="written and read back: ", err="was lost")},
