@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.broker_kit.rights import KitSettings, access_list, logins_of
+from gateway.cli.broker_kit.logins import KitSettings, access_list, logins_of
 from gateway.contract import (
     AlarmRecord,
     AuditRecord,

@@ -15,16 +15,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from gateway.cli.broker_kit.rights import (
-    BRIDGE_DOWN,
-    BRIDGE_UP,
-    KitSettings,
-    Login,
-    Role,
-    gateway_login,
-    logins_of,
-    remote_clients,
-)
+from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, KitSettings, Login, gateway_login, logins_of
+from gateway.cli.broker_kit.rights import Role, remote_clients
 from gateway.config.schema import Config
 from gateway.config.values import is_loopback
 from gateway.errors import UsageError

@@ -12,8 +12,9 @@ from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, e
 from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
 from gateway.cli.broker_kit.kit import GivenFiles, read_settings, write_kit
 from gateway.cli.broker_kit.lint import warnings
+from gateway.cli.broker_kit.logins import KitSettings, Login, logins_of
 from gateway.cli.broker_kit.proof import Proof
-from gateway.cli.broker_kit.rights import KitSettings, Login, logins_of, remote_clients
+from gateway.cli.broker_kit.rights import remote_clients
 from gateway.cli.command import flag
 from gateway.cli.doctor.machine import dated_finding
 from gateway.config.load import load

@@ -31,7 +31,7 @@ from gateway.cli.broker_kit.folder import (
     write_logins,
     write_private,
 )
-from gateway.cli.broker_kit.rights import KitSettings, Login, access_list, logins_of
+from gateway.cli.broker_kit.logins import KitSettings, Login, access_list, logins_of
 from gateway.config.schema import Config
 from gateway.config.values import TOPIC_PATTERN, is_loopback
 from gateway.errors import StartError, UsageError

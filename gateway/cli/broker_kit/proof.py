@@ -16,7 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.broker_kit.rights import PROBE, PROVER, KitSettings, Login, TriedTopic, tried_topics
+from gateway.cli.broker_kit.logins import PROVER, KitSettings, Login, TriedTopic, tried_topics
+from gateway.cli.broker_kit.rights import PROBE
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
 from gateway.contract import StatusRecord, Topics

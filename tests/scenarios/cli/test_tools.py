@@ -171,6 +171,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
                 "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
                 "ok      line pumps: /dev/pumps opens",
                 "ok      starter pump: is SSW-07 85.0A",
+                "ok      starter pump: its command sources: P220 = 6 (Serial (standard is remote)), P229 = ",
                 "note    starter pump: no watchdog is on: ",
             ),
         ),
