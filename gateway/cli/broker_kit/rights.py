@@ -1,4 +1,4 @@
-"""Which topics who may write and read at the broker: one table for every configuration; pure.
+"""Who may write and read which topics at the broker: one table for every configuration; pure.
 
 The access list, the bridge's topics and what `--prove` expects all follow from it.
 """
@@ -21,46 +21,47 @@ from gateway.plugins.sparkplug.topics import NAMESPACE, state_topic
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof
 VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")
 
-# Writers and readers by the letters of `_ROLES`: gateway, operator, viewer, auditor, Home Assistant,
-# Sparkplug's node and host, the bridge up and down, prover.
+# `when` names the case in which a row counts (`_cases`); writers and readers are letters of `_ROLES`.
+# {B} is the base, {P} the probe, {C} a client, {V} a verb, {X} a starter; of Home Assistant {H} the prefix and
+# {A} the birth; of Sparkplug {S} the group, {N} the node, {T} the state of the primary host.
 _TABLE = """
-when         filter                         writes reads  tried                                     what
--            {base}/starter/#               G      OVHU   {base}/starter/{probe}/state              what a starter does
--            {base}/starter/+/event         -      A      {base}/starter/{probe}/event              events of a starter
--            {base}/gateway/#               G      OVHU   {base}/gateway/{probe}                    what the gateway says of itself
--            {base}/gateway/event           -      A      -                                         -
--            {base}/audit                   G      AU     {base}/audit                              the audit
--            {base}/result/#                G      U      -                                         -
-client       {base}/result/+/{client}       -      O      {base}/result/{probe}/{client}            results for {client}
-client       {base}/command/+/{client}/#    O      -      {base}/command/{probe}/{client}/{verb}    commands of {client}
-remote       {base}/command/+/{client}/+    D      -      -                                         -
--            -                              -      -      {base}/command/{probe}/{probe}/{verb}     commands of somebody unknown
--            {base}/#                       -      GP     {base}/{probe}                            what no one publishes
--            {probe}/#                      -      P      {probe}/{probe}                           what is outside the base
-home         {prefix}/device/+/config       G      -      {prefix}/device/{probe}/config            discovery by Home Assistant
-home         {prefix}/#                     -      HP     -                                         -
-home         {birth}                        H      GHP    {birth}                                   Home Assistant's birth
-bridged      {prefix}/device/+/config       -      U      -                                         -
-bridged      {birth}                        D      -      -                                         -
-spb          {group}/NBIRTH/{node}          N      U      -                                         -
-spb          {group}/NDATA/{node}           N      U      -                                         -
-spb          {group}/NDEATH/{node}          N      U      -                                         -
-spb          {group}/DBIRTH/{node}/+        N      U      -                                         -
-spb          {group}/DDATA/{node}/+         N      U      {group}/DDATA/{node}/{probe}              Sparkplug's device data
-spb          {group}/DDEATH/{node}/+        N      U      -                                         -
-spb          {group}/NCMD/{node}            SD     N      {group}/NCMD/{node}                       Sparkplug's node commands
-dcmd         {group}/DCMD/{node}/+          S      N      -                                         -
-dcmd_remote  {group}/DCMD/{node}/+          D      -      -                                         -
-spb          -                              -      -      {group}/DCMD/{node}/{probe}               Sparkplug's device commands
-spb          {group}/#                      -      S      {group}/DDATA/{probe}/{probe}             Sparkplug's data of another node
-spb          spBv1.0/#                      -      P      -                                         -
-spb_state    {state}                        S      NS     {state}                                   the Sparkplug host's state
-real         -                              -      -      {base}/gateway/status                     what the gateway says of itself
-real         -                              -      -      {base}/gateway/fresh                      what the gateway says of itself
-real         -                              -      -      {base}/starter/{starter}/state            what a starter does
-real_client  -                              -      -      {base}/command/{starter}/{client}/start   commands of {client}
-real_spb     -                              -      -      {group}/DCMD/{node}/{starter}             Sparkplug's device commands
-"""  # noqa: E501 - a table
+when         filter               writes  reads  tried                      what
+-            {B}/starter/#        G       OVHU   {B}/starter/{P}/state      what a starter does
+-            {B}/starter/+/event  -       A      {B}/starter/{P}/event      events of a starter
+-            {B}/gateway/#        G       OVHU   {B}/gateway/{P}            what the gateway says of itself
+-            {B}/gateway/event    -       A      -                          -
+-            {B}/audit            G       AU     {B}/audit                  the audit
+-            {B}/result/#         G       U      -                          -
+client       {B}/result/+/{C}     -       O      {B}/result/{P}/{C}         results for {C}
+client       {B}/command/+/{C}/#  O       -      {B}/command/{P}/{C}/{V}    commands of {C}
+remote       {B}/command/+/{C}/+  D       -      -                          -
+-            -                    -       -      {B}/command/{P}/{P}/{V}    commands of somebody unknown
+-            {B}/#                -       GP     {B}/{P}                    what no one publishes
+-            {P}/#                -       P      {P}/{P}                    what is outside the base
+home         {H}/device/+/config  G       -      {H}/device/{P}/config      discovery by Home Assistant
+home         {H}/#                -       HP     -                          -
+home         {A}                  H       GHP    {A}                        Home Assistant's birth
+bridged      {H}/device/+/config  -       U      -                          -
+bridged      {A}                  D       -      -                          -
+spb          {S}/NBIRTH/{N}       N       U      -                          -
+spb          {S}/NDATA/{N}        N       U      -                          -
+spb          {S}/NDEATH/{N}       N       U      -                          -
+spb          {S}/DBIRTH/{N}/+     N       U      -                          -
+spb          {S}/DDATA/{N}/+      N       U      {S}/DDATA/{N}/{P}          Sparkplug's device data
+spb          {S}/DDEATH/{N}/+     N       U      -                          -
+spb          {S}/NCMD/{N}         SD      N      {S}/NCMD/{N}               Sparkplug's node commands
+dcmd         {S}/DCMD/{N}/+       S       N      -                          -
+dcmd_remote  {S}/DCMD/{N}/+       D       -      -                          -
+spb          -                    -       -      {S}/DCMD/{N}/{P}           Sparkplug's device commands
+spb          {S}/#                -       S      {S}/DDATA/{P}/{P}          Sparkplug's data of another node
+spb          spBv1.0/#            -       P      -                          -
+spb_state    {T}                  S       NS     {T}                        the Sparkplug host's state
+real         -                    -       -      {B}/gateway/status         what the gateway says of itself
+real         -                    -       -      {B}/gateway/fresh          what the gateway says of itself
+real         -                    -       -      {B}/starter/{X}/state      what a starter does
+real_client  -                    -       -      {B}/command/{X}/{C}/start  commands of {C}
+real_spb     -                    -       -      {S}/DCMD/{N}/{X}           Sparkplug's device commands
+"""
 
 
 class Role(StrEnum):
@@ -78,7 +79,7 @@ class Role(StrEnum):
     PROVER = "prover"
 
 
-_ROLES = dict(zip("GOVAHNSUDP", Role, strict=True))
+_ROLES = dict(zip("GOVAHNSUDP", Role, strict=True))  # P the prover, U and D the bridge up and down
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,35 +101,35 @@ def table_of(config: Config, central_base: str) -> Iterator[Row]:
     for line in _TABLE.strip().splitlines()[1:]:
         when, *cells = re.split(" {2,}", line)
         for values in cases[when]:
-            for verb in VERBS if "{verb}" in line else ("",):
-                said = ("" if cell == "-" else cell.format_map({**values, "verb": verb}) for cell in cells)
+            for verb in VERBS if "{V}" in line else ("",):
+                said = ("" if cell == "-" else cell.format_map({**values, "V": verb}) for cell in cells)
                 topics, writes, reads, tried, what = said
                 by, to = (frozenset(_ROLES[letter] for letter in letters) for letters in (writes, reads))
-                yield Row(topics, by, to, tried, what, values["client"], when.startswith("real"))
+                yield Row(topics, by, to, tried, what, values["C"], when.startswith("real"))
 
 
 def _cases(config: Config, central_base: str) -> dict[str, list[dict[str, str]]]:
     """Return for which words the rows of each kind stand."""
     home, spb, remote = config.home_assistant, sparkplug_here(config), remote_clients(config)
-    all_ = {"base": config.base, "probe": PROBE, "client": ""}
-    clients = [{**all_, "client": each} for each in dict.fromkeys(each.client for each in config.operators)]
-    real = [{"starter": each.name} for each in config.starters]
+    all_ = {"B": config.base, "P": PROBE, "C": ""}
+    clients = [{**all_, "C": each} for each in dict.fromkeys(each.client for each in config.operators)]
+    real = [{"X": each.name} for each in config.starters]
     cases: dict[str, list[dict[str, str]]] = defaultdict(list)
     cases |= {"-": [all_], "client": clients, "real": [all_ | each for each in real]}
-    cases["remote"] = [each for each in clients if each["client"] in remote]
+    cases["remote"] = [each for each in clients if each["C"] in remote]
     cases["real_client"] = [one | other for one in clients for other in real]
     if home is not None:
         birth = home.birth_topic or f"{home.discovery_prefix}/status"
-        cases["home"] = [{**all_, "prefix": home.discovery_prefix, "birth": birth}]
+        cases["home"] = [{**all_, "H": home.discovery_prefix, "A": birth}]
         # Discovery names the topics of the edge: they must be the same at the central broker.
         cases["bridged"] = cases["home"] if central_base == config.base else []
     if spb is not None:
-        node = {**all_, "group": f"{NAMESPACE}/{spb.group}", "node": spb.node or config.gateway.name}
+        node = {**all_, "S": f"{NAMESPACE}/{spb.group}", "N": spb.node or config.gateway.name}
         state = "" if spb.primary_host is None else state_topic(spb.primary_host)
         cases |= {"spb": [node], "real_spb": [node | each for each in real]}
         cases["dcmd"] = [node] if spb.commands else []
         cases["dcmd_remote"] = cases["dcmd"] if spb.operator in remote else []
-        cases["spb_state"] = [{**node, "state": state}] if state else []
+        cases["spb_state"] = [{**node, "T": state}] if state else []
     return cases
 
 

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if args.action == "save":
         return _save(args)
     if args.action == "diff":
-        return _diff_factory(args) if args.factory else _diff(args)
+        return _diff(args)
     wanted = _read_file(args.file)
     live = LiveStarter.find(args.config, args.starter, args)
     return asyncio.run(restore(live, wanted, args, Progress()))
@@ -93,33 +93,30 @@ def _save(args: argparse.Namespace) -> int:
 
 
 def _diff(args: argparse.Namespace) -> int:
-    if args.b is None:
+    if args.factory and args.b is not None:
+        raise UsageError(f"--factory takes the place of {args.b} (leave one of them out)")
+    if not args.factory and args.b is None:
         raise UsageError("name a second set, or give --factory")
-    before, after = (_set(name, args) for name in (args.a, args.b))
+    before = _set(args.a, args)
+    profile = load_profile(before.family)
+    if args.factory:
+        before, after = of_factory(profile, before)
+        if not after.parameters:
+            what = f"{args.a} holds nothing whose factory setting the manual of {profile.title} prints"
+            raise UsageError(what)
+    else:
+        after = _set(args.b, args)
     if before.family != after.family:
         raise UsageError(f"{args.a} is of family {before.family}, {args.b} of {after.family}: not comparable")
-    found = differences(before, after, profile=load_profile(before.family), with_readings=args.all)
+    found = differences(before, after, profile=profile, with_readings=args.all and not args.factory)
     for difference in found:
         print(difference.text)
-    if not found:
+    if args.factory:
+        same = [code for code in after.parameters if code not in {each.code for each in found}]
+        print(f"as delivered: {', '.join(same) or 'none'}")
+    elif not found:
         what = "no difference" if args.all else "no setting differs"
         print(f"{what} between {args.a} and {args.b}")
-    return 1 if found else 0
-
-
-def _diff_factory(args: argparse.Namespace) -> int:
-    if args.b is not None:
-        raise UsageError(f"--factory takes the place of {args.b} (leave one of them out)")
-    given = _set(args.a, args)
-    profile = load_profile(given.family)
-    factory, held = of_factory(profile, given)
-    if not held.parameters:
-        raise UsageError(f"{args.a} holds nothing whose factory setting the manual of {profile.title} prints")
-    found = differences(factory, held, profile=profile)
-    for difference in found:
-        print(difference.text)
-    same = [code for code in held.parameters if code not in {each.code for each in found}]
-    print(f"as delivered: {', '.join(same) or 'none'}")
     return 1 if found else 0
 
 
