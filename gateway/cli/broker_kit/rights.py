@@ -22,7 +22,7 @@ PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the 
 VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")
 
 # `when` names the case in which a row counts (`_cases`); writers and readers are letters of `_ROLES`.
-# {B} is the base, {P} the probe, {C} a client, {V} a verb, {X} a starter; of Home Assistant {H} the prefix and
+# {B} is the base, {P} the probe, {C} a client, {V} a verb, {X} a starter; of Home Assistant {H} the prefix,
 # {A} the birth; of Sparkplug {S} the group, {N} the node, {T} the state of the primary host.
 _TABLE = """
 when         filter               writes  reads  tried                      what

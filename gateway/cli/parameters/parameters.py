@@ -39,7 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         each.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
         each.add_argument("starter", metavar="STARTER", help="the starter's name")
         each.add_argument("file", metavar="FILE", help=about)
-    flag(save, "--unnamed", about="P000 to P999 too, as raw words (SSW-06, SSW-07)")
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
     flag(
@@ -78,7 +77,7 @@ def _save(args: argparse.Namespace) -> int:
         raise UsageError(f"{path} exists already (a saved set is not overwritten: choose another name)")
     if path is not None and not path.parent.is_dir():
         raise UsageError(f"{path.parent} is no folder (make it first)")
-    saved = _read_live(live, with_unnamed=args.unnamed)
+    saved = _read_live(live)
     if path is None:
         print(to_toml(saved), end="")
         return 0
@@ -137,14 +136,13 @@ def _read_file(path: str) -> ParameterSet:
     return from_toml(text, path)
 
 
-def _read_live(live: LiveStarter, *, with_unnamed: bool = False) -> ParameterSet:
+def _read_live(live: LiveStarter) -> ParameterSet:
     """Read everything of a starter, with a progress line."""
 
     async def read() -> ParameterSet:
         progress = Progress()
         info = await live.info()
-        codes = reading.readable_codes(live.profile, with_unnamed=with_unnamed)
-        read = await live.read(codes, progress.show)
+        read = await live.read(reading.readable_codes(live.profile), progress.show)
         progress.end()
         entries = entries_of(live.profile, variant_of(info), read.rows)
         taken, ids = rfc3339(time.time()) or "", (info.model, info.firmware, info.serial)

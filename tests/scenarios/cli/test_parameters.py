@@ -93,12 +93,6 @@ SETS = [
         },
     ),
     beside(
-        "parameters without a name are saved as raw words where they are asked for",
-        PUMP,
-        cli("parameters save CONFIG pump - --unnamed", out=(re.compile(r"P500 = .*raw = \[77\]"), "P501 = ")),
-        sim={"pump": {"settings": {500: 77}}},
-    ),
-    beside(
         "a setting is written once, whatever else the file has",
         PUMP,
         restore("pump", "--dry-run", out="would write: P314"),
