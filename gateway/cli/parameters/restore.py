@@ -59,7 +59,7 @@ async def _write(live: LiveStarter, plan: RestorePlan, progress: Progress) -> in
             group, left = waiting.pop(0), len(plan.changes) - len(done)
             left_s = (time.monotonic() - began_s) * left / len(done) if done else None
             progress.show(len(done) / len(plan.changes), f"writing {group[0].code}", left_s=left_s)
-            failure = f"unknown: {_codes(group)}: look at the starter whether this was written"
+            failure = f"unknown: {_codes(group)} may have been written: look at the starter"
             result = await live.command("set", _arguments(group), expect=at_rest)
             failure = _failure(group, result)
             if not failure:

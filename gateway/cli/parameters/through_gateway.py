@@ -66,7 +66,7 @@ class LiveStarter:
         sender = CommandClient(self.settings, self.topics)
         info = await sender.retained(InfoRecord, within_s=INFO_WITHIN_S, starter=self.name)
         if info is None:
-            raise BrokerError(f"no gateway has published what {self.name} is", "is the gateway running?")
+            raise BrokerError(f"no gateway has published the facts of {self.name}", "is the gateway running?")
         return info
 
     async def command(
@@ -129,4 +129,4 @@ def _refuse_another(starter: str, found: RowsRead) -> None:
     """BrokerError for a device that contradicts the configuration: the gateway gives its raw words alone."""
     for value in found.values.values():
         if value.get("reason"):
-            raise BrokerError(f"{starter} is not what the configuration says: {value['reason']}")
+            raise BrokerError(f"{starter} is not the configured starter: {value['reason']}")
