@@ -81,6 +81,7 @@ class LiveStarter:
         order = Order(
             self.name, self.client, verb, args, operator=user_name(), ttl_s=ttl_s, expect=expect or {}
         )
+        await asyncio.sleep(PACE_S)
         sender = CommandClient(self.settings, self.topics)
         result = await sender.send(
             order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
@@ -88,7 +89,6 @@ class LiveStarter:
         if result is None:
             hint = f"may {self.client} write commands at this broker?"
             raise BrokerError(f"the gateway gives no result within {RESULT_WITHIN_S:g} s", hint)
-        await asyncio.sleep(PACE_S)
         return result
 
     async def read(
