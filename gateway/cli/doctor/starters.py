@@ -11,7 +11,7 @@ from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.parameters.through_gateway import LiveStarter
 from gateway.config.convert import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
-from gateway.errors import BrokerError, PortError, PortLostError, StoreError
+from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Question, Weight, device_of, diagnosis, reading
 from gateway.line import LineClient, Outcome, PortOpener, Priority, exclusive_line
 from gateway.modbus.pdu import Request
@@ -115,8 +115,9 @@ class LineCheckup:
             if known is not None and known.state == "offline":
                 return  # every question would be refused
             rows = (await live.read(diagnosis.readiness_codes(setup.profile))).rows
-        except BrokerError as error:
-            remedy = "" if error.hint else "--client NAME asks as another operator"
+        except (BrokerError, NoResultError) as error:
+            is_refused = ResultCode.NOT_ALLOWED in str(error)
+            remedy = "--client NAME asks as another operator" if is_refused else ""
             self._say(where, f"cannot be asked: {error}", Weight.WARNING, remedy)
             return
         if not rows:

@@ -13,7 +13,7 @@ from collections.abc import Collection
 from gateway.cli.command import Progress
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import Note, Phase, ResultRecord
-from gateway.errors import UsageError
+from gateway.errors import BrokerError, UsageError
 from gateway.families import command
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.restore_plan import (
@@ -60,7 +60,12 @@ async def _write(live: LiveStarter, plan: RestorePlan, progress: Progress) -> in
             left_s = (time.monotonic() - began_s) * left / len(done) if done else None
             progress.show(len(done) / len(plan.changes), f"writing {group[0].code}", left_s=left_s)
             failure = f"unknown: {_codes(group)} may have been written: look at the starter"
-            result = await live.command("set", _arguments(group), expect=at_rest)
+            try:
+                result = await live.command("set", _arguments(group), expect=at_rest)
+            except BrokerError:  # it was not even sent
+                waiting.insert(0, group)
+                failure = ""
+                raise
             failure = _failure(group, result)
             if not failure:
                 done += group

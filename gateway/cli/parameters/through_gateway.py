@@ -18,7 +18,7 @@ from gateway.cli.command import place_of
 from gateway.cli.operator_login import client_of, settings_of, user_name
 from gateway.config.load import load
 from gateway.contract import InfoRecord, Phase, ResultCode, ResultRecord, Topics
-from gateway.errors import BrokerError
+from gateway.errors import BrokerError, NoResultError
 from gateway.families import Profile, Variant, load_profile
 from gateway.mqtt import BrokerSettings, CommandClient, Order
 
@@ -77,7 +77,7 @@ class LiveStarter:
         ttl_s: float | None = None,
         expect: Mapping[str, Any] | None = None,
     ) -> ResultRecord:
-        """Return a command's final result; BrokerError and NoResultError without one."""
+        """Return a command's final result; BrokerError when it was not sent, NoResultError without one."""
         order = Order(
             self.name, self.client, verb, args, operator=user_name(), ttl_s=ttl_s, expect=expect or {}
         )
@@ -88,13 +88,13 @@ class LiveStarter:
         )
         if result is None:
             hint = f"may {self.client} write commands at this broker?"
-            raise BrokerError(f"the gateway gives no result within {RESULT_WITHIN_S:g} s", hint)
+            raise NoResultError("", f"the gateway gives no result within {RESULT_WITHIN_S:g} s ({hint})")
         return result
 
     async def read(
         self, codes: Collection[str], on_read: Callable[[float, str], None] = lambda _, __: None
     ) -> RowsRead:
-        """Read rows; `on_read` gets the share that is done, and a row. BrokerError when nothing can be read.
+        """Read rows; `on_read` gets the share that is done, and a row. BrokerError, NoResultError.
 
         One row that the starter refuses has the whole command refused: halves find it.
         """

@@ -233,7 +233,7 @@ SETS = [
     row(
         "a restore that loses the broker says what was written",
         given=MILL,
-        at={3.0: lambda plant: plant.loop.call_later(1.3, plant.broker.drop)},
+        at={3.0: lambda plant: plant.loop.call_later(1.15, plant.broker.drop)},
         then={
             3.0: restore(
                 "mill",
