@@ -68,6 +68,7 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
         if is_new or place.state_dir.stat().st_uid == 0:  # as root: whose the state was
             for stored in list(place.state.values())[:1]:
                 give_to(place.state_dir, *archive.rights(stored)[1:])
+        give_to_owner_of(place.state_dir, [place.state_dir / FILE])
         stage, aside = place.state_dir / STAGE, place.state_dir / _unused_name(place)
         shutil.rmtree(stage, ignore_errors=True)  # of a restore that was cut short
         stage.mkdir(mode=0o700)
@@ -94,14 +95,12 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
 
 def _linked(place: _Place, aside: Path) -> list[Path]:
     """Link the state that is there into a folder of its own, which is whole before anything else changes."""
-    old = place.old_state()
+    if old := place.old_state():
+        aside.mkdir(mode=0o700)
     for path in old:
         to = aside / path.relative_to(place.state_dir)
-        to.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if path.is_dir() and not path.is_symlink():
-            shutil.copytree(path, to, symlinks=True)
-        else:
-            os.link(path, to, follow_symlinks=False)
+        to.parent.mkdir(mode=0o700, exist_ok=True)
+        os.link(path, to, follow_symlinks=False)
         sync_folder(to.parent)
     sync_folder(place.state_dir)
     return old
@@ -117,18 +116,13 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
         if os.path.lexists(path):
             path.replace(path.with_name(f"{path.name}.{aside.name}"))
     for path in old:
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
+        path.unlink()
     new = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
     for path in new:
         (place.state_dir / path).parent.mkdir(mode=0o700, exist_ok=True)
         (stage / path).replace(place.state_dir / path)
     own = {place.state_dir / each for path in new for each in (path, *path.parents)} - {place.state_dir}
-    give_to_owner_of(
-        place.state_dir, [place.state_dir / FILE, *own, *([aside, *aside.rglob("*")] if old else [])]
-    )
+    give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
     for path in reversed(place.files):
         _restored(path).replace(path)
         sync_folder(path.parent)
