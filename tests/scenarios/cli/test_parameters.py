@@ -97,7 +97,15 @@ SETS = [
         PUMP,
         restore("pump", "--dry-run", out="would write: P314"),
         frames("pump"),
-        restore("pump", out=("read back: P314", "left as it is: P308"), err="writing P314"),
+        restore(
+            "pump",
+            out=(
+                "to write: P314 timeout for message reception: 0.0 s (off) -> 30.0 s",
+                "read back: P314",
+                "left as it is: P308",
+            ),
+            err="writing P314",
+        ),
         frames("pump", "06 01 3a 00 1e"),
         cli(
             "parameters diff DIR/set.toml CONFIG:pump",

@@ -28,18 +28,6 @@ def codes(found: RestorePlan) -> list[str]:
     return [change.code for change in found.changes]
 
 
-def test_only_what_differs_is_written() -> None:
-    found = plan(
-        "ssw07",
-        {"P314": ParameterEntry(raw=(30,)), "P313": ParameterEntry(raw=(1,))},
-        {"P314": (0,), "P313": (1,)},
-    )
-
-    assert codes(found) == ["P314"]
-    assert found.changes[0].text == "P314 timeout for message reception: 0.0 s (off) -> 30.0 s"
-    assert found.left == {}
-
-
 @pytest.mark.parametrize(
     ("family", "code", "entry", "row"),
     [
@@ -86,12 +74,6 @@ def test_what_the_starter_does_not_give_is_left() -> None:
     assert plan("ssw07", {"P314": ParameterEntry(raw=(3,))}, {}).left == {
         "P314": "the starter does not give it"
     }
-
-
-def test_a_value_without_a_raw_number_counts_too() -> None:
-    found = plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Alarm A128")}, {"C8.2.5.1": (0,)})
-
-    assert found.changes[0].after.raw == (2,)
 
 
 def test_who_commands_the_motor_is_changed_last_and_only_when_asked() -> None:
