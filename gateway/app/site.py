@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -12,6 +12,13 @@ from gateway.config.load import load
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config
 from gateway.config.secrets import metrics_token, mqtt_password, sparkplug_password
+from gateway.errors import ConfigError
+
+_SECRETS: Mapping[tuple[str, str], Callable[..., str | None]] = {  # given the broker's password, too
+    ("mqtt", "password_file"): lambda config, folder, _, environ: mqtt_password(config, folder, environ),
+    ("metrics", "token_file"): lambda config, folder, _, environ: metrics_token(config, folder, environ),
+    ("sparkplug", "password_file"): sparkplug_password,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,22 +41,28 @@ class Site:
 
     @classmethod
     def read(cls, path: Path, environ: Mapping[str, str]) -> Self:
-        """Read a configuration's file and its secret; ConfigError with every problem.
+        """Read a configuration's file and its secrets; ConfigError with every problem.
 
         This alone decides whether a configuration can be used, for `run`, a reload and `check`.
         """
         prospects: tuple[LineCapacity, ...] = ()
+        secrets: dict[str, str | None] = {}
 
         def check(config: Config) -> list[Mistake]:
             nonlocal prospects
             prospects = prospects_of(config)
-            return missed_deadlines(prospects)
+            mistakes = missed_deadlines(prospects)
+            for key, read in _SECRETS.items():
+                try:
+                    secrets[key[0]] = read(config, path.parent, secrets.get("mqtt"), environ)
+                except ConfigError as error:
+                    mistakes += [Mistake(key, f"{error.path}: {p.what}", p.hint) for p in error.problems]
+            return mistakes
 
-        config, folder = load(path, check=check), path.parent
-        password = mqtt_password(config, folder, environ)
-        token = metrics_token(config, folder, environ)
-        own = sparkplug_password(config, folder, password, environ)
-        return cls(config, folder, password, prospects, path, token, own)
+        config = load(path, check=check)
+        return cls(
+            config, path.parent, secrets["mqtt"], prospects, path, secrets["metrics"], secrets["sparkplug"]
+        )
 
     @property
     def computed(self) -> Mapping[str, Mapping[str, Any]]:

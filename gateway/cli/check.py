@@ -24,60 +24,18 @@ from gateway.app.capacity import (
 from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
-from gateway.cli.doctor.machine import dated_remark
+from gateway.cli.doctor.findings import Finding, Findings
+from gateway.cli.doctor.machine import dated_finding
 from gateway.cli.scan.scan import stable_name
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, StartError
-from gateway.families import ENGLISH, LANGUAGES, languages_of, load_profile
+from gateway.families import ENGLISH, LANGUAGES, Weight, languages_of, load_profile
 from gateway.line import capacity
 from gateway.store import backup
 from gateway.system.instance_lock import is_locked
 
-SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
-
-
-def gaps_of_starter(starter: StarterCapacity, restart: capacity.Restart | None = None) -> capacity.Gaps:
-    """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
-    return capacity.gaps_of(starter.gap_s, starter.first_poll_s, restart)
-
-
-def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
-    """Yield a warning, with a remedy, for each starter whose watchdog a failure of the gateway would trip."""
-    for line in prospects:
-        for starter in line.starters:
-            limit_s = starter.table.watchdog_s
-            if not limit_s or limit_s < capacity.WIDE_FACTOR * starter.gap_s:
-                continue  # off, or too tight even while everything works, which another warning reports
-            gaps = gaps_of_starter(starter)
-            for_crash_s, for_hang_s = gaps.wanted_s
-            what = f"starter {starter.table.name}: its watchdog of {limit_s:g} s acts when the gateway"
-            if limit_s < for_crash_s:
-                gap = f"{gaps.crash_s:.1f} s without a request"
-                yield f"{what} crashes: {gap} (make it {for_crash_s:.1f} s, or every_s shorter)"
-            elif limit_s < for_hang_s:
-                gap = f"{gaps.hang_s:.1f} s without a request"
-                yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
-
-
-def _judged(starter: StarterCapacity, gaps: capacity.Gaps) -> str:
-    limit_s = starter.table.watchdog_s
-    if limit_s is None:
-        return "(not stated)"
-    if not limit_s:
-        return "(off)"
-    for_crash_s, for_hang_s = gaps.wanted_s
-    outlasts = "nothing" if limit_s < for_crash_s else "a crash" if limit_s < for_hang_s else "both"
-    return f"({limit_s:g} s outlasts {outlasts})"
-
-
-def _shorter(limit_s: float, gaps: capacity.Gaps) -> str:
-    """Return which setting of the service would do as well, if any."""
-    spare_s = limit_s / capacity.WIDE_FACTOR - gaps.crash_s - capacity.LOOK_S - capacity.Restart().abort_s
-    service_s = int(spare_s / (1.0 + 1.0 / capacity.FEEDS))
-    return f", or WatchdogSec={service_s}s in the service" if service_s >= SHORTEST_LIMIT_S else ""
-
-
 RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
+SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 
 
@@ -106,30 +64,23 @@ def run(args: argparse.Namespace) -> int:
     if args.upgrade:
         return _check_upgrade(args.config, site, as_json=args.json)
     config, prospects = site.config, prospects_of(site.config)
-    overloads = list(_overloads(prospects))
-    warnings = [
-        *_line_warnings(prospects),
-        *tight_watchdogs(prospects),
-        *_site_warnings(config, Path(args.config).parent),
-    ]
+    overloads, others = list(_overloads(prospects)), list(filter(None, _warnings(site, prospects)))
     if args.json:
-        lines = [_as_json(line) for line in prospects]
         _print_json(
             args.config,
             is_valid=True,
             language=language_line(config),
-            lines=lines,
-            warnings=[*overloads, *warnings],
+            lines=[_as_json(line) for line in prospects],
+            warnings=[warning.said for warning in (*overloads, *others)],
         )
         return 0
-    for overload in overloads:
-        print(f"warning: {overload}")
+    findings = Findings()
+    findings.add(*overloads)
     print(f"{args.config}: valid, {_site(config)}")
     print(language_line(config))
     for line in prospects:
         _print_line(line)
-    for warning in warnings:
-        print(f"warning: {warning}")
+    findings.add(*others)
     return 0
 
 
@@ -204,6 +155,11 @@ def language_line(config: Config) -> str:
     return f'names in language = "{wanted}"{fallback}; there are also: {", ".join(others)}'
 
 
+def gaps_of_starter(starter: StarterCapacity, restart: capacity.Restart | None = None) -> capacity.Gaps:
+    """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
+    return capacity.gaps_of(starter.gap_s, starter.first_poll_s, restart)
+
+
 def _print_line(line: LineCapacity) -> None:
     table, whole = line.table, line.forecast
     print(f"\nline {table.name}: {table.port}, {table.baud} {table.framing}")
@@ -212,46 +168,69 @@ def _print_line(line: LineCapacity) -> None:
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'starter':{width}}  addr  family   watchdog")
+    print(f"  {'':{width}}                longest time without a request when the gateway")
+    print(f"  {'starter':{width}}  addr  family      works     crashes      hangs   watchdog")
     for starter in line.starters:
-        each = starter.table
-        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}   {_watchdog(starter)}")
-    print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
-    print(f"  {'starter':{width}}     works   crashes     hangs")
-    for starter in line.starters:
-        gaps = gaps_of_starter(starter)
-        times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
-        print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
+        each, gaps = starter.table, gaps_of_starter(starter)
+        times = "  ".join(f"{gap_s:7.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
+        print(
+            f"  {each.name:{width}}  {each.address:4}  {each.family:6}  {times}   {_watchdog(starter, gaps)}"
+        )
 
 
-def _watchdog(starter: StarterCapacity) -> str:
-    if starter.table.watchdog_s is None:
+def _watchdog(starter: StarterCapacity, gaps: capacity.Gaps) -> str:
+    limit_s = starter.table.watchdog_s
+    if limit_s is None:
         return f"not stated, must be above {starter.gap_s:.2f} s"
-    if starter.margin_s is None:
+    if not limit_s or starter.margin_s is None:
         return "off"
-    return f"{starter.table.watchdog_s:g} s, {starter.margin_s:.2f} s to spare"
+    for_crash_s, for_hang_s = gaps.wanted_s
+    outlasts = "nothing" if limit_s < for_crash_s else "a crash" if limit_s < for_hang_s else "both"
+    return f"{limit_s:g} s, {starter.margin_s:.2f} s to spare, outlasts {outlasts}"
 
 
-def _overloads(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
+def _warning(where: str, text: str, remedy: str) -> Finding:
+    return Finding(where, text, Weight.WARNING, remedy)
+
+
+def _overloads(prospects: tuple[LineCapacity, ...]) -> Iterator[Finding]:
     """Say which lines are asked for more than their time: before all else, since nothing else then holds."""
     for line in prospects:
         whole = line.forecast
         if whole.is_overloaded:
             what = f"asked for {whole.load:.0%} of its time, periods become {whole.factor:.1f} times as long"
-            yield f"line {line.table.name}: {what} ({relief_of(line.table) or 'use more lines'})"
+            yield _warning(f"line {line.table.name}", what, relief_of(line.table) or "use more lines")
 
 
-def _line_warnings(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
+def _warnings(site: Site, prospects: tuple[LineCapacity, ...]) -> Iterator[Finding | None]:
+    """Yield whatever a person should know before the gateway runs by this configuration."""
     for line in prospects:
         yield from _segment_warnings(line.table)
         for starter in line.starters:
-            limit_s, wanted_s = starter.table.watchdog_s, _SAFE_FACTOR * starter.gap_s
-            if limit_s and limit_s < wanted_s:
-                what = f"its watchdog of {limit_s:g} s has {starter.margin_s:.2f} s to spare"
-                yield f"starter {starter.table.name}: {what} (make it {wanted_s:.1f} s, or every_s shorter)"
+            yield _watchdog_warning(starter)
+    config, folder = site.config, site.folder
+    for where, name in product(("mqtt", "web", "sparkplug"), ("ca_file", "cert_file", "key_file")):
+        file = getattr(getattr(config, where), name, None)
+        if file is not None and not (folder / file).exists():
+            yield _warning(f"{where}.{name}", f"{folder / file} is not there", "put it there before `run`")
+    for table in config.lines:
+        if table.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
+            stable = stable_name(table.port)
+            name = "a name below /dev/serial/by-id" if stable == table.port else stable
+            what = f"{table.port} may be another adapter tomorrow"
+            yield _warning(f"line {table.name}", what, f"use {name}")
+    sparkplug = config.sparkplug
+    if sparkplug is not None and sparkplug.commands:
+        who = f"every Sparkplug host is the same person, operator {sparkplug.operator}"
+        topic = f"spBv1.0/{sparkplug.group}/DCMD/{sparkplug.node or config.gateway.name}/#"
+        remedy = f"let the broker's access list say who may write {topic}"
+        yield _warning("sparkplug.commands", who, remedy)
+    yield dated_finding(config)
+    if config.mqtt.allow_plaintext and not config.mqtt.is_tls:
+        yield _warning("mqtt.url", "passwords and commands cross the network unencrypted", "use mqtts://")
 
 
-def _segment_warnings(table: LineTable) -> Iterator[str]:
+def _segment_warnings(table: LineTable) -> Iterator[Finding]:
     """Say that a line has more devices than a manual allows without a repeater; disabled ones count."""
     limits = {
         profile.title: limit
@@ -261,28 +240,33 @@ def _segment_warnings(table: LineTable) -> Iterator[str]:
     title, most = min(limits.items(), key=lambda pair: pair[1], default=("", len(table.starters)))
     if len(table.starters) > most:
         what = f"{len(table.starters)} starters need a repeater, {title} allows {most} without"
-        yield f"line {table.name}: {what} (put one in, or use more lines)"
+        yield _warning(f"line {table.name}", what, "put one in, or use more lines")
 
 
-def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
-    for where, name in product(("mqtt", "web", "sparkplug"), ("ca_file", "cert_file", "key_file")):
-        file = getattr(getattr(config, where), name, None)
-        if file is not None and not (folder / file).exists():
-            yield f"{where}.{name}: {folder / file} is not there (put it there before `run`)"
-    for line in config.lines:
-        if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
-            stable = stable_name(line.port)
-            name = "a name below /dev/serial/by-id" if stable == line.port else stable
-            yield f"line {line.name}: {line.port} may be another adapter tomorrow (use {name})"
-    table = config.sparkplug
-    if table is not None and table.commands:
-        who = f"every Sparkplug host is the same person, operator {table.operator}"
-        topic = f"spBv1.0/{table.group}/DCMD/{table.node or config.gateway.name}/#"
-        yield f"sparkplug.commands: {who} (let the broker's access list say who may write {topic})"
-    if dated := dated_remark(config):
-        yield f"{dated.where}: {dated.text}"
-    if config.mqtt.allow_plaintext and not config.mqtt.is_tls:
-        yield "mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)"
+def _watchdog_warning(starter: StarterCapacity) -> Finding | None:
+    """Say that a watchdog is too tight while everything works, else for which failure of the gateway."""
+    limit_s, where, gaps = starter.table.watchdog_s, f"starter {starter.table.name}", gaps_of_starter(starter)
+    if not limit_s:
+        return None
+    for_crash_s, for_hang_s = gaps.wanted_s
+    what = f"its watchdog of {limit_s:g} s acts when the gateway"
+    if limit_s < _SAFE_FACTOR * starter.gap_s:
+        what = f"its watchdog of {limit_s:g} s has {starter.margin_s:.2f} s to spare"
+        return _warning(where, what, f"make it {_SAFE_FACTOR * starter.gap_s:.1f} s, or every_s shorter")
+    if limit_s < for_crash_s:
+        gap = f"crashes: {gaps.crash_s:.1f} s without a request"
+        return _warning(where, f"{what} {gap}", f"make it {for_crash_s:.1f} s, or every_s shorter")
+    if limit_s < for_hang_s:
+        gap = f"hangs: {gaps.hang_s:.1f} s without a request"
+        return _warning(where, f"{what} {gap}", f"make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)}")
+    return None
+
+
+def _shorter(limit_s: float, gaps: capacity.Gaps) -> str:
+    """Return which setting of the service would do as well, if any."""
+    spare_s = limit_s / capacity.WIDE_FACTOR - gaps.crash_s - capacity.LOOK_S - capacity.Restart().abort_s
+    service_s = int(spare_s / (1.0 + 1.0 / capacity.FEEDS))
+    return f", or WatchdogSec={service_s}s in the service" if service_s >= SHORTEST_LIMIT_S else ""
 
 
 def _problems(error: ConfigError) -> list[dict[str, Any]]:

@@ -47,6 +47,18 @@ def settings_of(
     )
 
 
+def client_of(config: Config, given: str | None) -> str:
+    """Return the operator that was given, else the only one of the configuration; UsageError without."""
+    if given is not None:
+        return checked_client(given)
+    clients = sorted({operator.client for operator in config.operators})
+    if not clients:
+        raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
+    if len(clients) > 1:
+        raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
+    return clients[0]
+
+
 def checked_client(client: str) -> str:
     """Return a client's name; UsageError when it is no level of a topic."""
     if not is_level(client):

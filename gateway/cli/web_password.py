@@ -1,4 +1,4 @@
-"""`starter-gateway web-password`: prints the line that a `[[web.user]]` has as its password."""
+"""`starter-gateway web-password`: prints the line `password = "..."` of a `[[web.user]]`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description."""
     parser.description = (
         "Read a password, twice from a terminal or once from standard input, and print the line"
-        " for `password` of a [[web.user]]. The password itself is stored nowhere."
+        " to paste below a [[web.user]]. The password itself is stored nowhere."
     )
 
 
@@ -29,7 +29,7 @@ def run(_: argparse.Namespace) -> int:
         line = password_line(password)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    print(line)
+    print(f'password = "{line}"')
     return 0
 
 

@@ -94,7 +94,7 @@ def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
     assert json.loads(last)["code"] == "state_restored"
     assert run_cli("audit", "verify", str(state)).code == 0
     assert "locked until an operator unlocks them: pump\n" in out
-    assert "not in the backup, to be given anew: secret/mqtt.password, the password of login ann" in out
+    assert "not in the backup, to be given again: secret/mqtt.password, the password of login ann" in out
     assert "put each where it belongs" in out
 
 

@@ -1,4 +1,4 @@
-"""What a kit for the broker holds, decided without a broker."""
+"""What a kit for the broker holds; what a broker makes of it: tests/end_to_end/deploy."""
 
 from __future__ import annotations
 
@@ -9,22 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.bridge import (
-    CentralBroker,
-    bridge_conf,
-    central_logins,
-    commands,
-    edge_logins,
-    telemetry,
-)
-from gateway.cli.broker_kit.expected import topics_of
 from gateway.cli.broker_kit.folder import password_line
-from gateway.cli.broker_kit.kit import broker_conf
-from gateway.cli.broker_kit.lint import overlap, warnings
-from gateway.cli.broker_kit.logins import KitSettings, Login, access_list, logins_of, remote_clients
+from gateway.cli.broker_kit.lint import warnings
 from gateway.cli.main import main
-from gateway.errors import ConfigError, UsageError
-from tests.config.sites import changed, site
+from tests.config.sites import changed
 
 URL = 'url = "mqtts://broker.plant:8883"'
 NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
@@ -39,51 +27,111 @@ commands = true
 operator = "alice"
 """
 HOME_ASSISTANT = '\n[homeassistant]\noperator = "alice"\n'
-WITH_ALL = ("[[operator]]", f"{HOME_ASSISTANT}{SPARKPLUG}\n[[operator]]")
-CENTRAL = CentralBroker("central", 8883, "acme/mcc1", "/ca.pem")
-
+PLAIN = (URL, 'url = "mqtt://localhost"\nusername = "mcc1"')  # needs no certificate
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
+SEEN = {"starters/mcc1/starter/#", "starters/mcc1/gateway/#"}
+BORN = {"NBIRTH/mcc1", "NDATA/mcc1", "NDEATH/mcc1", "DBIRTH/mcc1/+", "DDATA/mcc1/+", "DDEATH/mcc1/+"}
+SPB = {f"spBv1.0/plant/{each}" for each in BORN}
+STATE, NCMD, DCMD = "spBv1.0/STATE/scada", "spBv1.0/plant/NCMD/mcc1", "spBv1.0/plant/DCMD/mcc1/+"
+BIRTH, DISCOVERY = "homeassistant/status", "homeassistant/device/+/config"
+RESULTS, COMMANDS = "starters/mcc1/result/+/alice", "starters/mcc1/command/+/alice/#"
+TELEMETRY = {*SEEN, "starters/mcc1/result/#", "starters/mcc1/audit"}
+RIGHTS = {  # by login: what it reads, and what it writes
+    "mcc1": ({"starters/mcc1/#", BIRTH}, {*TELEMETRY, DISCOVERY}),
+    "alice": (
+        {*SEEN, RESULTS, "homeassistant/#", BIRTH, "spBv1.0/plant/#", STATE},
+        {COMMANDS, BIRTH, NCMD, DCMD, STATE},
+    ),
+    "alice-send": ({*SEEN, RESULTS}, {COMMANDS}),
+    "viewer": (SEEN, set()),
+    "auditor": (
+        {"starters/mcc1/starter/+/event", "starters/mcc1/gateway/event", "starters/mcc1/audit"},
+        set(),
+    ),
+    "bridge-up": ({*TELEMETRY, *SPB}, set()),
+    "bridge-down": (set(), {"starters/mcc1/command/+/alice/+", NCMD, DCMD}),
+    "prover": ({"starters/mcc1/#", "acl-probe/#", "homeassistant/#", BIRTH, "spBv1.0/#"}, set()),
+    "mcc1-spb": ({NCMD, DCMD, STATE}, SPB),
+}
+MOVED = {each.replace("starters/", "acme/") for each in TELEMETRY}
+CENTRAL = {
+    "mcc1-up": (set(), {*MOVED, *SPB, "acme/mcc1/bridge"}),
+    "mcc1-down": ({"acme/mcc1/command/+/alice/+", NCMD, DCMD}, set()),
+    "alice": (
+        {"acme/mcc1/starter/#", "acme/mcc1/gateway/#", "acme/mcc1/result/+/alice", "acme/mcc1/bridge"},
+        {"acme/mcc1/command/+/alice/#"},
+    ),
+}
 
 
-def allows(login: Login, topic: str, *, writing: bool) -> bool:
-    return any(overlap(each, topic) for each in (login.writes if writing else login.reads))
+def made(tmp_path: Path, *options: str, site: str = changed(PLAIN), code: int = 0) -> Path:
+    """Write a kit by the command line, and return its folder."""
+    path = tmp_path / "site.toml"
+    path.write_text(site, "utf-8")
+    assert main(["broker-kit", str(path), str(tmp_path / "kit"), *options]) == code
+    return tmp_path / "kit"
 
 
-@pytest.mark.parametrize("bridged", [False, True])
-def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: bool) -> None:
-    config = site(NAMED, DATED, WITH_ALL)
-    logins = logins_of(config, KitSettings(further={"alice-send": "alice"}))
-    logins += edge_logins(config, config.base) if bridged else ()
-
-    for topic in topics_of(config, logins):
-        assert {each.name for each in logins if allows(each, topic.name, writing=True)} == topic.writers
-        if topic.writers:
-            assert {each.name for each in logins if allows(each, topic.name, writing=False)} == topic.readers
-
-
-@pytest.mark.parametrize(
-    ("guests", "what"),
-    [
-        (KitSettings(viewers=("alice",)), "two logins have the name alice"),
-        (KitSettings(viewers=("prover",)), "the proof's own"),
-        (KitSettings(viewers=("a b",)), "no name for a login"),
-        (KitSettings(viewers=("..",)), "no name for a login"),
-        (KitSettings(viewers=("acl-probe",)), "the proof's own"),
-        (KitSettings(further={"x": "carol"}), "no \\[\\[operator\\]\\] carol"),
-    ],
-)
-def test_logins_that_cannot_be_are_refused(guests: KitSettings, what: str) -> None:
-    with pytest.raises(UsageError, match=what):
-        logins_of(site(NAMED), guests)
+def rights(acl: Path) -> dict[str, tuple[set[str], set[str]]]:
+    """Return what a list lets each login read and write."""
+    found = {}
+    for block in acl.read_text("utf-8").split("\nuser ")[1:]:
+        name, *lines = (line for line in block.splitlines() if line and not line.startswith("#"))
+        found[name] = tuple(
+            {line.removeprefix(f"topic {how} ") for line in lines if line.startswith(f"topic {how} ")}
+            for how in ("read", "write")
+        )
+    return found
 
 
-def test_sparkplug_needs_a_login_of_its_own_at_this_broker() -> None:
+def test_each_login_may_do_what_it_is_for_and_nothing_else(tmp_path: Path) -> None:
+    spb = SPARKPLUG.replace("mqtts://broker.plant", "mqtt://localhost")
+    site = changed(PLAIN, DATED, ("[[operator]]", f"{HOME_ASSISTANT}{spb}\n[[operator]]"))
+
+    kit = made(
+        tmp_path, "--login=alice-send=alice", "--bridge=central", "--bridge-base=acme/{gateway}", site=site
+    )
+
+    assert rights(kit / "acl") == RIGHTS
+    assert rights(kit / "central" / "acl") == CENTRAL
+    conf = (kit / "bridge.conf").read_text("utf-8")
+    assert list(warnings(conf, "starters/mcc1", ["alice"])) == []
+    blocks = {block.partition("\n")[0]: block for block in conf.split("\nconnection ")[1:]}
+    clean = {name for name, block in blocks.items() if "cleansession true" in block}
+    assert clean == {"mcc1-commands", "mcc1-edge-commands"}
+    # Mosquitto's bridges ask for no session expiry: with MQTT 5 nothing would be stored for them.
+    assert {name for name, block in blocks.items() if "bridge_protocol_version mqttv50" in block} == clean
+    assert "topic command/+/alice/+ in 1 starters/mcc1/ acme/mcc1/" in blocks["mcc1-commands"]
+    assert "topic command/+/alice/+ out 1 starters/mcc1/ starters/mcc1/" in blocks["mcc1-edge-commands"]
+    assert f"topic {DCMD} in 1\n" in blocks["mcc1-commands"]
+    assert "topic spBv1.0/plant/DDATA/mcc1/+ out 1\n" in blocks["mcc1-telemetry"]
+
+
+def test_discovery_passes_a_bridge_whose_bases_are_the_same(tmp_path: Path) -> None:
+    site = changed(PLAIN, ("[[operator]]", f"{HOME_ASSISTANT}\n[[operator]]"))
+
+    found = rights(made(tmp_path, "--bridge=central", site=site) / "acl")
+
+    assert found["bridge-up"] == ({*TELEMETRY, DISCOVERY}, set())
+    assert found["bridge-down"] == (set(), {BIRTH})  # alice's commands are not dated
+
+
+def test_an_operator_who_may_also_prove_by_token_does_not_pass_the_bridge(tmp_path: Path) -> None:
+    twice = ("[[operator]]", '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]')
+
+    found = rights(made(tmp_path, "--bridge=central", site=changed(PLAIN, twice, DATED)) / "acl")
+
+    assert found["bridge-down"] == (set(), {"starters/mcc1/command/+/alice/+"})
+
+
+def test_sparkplug_needs_a_login_of_its_own_at_this_broker(tmp_path: Path) -> None:
     own = ("[[operator]]", '[sparkplug]\ngroup = "plant"\n\n[[operator]]')
     elsewhere = ("[[operator]]", '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://other"]\n\n[[operator]]')
 
-    with pytest.raises(ConfigError, match="mcc1-spb"):
-        logins_of(site(NAMED, own), KitSettings())
-    assert "spBv1.0" not in access_list(logins_of(site(NAMED, elsewhere), KitSettings()))
+    made(tmp_path, site=changed(PLAIN, own), code=78)
+    kit = made(tmp_path, site=changed(PLAIN, elsewhere))
+
+    assert "spBv1.0" not in (kit / "acl").read_text("utf-8")
 
 
 def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:
@@ -96,68 +144,25 @@ def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:
     assert password_line("alice", "secret") != password_line("alice", "secret")
 
 
-def test_only_operators_whose_commands_are_dated_pass_the_bridge() -> None:
-    twice = ("[[operator]]", '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]')
-
-    assert remote_clients(site(NAMED, twice)) == ()
-    assert remote_clients(site(NAMED, twice, DATED)) == ("alice",)
-    assert commands(site(NAMED), "acme/mcc1") == ()
-
-
-def test_the_bridge_names_every_topic_and_waits_only_with_telemetry() -> None:
-    config = site(NAMED, DATED, WITH_ALL)
-    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
-
-    conf = bridge_conf(config, CENTRAL, passwords, passwords)
-
-    blocks = {block.partition("\n")[0]: block for block in conf.split("\nconnection ")[1:]}
-    clean = {name for name, block in blocks.items() if "cleansession true" in block}
-    assert clean == {"mcc1-commands", "mcc1-edge-commands"}
-    # Mosquitto's bridges ask for no session expiry: with MQTT 5 nothing would be stored for them.
-    newer = {name for name, block in blocks.items() if "bridge_protocol_version mqttv50" in block}
-    assert newer == clean
-    assert "topic +/alice/+ in 1 starters/mcc1/command/ acme/mcc1/command/" in blocks["mcc1-commands"]
-    assert (
-        "topic +/alice/+ out 1 starters/mcc1/command/ starters/mcc1/command/" in blocks["mcc1-edge-commands"]
-    )
-    assert "topic spBv1.0/plant/DCMD/mcc1/+ in 1" in blocks["mcc1-commands"]
-    assert "topic spBv1.0/plant/DDATA/mcc1/+ out 1" in blocks["mcc1-telemetry"]
-    assert "homeassistant" not in conf  # the bases differ
-    assert list(warnings(conf, config.base)) == []
-
-
 @pytest.mark.parametrize(
     ("url", "port"),
-    [(URL, "18883"), ('url = "mqtt://localhost"', "1883"), ('url = "mqtt://[::1]"', "18883")],
+    [
+        pytest.param(URL, "18883", marks=needs_openssl),
+        ('url = "mqtt://localhost"', "1883"),
+        ('url = "mqtt://[::1]"', "18883"),
+    ],
 )
-def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(url: str, port: str) -> None:
-    config = site((URL, f'{url}\nusername = "mcc1"'))
-    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
+def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
+    tmp_path: Path, url: str, port: str
+) -> None:
+    kit = made(tmp_path, "--bridge=central", site=changed((URL, f'{url}\nusername = "mcc1"')))
 
-    conf = bridge_conf(config, CENTRAL, passwords, passwords)
-
-    listeners = broker_conf(config, has_bridge=True).split("\nlistener ")[1:]
-    assert f"\naddress 127.0.0.1:{port}\n" in conf
+    listeners = (kit / "mosquitto.conf").read_text("utf-8").split("\nlistener ")[1:]
+    assert f"\naddress 127.0.0.1:{port}\n" in (kit / "bridge.conf").read_text("utf-8")
     assert sum(each.startswith(f"{port} 127.0.0.1\n") for each in listeners) == 1
-    assert all("\nuse_username_as_clientid true\n" in each for each in listeners), "it is a listener's own"
-    assert "127.0.0.1" not in broker_conf(site(NAMED), has_bridge=False)
-
-
-def test_discovery_passes_a_bridge_whose_bases_are_the_same() -> None:
-    config = site(NAMED, DATED, WITH_ALL)
-
-    assert ("homeassistant/device/+/config", "") in telemetry(config, config.base)
-    assert ("homeassistant/status", "") in commands(config, config.base)
-
-
-def test_no_login_of_the_central_broker_reaches_beyond_its_site() -> None:
-    logins = central_logins(site(NAMED, DATED), "acme/mcc1")
-
-    filters = [each for login in logins for each in (*login.reads, *login.writes)]
-    assert {login.name for login in logins} == {"mcc1-up", "mcc1-down", "alice"}
-    assert [each for each in filters if not each.startswith("acme/mcc1/")] == []
-    up, down = logins[0], logins[1]
-    assert (up.reads, down.writes) == ([], [])
+    assert all("\nuse_username_as_clientid true\n" in f"{each}\n" for each in listeners), (
+        "it is a listener's own"
+    )
 
 
 @pytest.fixture
@@ -182,7 +187,7 @@ def test_a_bridge_whose_commands_this_clock_refuses_says_so(
     bridged = capsys.readouterr().out
 
     assert "need issued_at" not in without
-    assert "warning: operator alice: the commands of this operator need issued_at" in bridged
+    assert "warning operator alice: the commands of this operator need issued_at" in bridged
 
 
 @needs_openssl
@@ -204,6 +209,16 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
 @pytest.mark.parametrize(
     ("options", "what"),
     [
+        (["--viewer", "alice"], "two logins have the name alice"),
+        (["--viewer", "prover"], "the proof's own"),
+        (["--viewer", "acl-probe"], "the proof's own"),
+        (["--viewer", "a b"], "no name for a login"),
+        (["--auditor", ".."], "no name for a login"),
+        (["--login", "x=carol"], "no [[operator]] carol"),
+        (["--host", "a,DNS:evil"], "no name or address"),
+        (["--host", "bröker.plant"], "no name or address"),
+        (["--host", "a b"], "no name or address"),
+        (["--host=-a"], "no name or address"),
         (["--ca", "x"], "go together"),
         (["--login", "x"], "NAME=OPERATOR"),
         (["--bridge", "central:x"], "HOST"),

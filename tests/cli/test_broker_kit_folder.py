@@ -85,13 +85,6 @@ def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_t
     assert "certificate, for broker.plant, is valid until" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("host", ["a,DNS:evil", "bröker.plant", "a b", "-a"])
-def test_what_is_no_host_gets_no_certificate(kit: Kit, tmp_path: Path, host: str) -> None:
-    assert kit(f"--host={host}") == 2
-
-    assert not (tmp_path / "kit").exists()
-
-
 def test_without_the_authoritys_key_the_certificate_stays_and_must_do(
     kit: Kit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from gateway.cli.command import Progress
-from gateway.cli.scan.scan import addresses_in, config_text, scan, stable_name
-from gateway.cli.scan.search import Find, SearchSettings, timings_in_order
+from gateway.cli.scan.scan import addresses_in, config_text, stable_name
+from gateway.cli.scan.search import Find, Search, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -40,8 +40,12 @@ def search(
     **options: Any,
 ) -> list[Find]:
     wish = SearchSettings(tuple(timings), addresses_in(addresses), **options)
-    quiet = progress or Progress(io.StringIO())
-    return run_virtually(scan(wish, lambda timing: bus.opener(timing=timing), quiet))
+
+    async def run() -> list[Find]:
+        quiet = progress or Progress(io.StringIO())
+        return await Search(wish, lambda timing: bus.opener(timing=timing), quiet).run()
+
+    return run_virtually(run())
 
 
 def families(found: Sequence[Find]) -> dict[int, str]:

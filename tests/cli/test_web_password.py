@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import tomllib
 
 import pytest
 
@@ -18,8 +19,7 @@ def test_the_line_of_a_password_from_standard_input_is_printed(
 
     assert main(["web-password"]) == 0
 
-    line = capsys.readouterr().out.strip()
-    assert is_password("correct horse", line)
+    assert is_password("correct horse", tomllib.loads(capsys.readouterr().out)["password"])
 
 
 @pytest.mark.parametrize(("entered", "found"), [("short\n", "at least 8"), ("x" * 2000, "1 to 1024 bytes")])
@@ -47,4 +47,4 @@ def test_at_a_terminal_it_is_asked_for_twice(
     assert main(["web-password"]) == 2
     assert "differ" in capsys.readouterr().err
     assert main(["web-password"]) == 0
-    assert is_password("correct horse", capsys.readouterr().out.strip())
+    assert is_password("correct horse", tomllib.loads(capsys.readouterr().out)["password"])

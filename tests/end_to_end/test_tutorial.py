@@ -91,9 +91,6 @@ class Follower:
                 gateway = await self._gateway.enter_async_context(self._reader.program(line))
                 await gateway.says("pump-1 ready for remote control")
                 await gateway.says("pump-2 ready for remote control")
-            case ["starter-gateway", "parameters"]:
-                await self._gateway.aclose()
-                await self._reader.type(line)
             case ["install", _] if line.endswith(" ca.pem"):
                 await self._reader.type(line)
                 await self._start_broker()

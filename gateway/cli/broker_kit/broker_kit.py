@@ -10,16 +10,37 @@ from pathlib import Path
 from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on, names_in
 from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
-from gateway.cli.broker_kit.kit import GivenFiles, kit_logins, read_settings, write_kit
+from gateway.cli.broker_kit.kit import GivenFiles, read_settings, write_kit
 from gateway.cli.broker_kit.lint import warnings
-from gateway.cli.broker_kit.logins import KitSettings, Login, remote_clients
-from gateway.cli.broker_kit.proof import Broker, prove
+from gateway.cli.broker_kit.logins import KitSettings, Login, logins_of
+from gateway.cli.broker_kit.proof import Proof
+from gateway.cli.broker_kit.rights import remote_clients
 from gateway.cli.command import flag
-from gateway.cli.doctor.machine import dated_remark
+from gateway.cli.doctor.machine import dated_finding
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import password_in
 from gateway.errors import UsageError
+
+_HOST = re.compile(r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*")
+_CONTENTS = {  # option: metavar, help, and what it sets in the kit's settings
+    "--host": ("NAME", "a name or address of the broker, for its certificate; else mqtt.url's", "hosts"),
+    "--viewer": ("NAME", "a login that may only look on; else viewer", "viewers"),
+    "--auditor": ("NAME", "a login that reads events and audit; else auditor", "auditors"),
+    "--login": ("NAME=OPERATOR", "a further login of an operator, for a second program", "further"),
+    "--bridge": ("HOST[:PORT]", "a central broker: adds a bridge to it", "bridge"),
+    "--bridge-base": (
+        "BASE",
+        "base of this gateway's topics at the central broker, else mqtt.base",
+        "bridge_base",
+    ),
+    "--bridge-ca": ("FILE", "the central broker's authority, PEM, else those of the system", "has_bridge_ca"),
+    "--ca": ("FILE", "the plant's authority, PEM, in place of a new one; with --cert and --key", ""),
+    "--cert": ("FILE", "the broker's certificate, PEM, with what lies between it and the authority", ""),
+    "--key": ("FILE", "the broker's private key, PEM", ""),
+    "--like": ("DIR", "the kit of another gateway at the same broker: its authority and passwords", ""),
+}
+_REPEATED = ("hosts", "viewers", "auditors", "further")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,22 +52,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " the proof or the look finds something."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
-    parser.add_argument(
-        "folder", metavar="DIR", nargs="?", help="the folder of the kit; only its owner may read it"
-    )
+    about = "the folder of the kit; only its owner may read it"
+    parser.add_argument("folder", metavar="DIR", nargs="?", help=about)
     actions = parser.add_mutually_exclusive_group()
     flag(actions, "--prove", about="prove the kit on the running broker of CONFIG")
-    actions.add_argument(
-        "--lint", metavar="FILE", nargs="+", help="files of Mosquitto's configuration to look at"
-    )
-    flag(
-        actions,
-        "--update",
-        about="write a kit again after a change of CONFIG or of the options below: stored passwords and the"
-        " authority stay, the broker's certificate is signed anew",
-    )
+    about = "files of Mosquitto's configuration to look at"
+    actions.add_argument("--lint", metavar="FILE", nargs="+", help=about)
+    about = "write a kit again after a change of CONFIG or of the options below: stored passwords and the"
+    about += " authority stay, the broker's certificate is signed again"
+    flag(actions, "--update", about=about)
     flag(actions, "--force", about="replace a kit, with new passwords and certificates")
-    _add_contents(parser)
+    contents = parser.add_argument_group(
+        "contents of the kit (an update keeps the previous ones; '' takes one away)"
+    )
+    for name, (metavar, what, sets) in _CONTENTS.items():
+        if sets in _REPEATED:
+            contents.add_argument(name, action="append", metavar=metavar, help=f"{what}; may be repeated")
+        else:
+            contents.add_argument(name, metavar=metavar, help=what)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,9 +83,8 @@ def run(args: argparse.Namespace) -> int:
     if args.prove:
         return _prove(config, Path(args.config).parent, folder)
     if is_kit(folder) and not (args.update or args.force):
-        raise UsageError(
-            f"{folder} holds a kit (--update adds what is new, --force replaces it with its passwords)"
-        )
+        what = "--update adds what is new, --force replaces it with its passwords"
+        raise UsageError(f"{folder} holds a kit ({what})")
     given = _given(args)
     settings = _settings(args, read_settings(folder) if args.update else KitSettings())
     logins = write_kit(config, folder, settings, given, is_update=args.update)
@@ -70,54 +92,21 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _add_contents(parser: argparse.ArgumentParser) -> None:
-    contents = parser.add_argument_group(
-        "contents of the kit (an update knows those of before; '' takes one away)"
-    )
-    for name, what in _REPEATED.items():
-        contents.add_argument(name, action="append", metavar="NAME", help=what)
-    login = "a further login of an operator, for a second program"
-    contents.add_argument("--login", action="append", metavar="NAME=OPERATOR", help=login)
-    for name, (metavar, what) in _ONCE.items():
-        contents.add_argument(name, metavar=metavar, help=what)
-
-
-_HOST = re.compile(r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*")
-_REPEATED = {
-    "--host": "a name or address of the broker, for its certificate; may be repeated; else mqtt.url's",
-    "--viewer": "a login that may only look on; may be repeated; else viewer",
-    "--auditor": "a login that reads events and audit; may be repeated; else auditor",
-}
-_ONCE = {
-    "--ca": ("FILE", "the plant's authority, PEM, in place of a new one; with --cert and --key"),
-    "--cert": ("FILE", "the broker's certificate, PEM, with what lies between it and the authority"),
-    "--key": ("FILE", "the broker's private key, PEM"),
-    "--like": ("DIR", "the kit of another gateway at the same broker: its authority and passwords"),
-    "--bridge": ("HOST[:PORT]", "a central broker: adds a bridge to it"),
-    "--bridge-base": ("BASE", "base of this gateway's topics at the central broker, else mqtt.base"),
-    "--bridge-ca": ("FILE", "the central broker's authority, PEM, else those of the system"),
-}
-
-
 def _settings(args: argparse.Namespace, stored: KitSettings) -> KitSettings:
     """Return what was stored, with what the options say in its place."""
-    given: dict[str, object] = {
-        "hosts": _named(args.host),
-        "viewers": _named(args.viewer),
-        "auditors": _named(args.auditor),
-        "further": None if args.login is None else dict(_pair(text) for text in args.login if text),
-        "bridge": args.bridge,
-        "bridge_base": args.bridge_base,
-        "has_bridge_ca": None if args.bridge_ca is None else bool(args.bridge_ca),
-    }
+    update: dict[str, object] = {}
+    for option, (_, _, sets) in _CONTENTS.items():
+        value = getattr(args, option.removeprefix("--").replace("-", "_"))
+        if sets and value is not None:
+            update[sets] = tuple(filter(None, value)) if sets in _REPEATED else value
     for host in filter(None, args.host or ()):
         if not _HOST.fullmatch(host):
             raise UsageError(f"--host {host!r} is no name or address")
-    return stored.model_copy(update={key: value for key, value in given.items() if value is not None})
-
-
-def _named(names: list[str] | None) -> tuple[str, ...] | None:
-    return None if names is None else tuple(filter(None, names))
+    if "has_bridge_ca" in update:
+        update["has_bridge_ca"] = bool(args.bridge_ca)
+    if "further" in update:
+        update["further"] = dict(_pair(text) for text in args.login if text)
+    return stored.model_copy(update=update)
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -151,9 +140,8 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
         ends = f"is valid until {ends_on(folder / CERT)}, its authority until {ends_on(folder / CA)}"
         print(f"the broker's certificate, for {names_in(folder / CERT)}, {ends}")
         if (folder / CA_KEY).exists():
-            print(
-                f"  --update signs the next one, within {BROKER_DAYS} days; store {CA_KEY} off this machine"
-            )
+            signed = f"--update signs the next one, within {BROKER_DAYS} days"
+            print(f"  {signed}; store {CA_KEY} off this machine")
     if settings.bridge:
         up, down = bridge_logins(config)
         remote = remote_clients(config)
@@ -161,8 +149,8 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
         print(f"  logins {up} and {down}; commands of {', '.join(remote) or 'no operator'} come in")
         if not remote:
             print('  (an [[operator]] with freshness = "issued_at" may command over the bridge)')
-        if dated := dated_remark(config):
-            print(f"warning: {dated.where}: {dated.text}")
+        if dated := dated_finding(config):
+            print(dated)
     print("install and prove it: docs/broker.md")
 
 
@@ -173,11 +161,10 @@ def _lint(files: list[str], config: Config) -> int:
             text = Path(name).read_text("utf-8")
         except (OSError, UnicodeDecodeError) as error:
             why = (error.strerror if isinstance(error, OSError) else None) or "it is not UTF-8"
-            raise UsageError(
-                f"{name}: cannot be read: {why} (give files of Mosquitto's configuration)"
-            ) from error
+            hint = "give files of Mosquitto's configuration"
+            raise UsageError(f"{name}: cannot be read: {why} ({hint})") from error
         for warning in warnings(text, config.base, remote_clients(config)):
-            print(f"warning: {name}: {warning}")
+            print(f"warning {name}: {warning}")
             found += 1
     if not found:
         print("nothing dangerous found")
@@ -186,9 +173,10 @@ def _lint(files: list[str], config: Config) -> int:
 
 def _prove(config: Config, place: Path, folder: Path) -> int:
     """Prove the rights of every login of the kit, and print what is wrong; 1 when something is."""
-    logins = kit_logins(config, read_settings(folder))
+    settings = read_settings(folder)
+    logins = logins_of(config, settings)
     passwords = {login.name: password_in(folder / FOLDER / login.name, key="password") for login in logins}
-    findings = asyncio.run(prove(Broker(config, place, passwords), logins))
+    findings = asyncio.run(Proof(config, place, settings, logins, passwords).run())
     for finding in findings:
         print(finding)
     wrong = sum(finding.is_wrong for finding in findings)

@@ -88,6 +88,18 @@ def require_pair(folder: Path, host: str) -> None:
         raise UsageError(f"--cert is not for {host}, the broker of mqtt.url (its names must be in it)")
 
 
+def copy_pem(source: Path, target: Path) -> None:
+    """Copy a PEM file, for its owner only; UsageError when it is none."""
+    text = source.read_bytes().decode("utf-8", "replace")
+    if "-----BEGIN " not in text:
+        raise UsageError(f"{source} is no PEM file (openssl x509 or pkey, -inform DER, makes one)")
+    if "ENCRYPTED" in text:
+        what = f"{source} has a passphrase, which the broker cannot ask for"
+        raise UsageError(f"{what} (openssl pkey removes it)")
+    target.touch(0o600)
+    target.write_text(text, "utf-8")
+
+
 def _is_for(folder: Path, name: str) -> bool:
     kind = "-checkip" if _alternative_name(name).startswith("IP:") else "-checkhost"
     return "does match" in _openssl(folder, "x509", "-noout", kind, name, "-in", CERT)

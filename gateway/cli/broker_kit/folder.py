@@ -16,7 +16,6 @@ import hashlib
 import os
 import secrets
 import shutil
-import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,11 +26,15 @@ from gateway.config.secrets import password_in
 from gateway.errors import UsageError
 
 SETTINGS = "kit.json"  # what makes a folder a kit; moved over last
+FOLDER = "logins"  # of a kit: one file a login
 CENTRAL = "central"  # the part of the kit for the central broker
 CENTRAL_CA = "central-ca.pem"
 
-_FILES = ("passwords", "acl", CA_KEY, CA, KEY, CERT, "mosquitto.conf", CENTRAL_CA, "bridge.conf", SETTINGS)
+_FILES = ("passwords", "acl", CA_KEY, CA, KEY, CERT, "mosquitto.conf", CENTRAL_CA, "bridge.conf")
 _STAGE = ".new-"
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
+_SALT_BYTES, _HASH_BYTES = 12, 64
+_PASSWORD_BYTES = 20
 
 
 def is_kit(folder: Path) -> bool:
@@ -46,82 +49,47 @@ def replaced(folder: Path) -> Iterator[Path]:
     UsageError for a folder with other things in it, of another user or in use; OSError by the disk.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    _require_usable(folder)
+    if folder.stat().st_uid != os.geteuid():
+        what = f"{folder} belongs to another user, who could change the kit"
+        raise UsageError(f"{what} (choose another folder)")
+    others = [each.name for each in folder.iterdir() if not each.name.startswith(_STAGE)]
+    if others and not is_kit(folder):
+        raise UsageError(f"{folder} holds no kit, but {min(others)} (choose a new or an empty folder)")
     folder.chmod(0o700)
-    with _locked(folder):
-        for killed in folder.glob(f"{_STAGE}*"):  # it has keys and passwords
-            shutil.rmtree(killed)
-        stage = Path(tempfile.mkdtemp(prefix=_STAGE, dir=folder))
-        try:
-            yield stage
-            _move_over(stage, folder)
-        finally:
-            shutil.rmtree(stage, ignore_errors=True)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Have the folder alone; UsageError while another process has it."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise UsageError(f"{folder} is being written by another broker-kit (wait for its end)") from error
-        yield
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        for killed in folder.glob(f"{_STAGE}*"):  # it has keys and passwords
+            shutil.rmtree(killed)
+        with tempfile.TemporaryDirectory(prefix=_STAGE, dir=folder) as stage:
+            yield Path(stage)
+            _move_over(Path(stage), folder)
+    except BlockingIOError as error:
+        raise UsageError(f"{folder} is being written by another broker-kit (wait for its end)") from error
     finally:
         os.close(handle)
 
 
-def _require_usable(folder: Path) -> None:
-    if folder.stat().st_uid != os.geteuid():
-        raise UsageError(
-            f"{folder} belongs to another user, who could change the kit (choose another folder)"
-        )
-    others = [each.name for each in folder.iterdir() if not each.name.startswith(_STAGE)]
-    if others and not is_kit(folder):
-        raise UsageError(f"{folder} holds no kit, but {min(others)} (choose a new or an empty folder)")
-    for name in (FOLDER, CENTRAL, f"{CENTRAL}/{FOLDER}"):
-        if os.path.lexists(folder / name) and not stat.S_ISDIR((folder / name).lstat().st_mode):
-            raise UsageError(f"{folder / name} is no folder (remove it)")
-
-
 def _move_over(stage: Path, folder: Path) -> None:
-    """Move every file of a kit; remove what the new kit does not have."""
-    for part in (FOLDER, f"{CENTRAL}/{FOLDER}"):
-        _move_all(stage / part, folder / part)
-    if (stage / CENTRAL).is_dir():
-        _move_all(stage / CENTRAL, folder / CENTRAL)
-    else:
-        shutil.rmtree(folder / CENTRAL, ignore_errors=True)
-    for name in _FILES:
-        if (stage / name).exists():
-            (stage / name).replace(folder / name)
-        else:
-            (folder / name).unlink(missing_ok=True)
+    """Move every file of a kit, which marks the folder at last; remove what the new kit does not have."""
+    parts = [Path(each) for each in (FOLDER, CENTRAL, f"{CENTRAL}/{FOLDER}")]
+    for part in parts:
+        if (folder / part).is_symlink():
+            (folder / part).unlink()
+        elif (folder / part).is_dir() and not (stage / part).is_dir():
+            shutil.rmtree(folder / part)
+        if (stage / part).is_dir():
+            (folder / part).mkdir(mode=0o700, exist_ok=True)
+    old = {path.relative_to(folder) for part in parts for path in (folder / part).glob("*")}
+    old |= {Path(name) for name in _FILES}
+    new = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
+    for path in sorted(new, key=lambda each: str(each) == SETTINGS):
+        (stage / path).replace(folder / path)
+    for path in old - set(new) - set(parts):
+        (folder / path).unlink(missing_ok=True)
 
 
-def _move_all(source: Path, target: Path) -> None:
-    if not source.is_dir():
-        return
-    target.mkdir(mode=0o700, parents=True, exist_ok=True)
-    target.chmod(0o700)
-    files = [each for each in source.iterdir() if not each.is_dir()]
-    for each in files:
-        each.replace(target / each.name)
-    for old in target.iterdir():
-        if old.name not in {each.name for each in files} and not old.is_dir():
-            old.unlink()
-
-
-FOLDER = "logins"  # of a kit: one file a login
-
-_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
-_SALT_BYTES, _HASH_BYTES = 12, 64
-_PASSWORD_BYTES = 20
-
-
-def drawn_passwords(names: Iterable[str], *stored: Path) -> dict[str, str]:
+def drawn_passwords(names: Iterable[str], stored: Iterable[Path]) -> dict[str, str]:
     """Return a password for each login: of the first folder `stored` that has one, else a new one."""
     passwords = {}
     for name in names:
@@ -138,13 +106,17 @@ def password_line(name: str, password: str, *, salt: bytes | None = None) -> str
     return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
 
 
-def password_file(passwords: Mapping[str, str]) -> str:
-    """Return the text of the password file."""
-    return "".join(f"{password_line(name, password)}\n" for name, password in passwords.items())
-
-
 def write_private(path: Path, text: str) -> None:
-    """Write a file that only its owner may read, from its first byte on; what was there is replaced."""
-    path.unlink(missing_ok=True)
+    """Write a new file that only its owner may read, from its first byte on."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
         file.write(text)
+
+
+def write_logins(folder: Path, access: str, passwords: Mapping[str, str]) -> None:
+    """Write an access list, Mosquitto's password file, and each login's password in a file of its own."""
+    (folder / FOLDER).mkdir(mode=0o700)
+    for name, password in passwords.items():
+        write_private(folder / FOLDER / name, f"{password}\n")
+    lines = (password_line(name, password) for name, password in passwords.items())
+    write_private(folder / "passwords", "".join(f"{line}\n" for line in lines))
+    write_private(folder / "acl", access)

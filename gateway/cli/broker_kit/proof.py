@@ -11,13 +11,13 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.broker_kit.expected import TriedTopic, topics_of
-from gateway.cli.broker_kit.logins import PROBE, PROVER, Login, Role
+from gateway.cli.broker_kit.logins import PROVER, KitSettings, Login, TriedTopic, tried_topics
+from gateway.cli.broker_kit.rights import PROBE
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
 from gateway.contract import StatusRecord, Topics
@@ -41,8 +41,8 @@ _AT_ONCE = 200  # messages until the broker has taken what was before them
 
 
 @dataclass(frozen=True, slots=True)
-class ProofFinding:
-    """What a login may do, or one thing that is wrong."""
+class Proved:
+    """The outcome of some probes: what a login may do, or one thing that is wrong."""
 
     text: str
     is_wrong: bool = False
@@ -52,156 +52,149 @@ class ProofFinding:
         return f"{'WRONG' if self.is_wrong else 'ok   '} {self.text}"
 
 
-@dataclass(frozen=True, slots=True)
-class Broker:
-    """The broker of a configuration, which lies in the folder `place`, and every login's password."""
+class Proof:
+    """The connections of all logins, and what each has received; `place` is the configuration's folder."""
 
-    config: Config
-    place: Path
-    passwords: Mapping[str, str]
-
-    def settings(self, login: str | None, *, client_id: str = "", password: str = "") -> BrokerSettings:
-        """Return the way to the broker as this login, or without one."""
-        return broker_of(
-            self.config.mqtt,
-            self.place,
-            client_id=client_id or login or PROBE,
-            username=login,
-            password=None if login is None else password or self.passwords[login],
-        )
-
-
-async def prove(broker: Broker, logins: tuple[Login, ...]) -> list[ProofFinding]:
-    """Try everything; StartError while the gateway runs, BrokerError when a right login is refused."""
-    await _require_no_gateway(broker)
-    proof = _Proof(broker, logins)
-    try:
-        await proof.connect()
-        findings = [*await proof.try_topics(), *await proof.try_client_ids()]
-        return [*findings, *await proof.try_wills(), *await proof.try_without_login()]
-    finally:
-        await proof.close()
-
-
-async def _require_no_gateway(broker: Broker) -> None:
-    topics = Topics(broker.config.base)
-    prover = CommandClient(broker.settings(PROVER), topics)
-    status = await prover.retained(StatusRecord, within_s=STATUS_WITHIN_S)
-    if status is not None and status.state != "offline":
-        what = "the gateway is running, and the proof needs its login"
-        raise StartError(what, "systemctl stop starter-gateway")
-
-
-class _Proof:
-    """The connections of all logins, and what each has received."""
-
-    def __init__(self, broker: Broker, logins: tuple[Login, ...]) -> None:
-        self._broker = broker
+    def __init__(
+        self,
+        config: Config,
+        place: Path,
+        settings: KitSettings,
+        logins: tuple[Login, ...],
+        passwords: Mapping[str, str],
+    ) -> None:
+        self._config = config
+        self._place = place
         self._logins = logins
-        self._topics = topics_of(broker.config, logins)
-        self._gateway = next(login.name for login in logins if Role.GATEWAY in login.roles)
+        self._passwords = passwords
+        self._topics = tried_topics(config, settings, logins)
+        self._gateway = logins[0].name
         self._sessions: dict[str, Session] = {}
         self._version = Version.V5
-        self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads
-        self._of_broker: set[str] = set()  # logins that read $SYS
-        self._mark = f"acl-probe-{secrets.token_hex(6)}"
+        self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
+        self._mark = f"{PROBE}-{secrets.token_hex(6)}"
         self._sent = 0
 
-    async def connect(self) -> None:
-        """Let every login connect and ask for everything; a broker may refuse the asking."""
-        for login in self._logins:
-            await self._connect(login.name)
+    async def run(self) -> list[Proved]:
+        """Try everything; StartError while the gateway runs, BrokerError when a right login is refused."""
+        asking = CommandClient(self._way(PROVER), Topics(self._config.base))
+        status = await asking.retained(StatusRecord, within_s=STATUS_WITHIN_S)
+        if status is not None and status.state != "offline":
+            what = "the gateway is running, and the proof needs its login"
+            raise StartError(what, "systemctl stop starter-gateway")
+        try:
+            for login in self._logins:
+                await self._connect(login.name)
+            return [
+                *await self._try_topics(),
+                *await self._try_client_ids(),
+                *await self._try_wills(),
+                *await self._try_without_login(),
+            ]
+        finally:
+            for session in self._sessions.values():
+                await session.disconnect()
 
-    async def close(self) -> None:
-        """End every connection."""
-        for session in self._sessions.values():
-            await session.disconnect()
-
-    async def try_topics(self) -> list[ProofFinding]:
+    async def _try_topics(self) -> list[Proved]:
         """Publish as every login on every topic, and return what is wrong, login by login."""
         marks = {}
         for login in self._logins:
             for topic in self._topics:
                 if topic.is_real and login.name in topic.writers:
                     continue
-                marks[login.name, topic.name] = self._publish(self._sessions[login.name], topic.name)
+                marks[login.name, topic.name] = message = self._probe(topic)
+                self._sessions[login.name].publish(self._sent, message)
                 if len(marks) % _AT_ONCE == 0:
                     await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
         if self._sessions[PROVER].lost.done():
             raise StartError(f"the login {PROVER} was disconnected meanwhile", "one proof at a time")
-        return [finding for login in self._logins for finding in self._judged(login, marks)]
+        texts = {key: message.payload.decode() for key, message in marks.items()}
+        return [finding for login in self._logins for finding in self._judged(login.name, texts)]
 
-    async def try_client_ids(self) -> list[ProofFinding]:
+    async def _try_client_ids(self) -> Iterable[Proved]:
         """Connect as every other login with the gateway's client id: the gateway must stay connected."""
-        wrong, count = [], 0
         if self._sessions[self._gateway].lost.done():
-            return []  # another program has its login, as was said
-        for login in self._logins:
-            if login.name == self._gateway:
-                continue
-            await self._sessions.pop(login.name).disconnect()
-            settings = self._broker.settings(login.name, client_id=self._broker.config.client_id)
+            return ()  # another program has its login, as was said
+        wrong, others = [], [login.name for login in self._logins if login.name != self._gateway]
+        for name in others:
+            await self._sessions.pop(name).disconnect()
             try:
-                session, _ = await connected(settings)
+                session, _ = await connected(self._way(name, client_id=self._config.client_id))
             except BrokerError:
                 continue  # refused, which is as well
-            finally:
-                count += 1
             await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
             await session.disconnect()
             if self._sessions[self._gateway].lost.done():
-                text = f"{login.name} disconnects the gateway by its client id, and receives its commands"
-                wrong.append(ProofFinding(text, is_wrong=True))
+                wrong.append(f"{name} disconnects the gateway by its client id, and receives its commands")
                 await self._connect(self._gateway)
-        return wrong or [ProofFinding("no login disconnects the gateway by its client id", count=count)]
+        return _proved(wrong, "no login disconnects the gateway by its client id", len(others))
 
-    async def try_wills(self) -> list[ProofFinding]:
+    async def _try_wills(self) -> Iterable[Proved]:
         """Leave a last will as every login: of the gateway it must arrive, of the others not."""
         await self._connect(PROVER)
+        commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
         tries = [
-            (login.name, topic)
+            (login.name, topic, self._probe(topic))
             for login in self._logins
             if login.name != PROVER
-            for topic in (self._command_of_others(login), self._topics[0])
+            for topic in (next(each for each in commands if login.name not in each.writers), self._topics[0])
         ]
-        marks = [await self._leave_will(name, topic.name) for name, topic in tries]
+        for name, _, will in tries:
+            if name in self._sessions:
+                await self._sessions.pop(name).disconnect()
+            parts = SessionParts(will, lambda _: None, lambda _, __: None)
+            session = Session(self._way(name), self._version, parts)
+            with suppress(BrokerError):  # a broker may refuse such a connection
+                await session.connect()
+            session.abort()
         await asyncio.sleep(SETTLED_S)
         wrong = []
-        for (name, topic), mark in zip(tries, marks, strict=True):
-            is_through, is_right = mark in self._received[PROVER], name in topic.writers
+        for name, topic, will in tries:
+            is_through, is_right = will.payload.decode() in self._received[PROVER], name in topic.writers
             if is_through != is_right:
                 what = "is published, must be refused" if is_through else "is refused, must be published"
-                wrong.append(ProofFinding(f"{name}'s last will with {topic.what}: {what}", is_wrong=True))
-        return wrong or [ProofFinding("no login publishes by a last will what it may not", count=len(tries))]
+                wrong.append(f"{name}'s last will with {topic.what}: {what}")
+        return _proved(wrong, "no login publishes by a last will what it may not", len(tries))
 
-    async def try_without_login(self) -> list[ProofFinding]:
+    async def _try_without_login(self) -> list[Proved]:
         """Connect without a login, and as the gateway with a wrong password: both must be refused."""
         tries = {
-            "without a login": self._broker.settings(None),
-            "as the gateway with a wrong password": self._broker.settings(self._gateway, password=self._mark),
+            "without a login": self._way(None),
+            "as the gateway with a wrong password": self._way(self._gateway, password=self._mark),
         }
-        findings = []
+        findings: list[Proved] = []
         for how, settings in tries.items():
             try:
                 session, _ = await connected(settings)
             except BrokerError:
-                findings.append(ProofFinding(f"a client {how} is refused"))
+                findings.append(Proved(f"a client {how} is refused"))
             else:
                 await session.disconnect()
-                findings.append(ProofFinding(f"a client {how} may connect, must be refused", is_wrong=True))
+                findings.append(Proved(f"a client {how} may connect, must be refused", is_wrong=True))
         return findings
 
-    async def _connect(self, name: str) -> None:
-        def take(incoming: Incoming) -> None:
-            if incoming.topic.startswith("$SYS"):
-                self._of_broker.add(name)
-            self._received[name].add(incoming.payload.decode("utf-8", "replace"))
+    def _way(self, login: str | None, *, client_id: str = "", password: str = "") -> BrokerSettings:
+        """Return the way to the broker as this login, or without one."""
+        return broker_of(
+            self._config.mqtt,
+            self._place,
+            client_id=client_id or login or PROBE,
+            username=login,
+            password=None if login is None else password or self._passwords[login],
+        )
 
-        client_id = self._broker.config.client_id if name == self._gateway else ""
-        settings = self._broker.settings(name, client_id=client_id)
-        session, self._version = await connected(settings, on_incoming=take)
+    async def _connect(self, name: str) -> None:
+        """Let a login connect and ask for everything; a broker may refuse the asking."""
+
+        def take(incoming: Incoming) -> None:
+            is_of_broker = incoming.topic.startswith("$SYS")
+            text = _OF_BROKER if is_of_broker else incoming.payload.decode("utf-8", "replace")
+            self._received[name].add(text)
+
+        client_id = self._config.client_id if name == self._gateway else ""
+        session, self._version = await connected(self._way(name, client_id=client_id), on_incoming=take)
         self._sessions[name] = session
         tried = (topic.name for topic in self._topics if not topic.is_real)
         for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):
@@ -213,11 +206,9 @@ class _Proof:
                 if not session.lost.done():
                     raise
 
-    def _publish(self, session: Session, topic: str) -> str:
+    def _probe(self, topic: TriedTopic) -> Message:
         self._sent += 1
-        mark = f"{self._mark} {self._sent}"
-        session.publish(self._sent, Message(topic, mark.encode(), qos=1, retain=False))
-        return mark
+        return Message(topic.name, f"{self._mark} {self._sent}".encode(), qos=1, retain=False)
 
     async def _taken(self) -> None:
         """Wait until the broker has taken everything."""
@@ -226,62 +217,36 @@ class _Proof:
                 break
             await asyncio.sleep(0.05)
 
-    async def _leave_will(self, name: str, topic: str) -> str:
-        """Connect with a last will and vanish; a broker may refuse such a connection."""
-        if name in self._sessions:
-            await self._sessions.pop(name).disconnect()
-        self._sent += 1
-        mark = f"{self._mark} {self._sent}"
-        will = Message(topic, mark.encode(), qos=1, retain=False)
-        parts = SessionParts(will, lambda _: None, lambda _, __: None)
-        session = Session(self._broker.settings(name), self._version, parts)
-        with suppress(BrokerError):
-            await session.connect()
-        session.abort()
-        return mark
-
-    def _command_of_others(self, login: Login) -> TriedTopic:
-        """Return a topic of commands that are not this login's."""
-        return next(
-            topic
-            for topic in self._topics
-            if f"{self._broker.config.base}/command/" in topic.name and login.name not in topic.writers
-        )
-
-    def _judged(self, login: Login, marks: Mapping[tuple[str, str], str]) -> Iterator[ProofFinding]:
+    def _judged(self, login: str, marks: Mapping[tuple[str, str], str]) -> Iterator[Proved]:
         """Yield what is wrong with a login; else what it may do."""
-        if self._sessions[login.name].lost.done():
-            text = f"{login.name} was disconnected while it was tried: end the program that has its login"
-            yield ProofFinding(text, is_wrong=True)
+        if self._sessions[login].lost.done():
+            text = f"{login} was disconnected while it was tried: end the program that has its login"
+            yield Proved(text, is_wrong=True)
             return
         right: dict[str, list[str]] = {"writes": [], "reads": []}
-        wrong = []
-        if login.name in self._of_broker:
-            wrong.append("reads $SYS: must be refused")
-        for topic in self._topics:
-            if (login.name, topic.name) not in marks:
-                continue
-            is_through = marks[login.name, topic.name] in self._received[PROVER]
-            if is_through != (login.name in topic.writers):
-                wrong.append(f"writes {topic.what}: {_said(is_allowed=is_through)}")
-            elif is_through:
-                right["writes"].append(topic.what)
+        wrong = ["reads $SYS: must be refused"] if _OF_BROKER in self._received[login] else []
+        tried = [topic for topic in self._topics if (login, topic.name) in marks]
+        for topic in tried:
             of_others = {marks.get((each, topic.name)) for each in topic.writers} & self._received[PROVER]
-            is_seen = bool(of_others & self._received[login.name])
-            if of_others and is_seen != (login.name in topic.readers):
-                wrong.append(f"reads {topic.what}: {_said(is_allowed=is_seen)}")
-            elif is_seen:
-                right["reads"].append(topic.what)
+            is_through = marks[login, topic.name] in self._received[PROVER]
+            is_seen = bool(of_others & self._received[login])
+            for verb, is_allowed, may in (
+                ("writes", is_through, login in topic.writers),
+                ("reads", is_seen, login in topic.readers if of_others else is_seen),
+            ):
+                if is_allowed != may:
+                    said = "is allowed, must be refused" if is_allowed else "is refused, must be allowed"
+                    wrong.append(f"{verb} {topic.what}: {said}")
+                elif is_allowed:
+                    right[verb].append(topic.what)
         if wrong:
-            found = dict.fromkeys(wrong)
-            yield from (ProofFinding(f"{login.name} {text}", is_wrong=True) for text in found)
+            yield from (Proved(f"{login} {text}", is_wrong=True) for text in dict.fromkeys(wrong))
             return
         does = "; ".join(
             f"{verb} {', '.join(dict.fromkeys(what)) or 'nothing'}" for verb, what in right.items()
         )
-        tried = sum(name == login.name for name, _ in marks)
-        yield ProofFinding(f"{login.name} {does}", count=2 * tried + 1)
+        yield Proved(f"{login} {does}", count=2 * len(tried) + 1)
 
 
-def _said(*, is_allowed: bool) -> str:
-    return "is allowed, must be refused" if is_allowed else "is refused, must be allowed"
+def _proved(wrong: list[str], right: str, count: int) -> list[Proved]:
+    return [Proved(text, is_wrong=True) for text in wrong] or [Proved(right, count=count)]

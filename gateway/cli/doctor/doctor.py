@@ -1,4 +1,4 @@
-"""`starter-gateway doctor`: looks for problems of the machine and the starters' settings."""
+"""`starter-gateway doctor`: looks for problems of the machine and in the starters' settings."""
 
 from __future__ import annotations
 
@@ -8,25 +8,20 @@ from pathlib import Path
 
 from gateway.app import io
 from gateway.app.capacity import prospects_of
-from gateway.cli.command import counted
-from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
-from gateway.cli.doctor.machine import (
-    DoctorFinding,
-    box_remarks,
-    clock_remark,
-    dated_remark,
-    latency_remark,
-    state_dir_remark,
-    wear_remarks,
-)
+from gateway.cli.doctor import machine
+from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.starters import LineCheckup
-from gateway.cli.operator_login import add_login, checked_client, user_name
+from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import Config
+from gateway.contract import Topics
+from gateway.errors import BrokerError, ConfigError
 from gateway.families import Weight
 from gateway.line import new_precise_loop
-from gateway.system.clock import SystemClock
+from gateway.mqtt import BrokerSettings, connected
+
+OWN_NAME = "doctor"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,47 +38,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one finding a line, then the number of errors and warnings."""
-    config = load(args.config)
-    folder = Path(args.config).parent
+    config, findings = load(args.config), Findings()
     client = checked_client(args.client or args.username or OWN_NAME)
-    broker = BrokerAccess(config, folder, client, args.username, args.password_file)
     print(f"{args.config}, looked at by user {user_name() or 'without a name'}")
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        remarks = runner.run(_examine(config, folder, broker))
-    return verdict(remarks)
+        runner.run(_examine(config, Path(args.config).parent, client, args, findings))
+    return findings.verdict()
 
 
-def verdict(remarks: list[DoctorFinding]) -> int:
-    """Print the number of problems and return the exit code."""
-    errors = sum(remark.weight is Weight.ERROR for remark in remarks)
-    warnings = sum(remark.weight is Weight.WARNING for remark in remarks)
-    if not any(remark.is_problem for remark in remarks):
-        print("no problems")
-        return 0
-    print(f"{counted(errors, 'error')}, {counted(warnings, 'warning')}")
-    return 1
-
-
-async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[DoctorFinding]:
-    remarks: list[DoctorFinding] = []
-
-    def report(remark: DoctorFinding | None) -> None:
-        if remark is not None:
-            remarks.append(remark)
-            print(remark, flush=True)
-
-    report(clock_remark())
-    report(dated_remark(config))
+async def _examine(
+    config: Config, folder: Path, client: str, login: argparse.Namespace, findings: Findings
+) -> None:
     state_dir = folder / config.gateway.state_dir
-    report(state_dir_remark(state_dir))
-    prospects = prospects_of(config)
-    for remark in (*await box_remarks(state_dir), *wear_remarks(state_dir)):
-        report(remark)
-    for remark in await broker.remarks():
-        report(remark)
-    for prospect in prospects:
+    findings.add(machine.clock_finding(), machine.dated_finding(config), machine.state_dir_finding(state_dir))
+    findings.add(*await machine.speed_findings(state_dir), *machine.wear_findings(state_dir))
+    settings = await _broker(config, folder, login, findings)
+    for prospect in prospects_of(config):
         table = prospect.table
         opener = io.MACHINE.make_opener(table.port, timing_of(table))
-        await LineCheckup(prospect, opener, report, broker, SystemClock(), state_dir).run()
-        report(latency_remark(table.port, f"line {table.name}"))
-    return remarks
+        topics = Topics(config.base)
+        await LineCheckup(prospect, opener, findings, settings, topics, client, state_dir).run()
+        findings.add(machine.latency_finding(table.port, f"line {table.name}"))
+
+
+async def _broker(
+    config: Config, folder: Path, login: argparse.Namespace, findings: Findings
+) -> BrokerSettings | None:
+    """Log in, under another client id than the gateway; return the way to the broker, None when it is none.
+
+    With `--username` that login is tried: a second one with the gateway's own could disconnect it.
+    """
+    who, where = "the gateway's login", "mqtt.password_file"
+    try:
+        settings = settings_of(config, folder, tool=OWN_NAME)
+        if config.mqtt.password_file is not None:
+            findings.add(Finding(where, "only its owner may read it"))
+        where = f"broker {settings.address}"
+        if login.username is not None:
+            who = f"the login {login.username}"
+            settings = settings_of(config, folder, tool=OWN_NAME, login=login)
+        session, version = await connected(settings)
+        await session.disconnect()
+    except (BrokerError, ConfigError) as error:
+        findings.add(Finding(where, f"{who}: {error}", Weight.ERROR))
+        return None
+    findings.add(Finding(where, f"takes {who}, MQTT {version.value}"))
+    return settings

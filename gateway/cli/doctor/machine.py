@@ -1,14 +1,15 @@
-"""Findings, and those of the machine: speed, adapters, clock, the state directory and its contents."""
+"""Findings of the machine: timers, disk, adapters, clock, the state directory and its contents."""
 
 from __future__ import annotations
 
+import asyncio
 import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.doctor.speed import BoxSpeed, measured
+from gateway.cli.doctor.findings import Finding
 from gateway.config.schema import Config
 from gateway.errors import StoreError
 from gateway.families import Weight
@@ -17,108 +18,83 @@ from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
 from gateway.store import INTEND_WITHIN_S, STATE_FILE, backup, read_document
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
-
-@dataclass(frozen=True, slots=True)
-class DoctorFinding:
-    """One thing looked at; `weight` is None when all is well."""
-
-    where: str
-    text: str
-    weight: Weight | None = None
-
-    @property
-    def is_problem(self) -> bool:
-        """Return whether a person should act on it."""
-        return self.weight in (Weight.WARNING, Weight.ERROR)
-
-    def __str__(self) -> str:
-        return f"{self.weight or 'ok':8}{self.where}: {self.text}"
-
-
 SYSFS_TTY = Path("/sys/class/tty")
-SLOW_DISK_S = 0.25  # a start waits so long for the disk without a person noticing it
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
+WAITS, WAIT_S = 60, 0.004  # as long as those of a line
+LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
+SYNCS, SYNC_BYTES = 5, 4096
+SLOW_DISK_S = 0.25  # a start waits so long for the disk without a person noticing it
 
 
-def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorFinding | None:
+def latency_finding(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> Finding | None:
     """Return the finding about an adapter's latency timer; None when it has none."""
-    name = Path(port).resolve().name
-    timer = sysfs / name / "device" / "latency_timer"
+    timer = sysfs / Path(port).resolve().name / "device" / "latency_timer"
     try:
         milliseconds = int(timer.read_text("ascii"))
     except (OSError, ValueError):
         return None
     if milliseconds <= LONGEST_LATENCY_MS:
-        return DoctorFinding(where, f"the adapter's latency timer is {milliseconds} ms")
+        return Finding(where, f"the adapter's latency timer is {milliseconds} ms")
     what = f"the adapter holds replies back for up to {milliseconds} ms"
-    hint = f"echo 1 > {timer}, or install the udev rule of deploy/"
-    return DoctorFinding(where, f"{what} ({hint})", Weight.WARNING)
+    return Finding(where, what, Weight.WARNING, f"echo 1 > {timer}, or install the udev rule of deploy/")
 
 
-def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> DoctorFinding:
+def clock_finding(ask: Callable[[], bool | None] = kernel_says_synchronised) -> Finding:
     """Return whether the clock is synchronised: times in topics depend on it."""
     is_synchronised = ask()
     if is_synchronised is None:
-        return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
-    if not is_synchronised:
-        what = "is not synchronised: time stamps may be wrong"
-        hint = "install chrony, or switch systemd-timesyncd on"
-        return DoctorFinding("clock", f"{what} ({hint})", Weight.WARNING)
-    return DoctorFinding("clock", "is synchronised")
+        return Finding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
+    if is_synchronised:
+        return Finding("clock", "is synchronised")
+    what = "is not synchronised: time stamps may be wrong"
+    return Finding("clock", what, Weight.WARNING, "install chrony, or switch systemd-timesyncd on")
 
 
-def dated_remark(
-    config: Config, ask: Callable[[], bool] = is_kernel_clock_synchronised
-) -> DoctorFinding | None:
+def dated_finding(config: Config, ask: Callable[[], bool] = is_kernel_clock_synchronised) -> Finding | None:
     """Return the finding about operators of `issued_at` alone on a machine whose clock proves nothing."""
     clients = dict.fromkeys(each.client for each in config.operators if each.freshness == BY_ISSUED_AT)
     doubt = ClockWatch(config.gateway.clock, ask=ask).doubt()
     if not clients or doubt is None:
         return None
-    return DoctorFinding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
+    return Finding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
 
 
-def wear_remarks(folder: Path) -> list[DoctorFinding]:
-    """Return how often the gateway of this state directory has written to the starters' memories."""
+def wear_findings(folder: Path) -> Iterator[Finding]:
+    """Yield how often the gateway of this state directory has written to each starter's memory."""
     try:
         writes = read_document(folder / STATE_FILE, "writes", WRITES) or {}
     except StoreError as error:
-        return [DoctorFinding("state_dir", f"{error}", Weight.NOTE)]
-    return [_wear_remark(starter, count) for starter, count in sorted(writes.items())]
+        yield Finding("state_dir", str(error), Weight.NOTE)
+        return
+    for starter, count in sorted(writes.items()):
+        times = "once" if count == 1 else f"{count} times"
+        what = f"this gateway has written {times} to its non-volatile memory"
+        if count < WRITES_BORNE:
+            yield Finding(f"starter {starter}", what)
+        else:
+            why = f"flash is usually made for {WRITES_BORNE}"
+            remedy = f"{why}: find the program that writes the same setting repeatedly"
+            yield Finding(f"starter {starter}", what, Weight.WARNING, remedy)
 
 
-def _wear_remark(starter: str, count: int) -> DoctorFinding:
-    times = "once" if count == 1 else f"{count} times"
-    what = f"this gateway has written {times} to its non-volatile memory"
-    if count < WRITES_BORNE:
-        return DoctorFinding(f"starter {starter}", what)
-    hint = (
-        f"flash is usually made for {WRITES_BORNE}: find the program that writes the same setting repeatedly"
-    )
-    return DoctorFinding(f"starter {starter}", f"{what} ({hint})", Weight.WARNING)
-
-
-def state_dir_remark(folder: Path) -> DoctorFinding:
+def state_dir_finding(folder: Path) -> Finding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
-    trouble = _state_dir_trouble(folder)
-    return DoctorFinding(
-        "state_dir", trouble or f"{folder} may be written", Weight.ERROR if trouble else None
-    )
-
-
-def _state_dir_trouble(folder: Path) -> str:
     if not folder.exists():
-        return f"{folder} is not there (make it for the gateway's user)"
+        parent = next((each for each in folder.absolute().parents if each.exists()), Path("/"))
+        if os.access(parent, os.W_OK | os.X_OK):
+            return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
+        return Finding("state_dir", f"{folder} is not there", Weight.ERROR, "make it for the gateway's user")
     if not folder.is_dir():
-        return f"{folder} is no folder (choose another one)"
+        return Finding("state_dir", f"{folder} is no folder", Weight.ERROR, "choose another one")
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        return f"{folder} may not be written by this user (chown it to the gateway's user)"
+        what = f"{folder} may not be written by this user"
+        return Finding("state_dir", what, Weight.ERROR, "chown it to the gateway's user")
     foreign = [str(path) for path in _foreign_in(folder)]
-    if not foreign:
-        return ""
-    more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
-    what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
-    return f"{what} (chown -R that user: {folder})"
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
+        return Finding("state_dir", what, Weight.ERROR, f"chown -R that user: {folder}")
+    return Finding("state_dir", f"{folder} may be written")
 
 
 def _foreign_in(folder: Path) -> Iterator[Path]:
@@ -131,34 +107,56 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
+async def speed_findings(state_dir: Path) -> list[Finding]:
+    """Measure how late waits end, and how long the disk takes; nothing may run beside it on this loop."""
+    late_s = sorted([await _lateness_s() for _ in range(WAITS)])
+    sync_s = _sync_s(state_dir)
+    timers = timers_finding(late_s[len(late_s) // 2], late_s[-1])
+    return [timers] if sync_s is None else [timers, disk_finding(sync_s)]
 
 
-async def box_remarks(state_dir: Path) -> list[DoctorFinding]:
-    """Measure this machine and return what was found."""
-    return list(judged(await measured(state_dir)))
+def timers_finding(late_s: float, worst_s: float) -> Finding:
+    """Return what waits cost that end so late, in the middle and at the worst."""
+    late = f"waits end {late_s * 1e3:.1f} ms late, at most {worst_s * 1e3:.1f} ms"
+    if late_s <= LATE_S:
+        return Finding("timers", late)
+    return Finding(
+        "timers", f"{late}: every transaction takes so much longer", Weight.WARNING, "see what else runs"
+    )
 
 
-def judged(speed: BoxSpeed) -> Iterator[DoctorFinding]:
-    """Give the findings about a measured machine."""
-    yield _timers(speed)
-    if speed.sync_s is not None:
-        yield _disk(speed.sync_s)
-
-
-def _timers(speed: BoxSpeed) -> DoctorFinding:
-    late = f"waits end {speed.timer_late_s * 1e3:.1f} ms late, at most {speed.timer_worst_s * 1e3:.1f} ms"
-    if speed.timer_late_s <= LATE_S:
-        return DoctorFinding("timers", late)
-    what = f"{late}: every transaction takes so much longer (see what else runs)"
-    return DoctorFinding("timers", what, Weight.WARNING)
-
-
-def _disk(sync_s: float) -> DoctorFinding:
+def disk_finding(sync_s: float) -> Finding:
+    """Return what a disk costs that takes so long for a write."""
     what = f"a write to state_dir is on the disk after {sync_s * 1e3:.0f} ms"
+    remedy = "another disk, or nothing else that writes to this one"
     if sync_s <= SLOW_DISK_S:
-        return DoctorFinding("disk", what)
-    hint = "another disk, or nothing else that writes to this one"
+        return Finding("disk", what)
     if sync_s <= INTEND_WITHIN_S:
-        return DoctorFinding("disk", f"{what}: every start waits for it ({hint})", Weight.WARNING)
-    return DoctorFinding("disk", f"{what}: starts are refused, ledger_unavailable ({hint})", Weight.ERROR)
+        return Finding("disk", f"{what}: every start waits for it", Weight.WARNING, remedy)
+    return Finding("disk", f"{what}: starts are refused, ledger_unavailable", Weight.ERROR, remedy)
+
+
+async def _lateness_s() -> float:
+    due_s = time.perf_counter() + WAIT_S
+    await asyncio.sleep(WAIT_S)
+    return max(time.perf_counter() - due_s, 0.0)
+
+
+def _sync_s(state_dir: Path) -> float | None:
+    """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
+    path = state_dir / "doctor.probe"
+    longest_s = 0.0
+    try:
+        with path.open("wb") as file:
+            for _ in range(SYNCS):
+                begun_s = time.perf_counter()
+                file.write(bytes(SYNC_BYTES))
+                file.flush()
+                os.fsync(file.fileno())
+                longest_s = max(longest_s, time.perf_counter() - begun_s)
+    except OSError:
+        return None
+    finally:
+        with suppress(OSError):
+            path.unlink()
+    return longest_s

@@ -1,50 +1,68 @@
-"""Problems in the starters' settings, read directly or through the gateway that holds their port."""
+"""Findings of the starters' settings, read directly or through the gateway that holds their port."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.app.capacity import LineCapacity
-from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.machine import DoctorFinding
-from gateway.cli.parameters.restore import identity_trouble
+from gateway.cli.doctor.findings import Finding, Findings
+from gateway.cli.parameters.through_gateway import LiveStarter
 from gateway.config.convert import setups_of, timing_of
-from gateway.contract import CommandError
-from gateway.errors import BrokerError, PortError, PortLostError
-from gateway.families import Identity, Weight, device_of, diagnosis, reading
-from gateway.line import LineClient, PortOpener, exclusive_line
-from gateway.starters.parameters.offline_starter import OfflineStarter
-from gateway.starters.setup import StarterSetup, merged
-from gateway.system.clock import Clock
+from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
+from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
+from gateway.families import Identity, Question, Weight, device_of, diagnosis, reading
+from gateway.line import LineClient, Outcome, PortOpener, Priority, exclusive_line
+from gateway.modbus.pdu import Request
+from gateway.mqtt import BrokerSettings, CommandClient
+from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.identity import (
+    FINGERPRINTS,
+    KNOWN,
+    Answers,
+    IdentityStatus,
+    Standing,
+    interview,
+    judged,
+    met,
+    mismatch_in,
+    not_matching,
+)
+from gateway.starters.parameters.model import entries_of
+from gateway.starters.setup import StarterSetup, ask, merged
+from gateway.store import STATE_FILE, read_document
 from gateway.system.instance_lock import may_use
 
 BUSY = "busy"  # PortError's reason when another program holds the port
+KNOWN_WITHIN_S = 2.0
 
 Rows = dict[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
 class LineCheckup:
-    """One line's port and starters; `report` gets each finding at once."""
+    """One line's port and starters; where a gateway holds the port it is asked, as `client`.
+
+    `settings` is the way to the broker, None when it cannot be used.
+    """
 
     prospect: LineCapacity
     opener: PortOpener
-    report: Callable[[DoctorFinding], None]
-    broker: BrokerAccess
-    clock: Clock
+    findings: Findings
+    settings: BrokerSettings | None
+    topics: Topics
+    client: str
     state_dir: Path
 
     async def run(self) -> None:
         """Examine each starter."""
         table, where = self.prospect.table, f"line {self.prospect.table.name}"
         setups = [setup for setup in setups_of(table) if setup.is_enabled]
+        timing, allowance_s = timing_of(table), table.adapter_allowance_s
         if may_use(table.port, self.state_dir):
             try:
-                async with exclusive_line(
-                    table.name, self.opener, timing_of(table), allowance_s=table.adapter_allowance_s
-                ) as line:
+                async with exclusive_line(table.name, self.opener, timing, allowance_s=allowance_s) as line:
                     self._say(where, f"{table.port} opens")
                     for setup in setups:
                         await self._ask_directly(setup, line)
@@ -58,41 +76,49 @@ class LineCheckup:
         for setup in setups:
             await self._ask_the_gateway(setup)
 
-    def _say(self, where: str, text: str, weight: Weight | None = None) -> None:
-        self.report(DoctorFinding(where, text, weight))
+    def _say(self, where: str, text: str, weight: Weight | None = None, remedy: str = "") -> None:
+        self.findings.add(Finding(where, text, weight, remedy))
 
     async def _ask_directly(self, setup: StarterSetup, line: LineClient) -> None:
-        bench = OfflineStarter(setup, line=line, clock=self.clock)
-        where = f"starter {setup.name}"
+        async def put(request: Request) -> Outcome:
+            return await ask(line, setup, request, lane=Priority.READ_BACK)
+
+        where, codes = f"starter {setup.name}", diagnosis.readiness_codes(setup.profile)
         try:
-            await bench.identify()
-            rows = (
-                await bench.read(reading.bulk_reads(setup.profile, diagnosis.readiness_codes(setup.profile)))
-            ).rows
+            identity = await _identified(setup, lambda question: put(question.request))
+            rows = (await read_in_bulk(put, setup.profile, reading.bulk_reads(setup.profile, codes))).rows
         except CommandError as error:
             self._say(where, error.text, Weight.ERROR)
             return
-        self._say(where, f"is {bench.variant.model or setup.profile.title}")
-        trouble = identity_trouble(self.state_dir, setup, bench.identity)
-        if trouble:
+        variant = merged(setup.variant, identity)
+        self._say(where, f"is {variant.model or setup.profile.title}")
+        if trouble := _identity_trouble(self.state_dir, setup, identity):
             self._say(where, f"commands would be held: {trouble}", Weight.ERROR)
-        self._judge(setup, bench.identity, rows)
-        for watchdog in diagnosis.watchdogs(setup.profile, bench.variant, rows)[:1]:
+        self._judge(setup, identity, rows)
+        for watchdog in diagnosis.watchdogs(setup.profile, variant, rows)[:1]:
             within = f"the gateway must poll within {watchdog.after_s:g} s"
             self._say(where, f"{watchdog.code} runs since this look: {within}", Weight.NOTE)
 
     async def _ask_the_gateway(self, setup: StarterSetup) -> None:
-        where = f"starter {setup.name}"
-        slots = device_of(setup.profile).slot_rows
+        where, slots = f"starter {setup.name}", device_of(setup.profile).slot_rows
+        if self.settings is None:
+            self._say(where, "cannot be asked: the broker cannot be used", Weight.WARNING, "see above")
+            return
+        live = LiveStarter(setup.name, setup.profile, self.client, self.settings, self.topics)
         try:
-            known = await self.broker.known(setup.name)
-            if known:
-                self._say(where, known, Weight.ERROR)
-            if known.startswith("the gateway says: offline"):
+            asking = CommandClient(self.settings, self.topics)
+            known = await asking.retained(AvailabilityRecord, within_s=KNOWN_WITHIN_S, starter=setup.name)
+            if known is not None and known.state != "online":
+                since = f" since {at}" if (at := rfc3339(known.since_s)) else ""
+                text = f"the gateway says: {known.state}{since}: {known.reason or 'no reason given'}"
+                self._say(where, text, Weight.ERROR)
+            if known is not None and known.state == "offline":
                 return  # every question would be refused
-            rows = await self.broker.read(setup.name, diagnosis.readiness_codes(setup.profile))
-        except BrokerError as error:
-            self._say(where, f"cannot be asked: {error}", Weight.WARNING)
+            rows = (await live.read(diagnosis.readiness_codes(setup.profile))).rows
+        except (BrokerError, NoResultError) as error:
+            is_refused = ResultCode.NOT_ALLOWED in str(error)
+            remedy = "--client NAME asks as another operator" if is_refused else ""
+            self._say(where, f"cannot be asked: {error}", Weight.WARNING, remedy)
             return
         if not rows:
             what = "the gateway reads nothing of it: see its availability and its events"
@@ -100,24 +126,50 @@ class LineCheckup:
             return
         self._say(where, "answers the gateway")
         identity = Identity()
-        if all(code in rows for code in slots) and slots:
+        if slots and all(code in rows for code in slots):
             identity = diagnosis.identify(setup.profile, {"slots": tuple(rows[code][0] for code in slots)})
         self._judge(setup, identity, rows)
 
     def _judge(self, setup: StarterSetup, identity: Identity, rows: Rows) -> None:
-        variant = merged(setup.variant, identity)
+        profile, variant, where = setup.profile, merged(setup.variant, identity), f"starter {setup.name}"
+        entries = entries_of(profile, variant, rows)
+        sources = [code for code in device_of(profile).source_rows if code in entries]
+        if sources:
+            shown = ", ".join(f"{code} = {entries[code].shown}" for code in sources)
+            self._say(where, f"its command sources: {shown}")
         gaps_s = {starter.table.name: starter.gap_s for starter in self.prospect.starters}
-        gap_s = gaps_s.get(setup.name)
-        findings = diagnosis.readiness(
-            setup.profile,
+        found = diagnosis.readiness(
+            profile,
             variant,
             rows,
-            gap_s=gap_s,
+            gap_s=gaps_s.get(setup.name),
             watchdog_s=setup.watchdog_s,
-            slot_trouble=diagnosis.slot_trouble(setup.profile, setup.variant, identity),
+            slot_trouble=diagnosis.slot_trouble(profile, setup.variant, identity),
         )
-        for finding in findings:
-            self._say(f"starter {setup.name}", finding.text, finding.weight)
-        delivered = diagnosis.as_delivered(setup.profile, variant, rows)
-        if delivered:
-            self._say(f"starter {setup.name}", delivered)
+        for finding in found:
+            self._say(where, finding.text, finding.weight)
+        if delivered := diagnosis.as_delivered(profile, variant, rows):
+            self._say(where, delivered)
+
+
+async def _identified(setup: StarterSetup, put: Callable[[Question], Awaitable[Outcome]]) -> Identity:
+    """Return what a device says about itself; CommandError when none answers, or another than configured."""
+    answers = Answers()
+    async for said in interview(setup.profile, answers, put):
+        answers = said
+    if not answers.is_there:
+        raise CommandError(ResultCode.OFFLINE, "address", starter=setup.name, address=setup.address)
+    standing = judged(met(Standing()), setup, answers, None)
+    if standing.status is not IdentityStatus.MATCHING:
+        raise not_matching(standing.status, standing.reason)
+    return standing.identity
+
+
+def _identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
+    """Return why this may be another starter; empty when it is the known one, or the first one seen here."""
+    try:
+        known = read_document(state_dir / STATE_FILE, FINGERPRINTS, KNOWN) or {}
+    except StoreError as error:
+        return f"whether it is the starter that the gateway knows is unknown: {error}"
+    mismatch = mismatch_in(known.get(setup.name), setup, identity)
+    return "" if mismatch is None else mismatch.event.text

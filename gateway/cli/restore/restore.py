@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path, PurePosixPath
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
 from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
-from gateway.cli.restore.switch import RESTORED, Switch, replaced_in
 from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
@@ -24,6 +25,11 @@ from gateway.errors import ConfigError, DamagedError, StartError, StoreError
 from gateway.store import backup
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
+from gateway.system.whole_files import sync_folder
+
+ASIDE = "before-restore"  # with a number: a folder in the state directory, and the end of a file's name
+RESTORED = ".restored"  # ends the name of a configuration's file that is to be in place soon
+STAGE = "restoring"  # a folder in the state directory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,40 +55,88 @@ def run(args: argparse.Namespace) -> int:
 
 def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) -> None:
     place = _place(archive, to)
-    switch = Switch(place.state_dir, place.path, [path for path in place.files if path != place.path])
-    _require_free(place, switch, is_replacing=is_replacing)
-    is_new = not place.state_dir.exists()
-    place.folder.mkdir(parents=True, exist_ok=True)
-    with instance_lock(place.state_dir):
-        _give_state_dir(archive, place, is_new=is_new)
-        try:
-            switch.begin()
-            locked = _write_state(archive, place, switch.stage)
-            _write_configured(archive, place)
-            switch.seal()
-        except BaseException:
-            switch.give_up()
-            raise
-        aside = switch.complete()
-    if aside is not None:
-        print(f"set aside: the state that was there, as {aside}")
-    _report(archive.manifest, place, locked)
-
-
-def _require_free(place: _Place, switch: Switch, *, is_replacing: bool) -> None:
-    """Raise StartError where something is in the way, or a gateway runs by what would be replaced."""
-    there = [*(path for path in place.files if os.path.lexists(path)), *replaced_in(place.state_dir)]
-    if there and not is_replacing:
-        hint = "--replace sets them aside, --to DIR restores elsewhere"
-        if switch.is_going_on:
-            hint = (
-                "an earlier restore was cut short: --replace goes on, and what was there before stays aside"
-            )
-        raise StartError(f"already there: {', '.join(str(each) for each in there[:3])}", hint)
+    if not is_replacing and (there := [*place.in_the_way()]):
+        what = f"already there: {', '.join(str(each) for each in there[:3])}"
+        raise StartError(what, "--replace sets them aside, --to DIR restores elsewhere")
     with suppress(ConfigError, OSError):
         state_dir = place.folder / load(place.path).gateway.state_dir
         if state_dir != place.state_dir and is_locked(state_dir):
             raise StartError(f"a gateway runs by {place.path}, with state_dir {state_dir}", "stop that one")
+    is_new = not place.state_dir.exists()
+    place.folder.mkdir(parents=True, exist_ok=True)
+    with instance_lock(place.state_dir):
+        if is_new or place.state_dir.stat().st_uid == 0:  # as root: whose the state was
+            for stored in list(place.state.values())[:1]:
+                give_to(place.state_dir, *archive.rights(stored)[1:])
+        give_to_owner_of(place.state_dir, [place.state_dir / FILE])
+        stage, aside = place.state_dir / STAGE, place.state_dir / _unused_name(place)
+        shutil.rmtree(stage, ignore_errors=True)  # of a restore that was cut short
+        stage.mkdir(mode=0o700)
+        try:
+            locked = _write_state(archive, place, stage)
+            _write_configured(archive, place)
+            old = _linked(place, aside)
+        except BaseException:
+            for folder in (stage, aside):
+                shutil.rmtree(folder, ignore_errors=True)
+            for path in place.files:
+                _restored(path).unlink(missing_ok=True)
+            raise
+        try:
+            _switch(place, stage, old, aside)
+        except OSError as error:
+            what = f"{error.filename}: {error.strerror}; the gateway has no configuration now"
+            hint = "correct this, then restore once more with --replace; what was there is set aside"
+            raise StoreError(f"{what} ({hint})") from error
+    if old:
+        print(f"set aside: the state that was there, as {aside}")
+    _report(archive.manifest, place, locked)
+
+
+def _linked(place: _Place, aside: Path) -> list[Path]:
+    """Link the state that is there into a folder of its own, which is whole before anything else changes."""
+    if old := place.old_state():
+        aside.mkdir(mode=0o700)
+    for path in old:
+        to = aside / path.relative_to(place.state_dir)
+        to.parent.mkdir(mode=0o700, exist_ok=True)
+        os.link(path, to, follow_symlinks=False)
+        sync_folder(to.parent)
+    sync_folder(place.state_dir)
+    return old
+
+
+def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
+    """Put in place what was written, of which the configuration comes last.
+
+    It goes first: cut short, this leaves none, so that no gateway starts by half of it. Nothing that is set
+    aside is ever replaced, also not by the same restore again.
+    """
+    for path in place.files:
+        if os.path.lexists(path):
+            path.replace(path.with_name(f"{path.name}.{aside.name}"))
+    for path in old:
+        path.unlink()
+    new = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
+    for path in new:
+        (place.state_dir / path).parent.mkdir(mode=0o700, exist_ok=True)
+        (stage / path).replace(place.state_dir / path)
+    own = {place.state_dir / each for path in new for each in (path, *path.parents)} - {place.state_dir}
+    give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
+    for path in reversed(place.files):
+        _restored(path).replace(path)
+        sync_folder(path.parent)
+    shutil.rmtree(stage, ignore_errors=True)
+
+
+def _unused_name(place: _Place) -> str:
+    names = (f"{ASIDE}-{number}" for number in count(1))
+    return next(
+        name
+        for name in names
+        if not os.path.lexists(place.state_dir / name)
+        and not any(os.path.lexists(f"{path}.{name}") for path in place.files)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +152,19 @@ class _Place:
 
     @property
     def files(self) -> list[Path]:
-        """Return where the configuration and its files go."""
-        return [self.folder / name for name in self.configured]
+        """Return where the configuration and its files go, the configuration first."""
+        paths = (self.folder / name for name in self.configured)
+        return [self.path, *(path for path in paths if path != self.path)]
+
+    def old_state(self) -> list[Path]:
+        """Return what a restore replaces in the state directory: a gateway's own files."""
+        paths = backup.own_files(self.state_dir) if self.state_dir.is_dir() else ()
+        return sorted(path for path in paths if not path.name.startswith(backup.LOCK_FILE))
+
+    def in_the_way(self) -> Iterator[Path]:
+        """Yield what is there already."""
+        yield from (path for path in self.files if os.path.lexists(path))
+        yield from self.old_state()
 
 
 def _place(archive: backup.Archive, to: Path | None) -> _Place:
@@ -109,18 +174,16 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     if "/" in name or name not in configured or not before.is_absolute():
         raise DamagedError("the backup does not say which its configuration is")
     config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
-    _refuse_foreign(config, before, archive, name)
-    state_dir = _state_dir(config, folder, is_elsewhere=to is not None)
+    known = {f"{CONFIG}/{name}", *(name_in_backup(before, path) for path in files_of(config))}
+    for stored in configured.values():
+        if stored not in known:
+            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
+    state_dir = folder / config.gateway.state_dir
+    if to is not None:  # below that folder, whatever the configuration says
+        state_dir = Path(os.path.normpath(state_dir))
+        state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
     backup.refuse_newer(state_dir, archive.manifest.state)
     return _Place(config, folder / name, folder, state_dir, configured, state)
-
-
-def _give_state_dir(archive: backup.Archive, place: _Place, *, is_new: bool) -> None:
-    """As root, give a folder that is new, or root's own, to the user that the state belonged to."""
-    if is_new or place.state_dir.stat().st_uid == 0:
-        for stored in list(place.state.values())[:1]:
-            give_to(place.state_dir, *archive.rights(stored)[1:])
-    give_to_owner_of(place.state_dir, [place.state_dir / FILE])
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
@@ -132,27 +195,25 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
     backup.upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
-    give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
+    for folder in (stage, *(path for path in stage.rglob("*") if path.is_dir())):
+        sync_folder(folder)
     return locked
 
 
 def _write_configured(archive: backup.Archive, place: _Place) -> None:
     """Write the configuration and what it refers to beside their places, each for those who might read it."""
     for name, stored in place.configured.items():
-        path = place.folder / (name + RESTORED)
+        path = _restored(place.folder / name)
         path.parent.mkdir(parents=True, exist_ok=True)
         archive.extract(stored, path)
         mode, user, group = archive.rights(stored)
         path.chmod(mode)
         give_to(path, user, group)
+        sync_folder(path.parent)
 
 
-def _refuse_foreign(config: Config, folder: Path, archive: backup.Archive, name: str) -> None:
-    """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
-    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
-    for stored in archive.manifest.files:
-        if not stored.startswith(f"{STATE}/") and stored not in known:
-            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
+def _restored(path: Path) -> Path:
+    return path.with_name(path.name + RESTORED)
 
 
 def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
@@ -174,24 +235,13 @@ def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
     return configured, state
 
 
-def _state_dir(config: Config, folder: Path, *, is_elsewhere: bool) -> Path:
-    """Return where the state goes: with --to below that folder, whatever the configuration says."""
-    configured = config.gateway.state_dir
-    if not is_elsewhere:
-        return folder / configured
-    whole = Path(os.path.normpath(folder / configured))
-    return whole if whole.is_relative_to(folder) else folder / STATE
-
-
 def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
     config, folder = place.config, place.folder
     print(f"gateway {config.gateway.name}, backup of {facts.made} by version {facts.version}")
     print(f"configuration: {len(place.configured)} files in {folder}")
     print(f"state: {len(place.state)} files in {place.state_dir}")
     if folder / config.gateway.state_dir != place.state_dir:
-        print(
-            f"the configuration names another state_dir, {config.gateway.state_dir}: change it, or move them"
-        )
+        print(f"the configuration names another state_dir, {config.gateway.state_dir}: change it")
     before = Path(facts.folder)
     for each in files_of(config) if before != folder else ():
         name = name_in_backup(before, each)
@@ -201,7 +251,7 @@ def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
     if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
     if missing := missing_in(facts):
-        print(f"not in the backup, to be given anew: {', '.join(missing)}")
+        print(f"not in the backup, to be given again: {', '.join(missing)}")
     if locked:
         print(f"locked until an operator unlocks them: {', '.join(locked)}")
     print(HELD)

@@ -9,7 +9,7 @@ import argparse
 import asyncio
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
@@ -23,9 +23,7 @@ from gateway.cli.scan.search import (
     Find,
     Search,
     SearchSettings,
-    Step,
     timings_in_order,
-    why_not,
 )
 from gateway.config.load import parse
 from gateway.config.schema import Baud, FramingText
@@ -65,39 +63,23 @@ def run(args: argparse.Namespace) -> int:
         return io.MACHINE.make_opener(port, timing)
 
     progress = Progress()
-    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        found = runner.run(scan(settings, open_with, progress))
-    return show(found, stable_name(port), progress)
-
-
-async def scan(
-    settings: SearchSettings, open_with: Callable[[LineTiming], PortOpener], progress: Progress
-) -> list[Find]:
-    """Return the devices that answer, with a progress line."""
-
-    def step(now: Step) -> None:
-        what = f"{now.timing.baud} {now.timing.framing} address {now.address}"
-        progress.show(now.share, what, left_s=now.left_s)
-
-    def find(one: Find) -> None:
-        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {described(one)}")
-
     try:
-        return await Search(settings, open_with, on_step=step, on_find=find).run()
+        with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+            found = runner.run(Search(settings, open_with, progress).run())
     finally:
         progress.clear()
+    return show(found, stable_name(port), progress)
 
 
 def show(found: list[Find], port: str, progress: Progress) -> int:
     """Print the configuration on stdout and what else is to be said on stderr; return the exit code."""
     for find in found:
-        why = "" if find.profile is None else why_not(find.profile, find.timing)
-        if why:
-            progress.say(f"address {find.address} is left out: {why} (it may answer at another one: --all)")
+        if find.why_not:
+            why = f"{find.why_not} (it may answer at another one: --all)"
+            progress.say(f"address {find.address} is left out: {why}")
         for watchdog in find.watchdogs:
             acts = f"after {watchdog.after_s:g} s it {watchdog.does}"
-            left = f"its watchdog {watchdog.code} runs since this scan: {acts}"
-            progress.say(f"address {find.address}: {left}")
+            progress.say(f"address {find.address}: its watchdog {watchdog.code} runs since this scan: {acts}")
     text = config_text(port, found)
     if not text:
         what = "no starter was found" if not found else "nothing that was found can be configured"
@@ -170,7 +152,7 @@ url = "mqtt://127.0.0.1:1883"
 
 [[line]]
 name = "line-1"
-port = {port}
+port = "{port}"
 baud = {baud}
 framing = "{framing}"
 """
@@ -178,11 +160,11 @@ framing = "{framing}"
 
 def config_text(port: str, found: Sequence[Find]) -> str:
     """Return the configuration; "" when none of the finds is a starter that a line can have."""
-    usable = [find for find in found if find.profile is not None and why_not(find.profile, find.timing) == ""]
+    usable = [find for find in found if find.profile is not None and not find.why_not]
     if not usable:
         return ""
     timing = usable[0].timing
-    here = [find for find in usable if find.timing == timing]
+    here = sorted((find for find in usable if find.timing == timing), key=lambda find: find.address)
     rest = [find for find in found if find not in here]
     text = _text(port, timing, here, rest, with_watchdogs=True)
     try:
@@ -192,48 +174,21 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     return text
 
 
-def described(find: Find) -> str:
-    """Return in a line who answers, in characters that harm no terminal."""
-    if find.profile is None:
-        return clean(f"no known starter: {find.identity.reason}")
-    identity = find.identity
-    facts = [identity.model or find.profile.title]
-    facts += [f"firmware {identity.firmware}"] if identity.firmware else []
-    facts += [f"serial {identity.serial}"] if identity.serial else []
-    return clean(", ".join(facts))
-
-
-def clean(text: str) -> str:
-    """Return a foreign text with printable ASCII only."""
-    return "".join(char if " " <= char <= "~" else "?" for char in text)
-
-
 def _text(
     port: str, timing: LineTiming, here: Sequence[Find], rest: Sequence[Find], *, with_watchdogs: bool
 ) -> str:
-    quoted = '"' + port.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    quoted = port.replace("\\", "\\\\").replace('"', '\\"')
     parts = [_HEAD.format(port=quoted, baud=timing.baud, framing=timing.framing)]
-    parts += [_starter(find, with_watchdogs=with_watchdogs) for find in sorted(here, key=lambda f: f.address)]
-    parts += [_left_out(find) for find in rest]
+    for find in here:
+        family = find.profile.family if find.profile else ""
+        parts += [f"[[line.starter]] # {find.described}", f'name = "{family}-{find.address}"']
+        parts += [f"address = {find.address}", f'family = "{family}"']
+        for first in find.watchdogs[:1]:
+            key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
+            parts.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
+        parts.append("")
+    for find in rest:
+        why = f" ({find.why_not})" if find.why_not else ""
+        where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
+        parts += [f"{where}: {find.described}{why}", ""]
     return "\n".join(parts)
-
-
-def _starter(find: Find, *, with_watchdogs: bool) -> str:
-    family = "" if find.profile is None else find.profile.family
-    lines = [
-        f"[[line.starter]] # {described(find)}",
-        f'name = "{family}-{find.address}"',
-        f"address = {find.address}",
-        f'family = "{family}"',
-    ]
-    if find.watchdogs:
-        first = find.watchdogs[0]
-        key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
-        lines.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
-    return "\n".join(lines) + "\n"
-
-
-def _left_out(find: Find) -> str:
-    where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
-    why = why_not(find.profile, find.timing) if find.profile is not None else ""
-    return f"{where}: {described(find)}" + (f" ({why})" if why else "") + "\n"

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from gateway.cli.command import Progress
 from gateway.contract import CommandError
 from gateway.errors import PortError
 from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
@@ -53,15 +54,25 @@ class Find:
     identity: Identity
     watchdogs: tuple[Watchdog, ...] = ()
 
+    @property
+    def why_not(self) -> str:
+        """Return why this family cannot be on a line of this setting; "" when it can, or is not known."""
+        profile, timing = self.profile, self.timing
+        if profile is not None and profile.bauds and timing.baud not in profile.bauds:
+            return f"{profile.title} knows no {timing.baud} bit/s"
+        if profile is not None and str(timing.framing) not in profile.framings:
+            return f"{profile.title} knows no framing {timing.framing}"
+        return ""
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """How far the search is."""
-
-    share: float
-    left_s: float
-    timing: LineTiming
-    address: int
+    @property
+    def described(self) -> str:
+        """Return in a line who answers, in characters that harm no terminal."""
+        said = self.identity
+        text = f"no known starter: {said.reason}"
+        if self.profile is not None:
+            facts = {"": said.model or self.profile.title, "firmware ": said.firmware, "serial ": said.serial}
+            text = ", ".join(f"{name}{fact}" for name, fact in facts.items() if fact)
+        return "".join(char if " " <= char <= "~" else "?" for char in text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,122 +94,101 @@ def timings_in_order(bauds: Sequence[int], framings: Sequence[str]) -> tuple[Lin
     return tuple(LineTiming(baud, Framing.parse(framing)) for baud, framing in ordered)
 
 
-def why_not(profile: Profile, timing: LineTiming) -> str:
-    """Return why a family cannot be on a line of this setting, "" when it can."""
-    if profile.bauds and timing.baud not in profile.bauds:
-        return f"{profile.title} knows no {timing.baud} bit/s"
-    if str(timing.framing) not in profile.framings:
-        return f"{profile.title} knows no framing {timing.framing}"
-    return ""
-
-
 class Search:
     """One search; `open_with` gives the port at a timing."""
 
     def __init__(
-        self,
-        settings: SearchSettings,
-        open_with: Callable[[LineTiming], PortOpener],
-        *,
-        on_step: Callable[[Step], None],
-        on_find: Callable[[Find], None],
+        self, settings: SearchSettings, open_with: Callable[[LineTiming], PortOpener], progress: Progress
     ) -> None:
-        self._settings = settings
+        self._response_time_s = settings.response_time_s
+        self._goes_on = settings.goes_on
         self._open_with = open_with
-        self._on_step = on_step
-        self._on_find = on_find
-        self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
-        self._legs = list(_legs(settings))
+        self._progress = progress
         self._probes = PROBES if settings.is_thorough else PROBES[:1]
-        self._spent_s = 0.0
-        self._was_open = False  # the port, at least once
+        self._left = deque(  # the likely addresses of all settings first
+            (timing, address)
+            for is_likely in (True, False)
+            for timing in settings.timings
+            for address in settings.addresses
+            if (address in LIKELY_ADDRESSES) is is_likely
+        )
+        self._costs_s = {timing: self._cost_s(timing) for timing in settings.timings}
+        self._spent_s, self._left_s = 0.0, sum(self._costs_s[timing] for timing, _ in self._left)
+        self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
 
     async def run(self) -> list[Find]:
-        """Return what answers; PortError when the port cannot be had."""
-        found: list[Find] = []
-        while self._legs:
-            timing, addresses = self._legs.pop(0)
-            here = await self._walk(timing, addresses)
-            found += here
-            is_settled = any(find.profile is not None and not why_not(find.profile, timing) for find in here)
-            if is_settled and not self._settings.goes_on:  # all units of a line have one setting
-                self._legs = [leg for leg in self._legs if leg[0] == timing]
-        return found
-
-    async def _walk(self, timing: LineTiming, addresses: tuple[int, ...]) -> list[Find]:
-        """Return who answers at one setting; a port that is lost meanwhile is opened again."""
-        found: list[Find] = []
-        left = deque(enumerate(addresses))
+        """Return what answers; a port that is lost meanwhile is opened again. PortError without one."""
+        found, before, was_open = list[Find](), None, False
         waits_s = iter(_REOPEN_AFTER_S)
-        self._due.clear()
-        while left:
-            before = len(left)
+        while self._left:
+            timing = self._left[0][0]
+            if timing != before:
+                self._due.clear()
+            before = timing
             try:
                 async with Survey(self._open_with(timing), timing) as survey:
-                    self._was_open = True
-                    while left:
-                        self._report_step(timing, addresses, left[0][0])
-                        await self._keep_quiet(survey)
-                        find = await self._look(survey, left[0][1])
-                        left.popleft()
-                        if find is not None:
-                            found.append(find)
-                            self._on_find(find)
-                            self._watch(find)
+                    was_open = True
+                    while self._left and self._left[0][0] == timing:
+                        find = await self._step(survey)
+                        waits_s = iter(_REOPEN_AFTER_S)
+                        found += [] if find is None else [find]
             except PortError:
-                if len(left) < before:  # it did work for a while
-                    waits_s = iter(_REOPEN_AFTER_S)
                 wait_s = next(waits_s, None)
-                if wait_s is None or not self._was_open:
+                if wait_s is None or not was_open:
                     raise
                 await asyncio.sleep(wait_s)
-        self._spent_s += len(addresses) * self._cost_s(timing)
         return found
 
-    def _report_step(self, timing: LineTiming, addresses: tuple[int, ...], place: int) -> None:
-        cost_s = self._cost_s(timing)
-        left_s = (len(addresses) - place) * cost_s + sum(
-            len(theirs) * self._cost_s(its) for its, theirs in self._legs
-        )
-        done_s = self._spent_s + place * cost_s
-        self._on_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
+    async def _step(self, survey: Survey) -> Find | None:
+        """Look at one address; after the first starter only this setting is left: a line has one."""
+        timing, address = self._left[0]
+        what = f"{timing.baud} {timing.framing} address {address}"
+        share = self._spent_s / (self._spent_s + self._left_s)
+        self._progress.show(share, what, left_s=self._left_s)
+        await self._keep_quiet(survey)
+        find = await self._look(survey, address)
+        self._left.popleft()
+        self._spent_s += self._costs_s[timing]
+        if find is not None:
+            self._progress.say(f"address {address} at {timing.baud} {timing.framing}: {find.described}")
+            for watchdog in find.watchdogs[:1]:
+                every_s = watchdog.after_s * _WATCHDOG_SHARE
+                self._due[address] = asyncio.get_running_loop().time() + every_s, every_s
+            if find.profile is not None and not find.why_not and not self._goes_on:
+                self._left = deque(step for step in self._left if step[0] == timing)
+                self._left_s = self._costs_s[timing] * (len(self._left) + 1)
+        self._left_s -= self._costs_s[timing]
+        return find
 
     def _cost_s(self, timing: LineTiming) -> float:
         """Return the time that an address without a device takes."""
-        response_time_s = self._settings.response_time_s
-        return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
+        return sum(
+            silent_cost_s(each, timing, response_time_s=self._response_time_s) for each in self._probes
+        )
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
         garbled = ""
         for probe in self._probes:
-            outcome = await self._ask_twice(survey, address, probe)
-            match outcome:
-                case Silent():
-                    continue
-                case Garbled():
-                    garbled = outcome.reason
-                case _:
-                    return await self._identify(survey, address)
+            outcome = await survey.ask(address, probe, response_time_s=self._response_time_s)
+            if isinstance(outcome, Garbled):  # once more
+                outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
+            if isinstance(outcome, Garbled):
+                garbled = outcome.reason
+            elif not isinstance(outcome, Silent):
+                return await self._identify(survey, address)
         if not garbled:
             return None
         reason = f"something answers, but not in Modbus ({garbled}): two units, or another rate or framing"
         return Find(address, survey.timing, None, Identity(reason=reason))
-
-    async def _ask_twice(self, survey: Survey, address: int, probe: Request) -> Outcome:
-        """Send a request, and once more when the reply was corrupted."""
-        outcome = await survey.ask(address, probe, response_time_s=self._settings.response_time_s)
-        if isinstance(outcome, Garbled):
-            outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
-        return outcome
 
     async def _identify(self, survey: Survey, address: int) -> Find:
         """Ask what each family asks, until one of them is proved."""
         asked: dict[Request, Outcome] = {}
 
         async def ask(request: Request) -> Outcome:
-            response_time_s = max(self._settings.response_time_s, _SLOWEST_REPLY_S)
             if not isinstance(asked.get(request), Answered):
-                asked[request] = await survey.ask(address, request, response_time_s=response_time_s)
+                within_s = max(self._response_time_s, _SLOWEST_REPLY_S)
+                asked[request] = await survey.ask(address, request, response_time_s=within_s)
             return asked[request]
 
         reasons: dict[str, None] = {}
@@ -223,11 +213,6 @@ class Search:
             return ()
         return diagnosis.watchdogs(profile, Variant(slot=identity.slot), rows)
 
-    def _watch(self, find: Find) -> None:
-        if find.watchdogs:
-            every_s = find.watchdogs[0].after_s * _WATCHDOG_SHARE
-            self._due[find.address] = (asyncio.get_running_loop().time() + every_s, every_s)
-
     async def _keep_quiet(self, survey: Survey) -> None:
         """Ask those units again whose watchdog would act before the search is over."""
         for address, (due_s, every_s) in tuple(self._due.items()):
@@ -235,11 +220,3 @@ class Search:
             if now_s >= due_s:
                 self._due[address] = (now_s + every_s, every_s)
                 await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
-
-
-def _legs(settings: SearchSettings) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
-    """Yield what to search in which order: the likely addresses of all settings first."""
-    likely = tuple(address for address in settings.addresses if address in LIKELY_ADDRESSES)
-    others = tuple(address for address in settings.addresses if address not in LIKELY_ADDRESSES)
-    for addresses in (likely, others):
-        yield from ((timing, addresses) for timing in settings.timings if addresses)

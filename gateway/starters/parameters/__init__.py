@@ -1,1 +1,1 @@
-"""Sets of parameters: read, compared, restored, as TOML; start at `model` and `restore`."""
+"""Sets of parameters: read, compared, restored, as TOML; start at `model`."""

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, FiniteFloat
+from pydantic.dataclasses import dataclass
 
 from gateway.families import Profile, Variant, decode, parameters, reading
 
+_FORM = ConfigDict(extra="forbid", strict=True)  # of a file as well
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, config=_FORM)
 class ParameterEntry:
     """One parameter's value; None where the file or the starter does not give it."""
 
     name: str = ""
-    value: decode.Value = None
+    value: bool | int | FiniteFloat | str | None = None
     label: str | None = None
     unit: str = ""
-    raw: tuple[int, ...] | None = None
+    raw: Annotated[tuple[Annotated[int, Field(ge=0, le=0xFFFF)], ...], Field(min_length=1)] | None = None
 
     @property
     def shown(self) -> str:
@@ -27,7 +33,7 @@ class ParameterEntry:
         return f"{text} {self.unit}".rstrip() + (f" ({self.label})" if self.label else "")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, config=_FORM)
 class ParameterSet:
     """What one starter holds, by the manual's code."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -10,10 +10,8 @@ from gateway.contract import CommandError, ResultCode
 from gateway.families import (
     TYPE_LIMITS,
     Parameter,
-    Preparation,
     Profile,
     Variant,
-    command,
     decode,
     from_words,
     parameters,
@@ -31,7 +29,7 @@ class PlannedWrite:
     before: ParameterEntry
     after: ParameterEntry
     value: decode.Value  # what a `set` is given
-    is_configuration: bool  # SST: all of them go through one `configure`
+    is_configuration: bool  # SST: all of them are set by one command
 
     @property
     def text(self) -> str:
@@ -87,11 +85,12 @@ def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
     return tuple(row.code for row in rows if row is not None and reading.is_setting(profile, row))
 
 
-def prepare_change(
-    profile: Profile, variant: Variant, verb: str, args: Mapping[str, decode.Value]
-) -> Preparation:
-    """Return what a `set` or `configure` must read and demand, standstill included whatever the row says."""
-    return command.with_standstill(profile, command.prepare(profile, variant, verb, args))
+def groups_of(changes: tuple[PlannedWrite, ...]) -> Iterator[tuple[PlannedWrite, ...]]:
+    """Yield what one command writes: each change alone, all configuration registers of an SST together."""
+    together = tuple(change for change in changes if change.is_configuration)
+    if together:
+        yield together
+    yield from ((change,) for change in changes if not change.is_configuration)
 
 
 def _change(

@@ -1,64 +1,90 @@
-"""What at the broker would be a problem."""
+"""What `doctor` says of the broker."""
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
-from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.machine import DoctorFinding
-from gateway.config.load import parse
-from tests.end_to_end.commands.doctor_site import problems_in, site
+import pytest
+
+from gateway.cli.main import main
 from tests.mosquitto import StartMosquitto
 
+SITE = """
+[gateway]
+name = "plant"
+state_dir = "state"
+[mqtt]
+url = "mqtt://127.0.0.1:{port}"
+username = "g"
+password_file = "password"
+[[line]]
+name = "hall"
+port = "/nowhere/tty"
+baud = 19200
+framing = "8N2"
+[[line.starter]]
+name = "pump-1"
+address = 1
+family = "ssw07"
+"""
 
-def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
-    access = BrokerAccess(parse(text, "site.toml"), folder)
-    return asyncio.run(access.remarks())
+
+class Site:
+    """A configuration, and the files of passwords beside it."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self._folder, self._capsys = folder, capsys
+
+    def password(self, text: str, *, name: str = "password", mode: int = 0o600) -> str:
+        path = self._folder / name
+        path.write_text(text, "utf-8")
+        path.chmod(mode)
+        return str(path)
+
+    def doctor(self, port: int, *options: str) -> str:
+        """Return what `doctor` prints; the line's port is an error in any case."""
+        (self._folder / "site.toml").write_text(SITE.format(port=port), "utf-8")
+        assert main(["doctor", str(self._folder / "site.toml"), *options]) == 1
+        return self._capsys.readouterr().out
 
 
-def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> None:
-    (tmp_path / "password").write_text("secret\n", "utf-8")
-    (tmp_path / "password").chmod(0o644)
+@pytest.fixture
+def site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Site:
+    return Site(tmp_path, capsys)
 
-    (problem,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
 
-    assert "chmod 600" in problem
-    assert "secret" not in problem
+def test_a_password_file_that_others_may_read_is_a_problem(site: Site) -> None:
+    site.password("secret\n", mode=0o644)
+
+    said = site.doctor(1)
+
+    assert "error   mqtt.password_file: " in said
+    assert "chmod 600" in said
+    assert "secret" not in said
 
 
 def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_problem(
-    tmp_path: Path, start_mosquitto: StartMosquitto
+    site: Site, start_mosquitto: StartMosquitto
 ) -> None:
-    broker = start_mosquitto(users={"g": "right"})
-    login = 'username = "g"\npassword_file = "password"'
-    is_a_problem = []
-    for password in ("right", "wrong"):
-        (tmp_path / "password").write_text(password, "utf-8")
-        (tmp_path / "password").chmod(0o600)
-        is_a_problem.append(problems_in(remarks_of(site(port=broker.port, login=login), tmp_path)))
+    port = start_mosquitto(users={"g": "right"}).port
 
-    assert is_a_problem[0] == []
-    assert len(is_a_problem[1]) == 1
+    site.password("right")
+    assert f"ok      broker 127.0.0.1:{port}: takes the gateway's login, MQTT " in site.doctor(port)
+    site.password("wrong")
+    assert f"error   broker 127.0.0.1:{port}: the gateway's login: " in site.doctor(port)
 
 
 def test_the_doctor_logs_in_as_the_operator_that_is_named(
-    tmp_path: Path, start_mosquitto: StartMosquitto
+    site: Site, start_mosquitto: StartMosquitto
 ) -> None:
-    broker = start_mosquitto(users={"g": "right", "alice": "hers"})
-    for name, password in (("password", "right"), ("hers", "hers"), ("wrong", "wrong")):
-        (tmp_path / name).write_text(password, "utf-8")
-        (tmp_path / name).chmod(0o600)
-    config = parse(site(port=broker.port, login='username = "g"\npassword_file = "password"'), "site.toml")
+    port = start_mosquitto(users={"g": "right", "alice": "hers"}).port
+    site.password("right")
+    alice = ("--username", "alice", "--password-file")
 
-    def remarks(file: str) -> list[DoctorFinding]:
-        path = str(tmp_path / file)
-        access = BrokerAccess(config, tmp_path, client="alice", username="alice", password_file=path)
-        return asyncio.run(access.remarks())
+    said = site.doctor(port, *alice, site.password("hers", name="hers"))
+    refused = site.doctor(port, *alice, site.password("wrong", name="wrong"))
 
-    reported = [remark.text for remark in remarks("hers")]
-    assert any(text.startswith("takes the login alice, MQTT ") for text in reported)
-    assert not any("the gateway's login" in text for text in reported)  # which may be under way
-    (problem,) = problems_in(remarks("wrong"))
-    assert "the login alice: " in problem
-    assert "username and password" in problem
+    assert "takes the login alice, MQTT " in said
+    assert "the gateway's login" not in said  # which may be under way
+    assert "the login alice: " in refused
+    assert "username and password" in refused

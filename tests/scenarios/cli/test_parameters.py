@@ -1,4 +1,4 @@
-"""`parameters restore` and `save`, beside the starter whose settings they are."""
+"""`parameters save`, `diff` and `restore`, beside the gateway whose starter it is."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, frames, play, row
-from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, line, starter
-from tests.rig.state import stored_document, with_document
+from tests.rig import RigPlant, ScenarioRow, command, frames, play, row
+from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, line, operator, starter
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
@@ -38,26 +37,25 @@ def entered_once(plant: RigPlant) -> str:
     return "" if pdus.count(ENTER) == 1 else f"{pdus}"
 
 
-def _watchdog_stored(plant: RigPlant) -> str:
-    rows = stored_document(plant, "watchdogs")["pump"]["rows"]
-    mode = (plant.folder / "state/state.sqlite").stat().st_mode & 0o777
-    return "" if (rows["P314"], mode) == ([60], 0o600) else f"{rows} {mode:o}"
-
-
+SAVED = "parameters save CONFIG pump DIR/pump.toml"
+PUMP, MILL, BELT = SSW07 + ALICE, SSW900 + ALICE, SST + ALICE
 CROWD = line() + starter("pump", 1, "ssw07")
 CROWD += "".join(starter(f"f{n}", n, "ssw07", watchdog_s=2.0) for n in range(2, 17))
-CROWD += "".join(starter(f"f{n}", n, "ssw07") for n in range(17, 61))
-END = {1.0: "end"}
+CROWD += "".join(starter(f"f{n}", n, "ssw07") for n in range(17, 61)) + ALICE
+P314 = wanted("ssw07", P314=30)
 SETS = [
     *(
-        ended(
+        beside(
             f"everything that {name} reports is saved, and differs from it in nothing",
-            given,
-            cli(f"parameters save CONFIG {name} DIR/set.toml", out=f"{count} parameters of {name}\n"),
+            given + ALICE,
+            cli(
+                f"parameters save CONFIG {name} DIR/set.toml",
+                out=f"{count} parameters of {name}\n",
+                err="100%",
+            ),
             cli(f"parameters diff DIR/set.toml CONFIG:{name}", out="no setting differs"),
             restore(name, "--command-sources", out="nothing to write"),
             frames(name),
-            end_s=1.0,
         )
         for given, name, count in (
             (SSW06, "fan", 71),
@@ -66,50 +64,70 @@ SETS = [
             (SST, "belt", 69),
         )
     ),
+    beside(
+        "a file has the starter's facts, and each row in a line",
+        PUMP,
+        cli(SAVED),
+        cli(SAVED, code=2, err="pump.toml exists already"),
+        lambda plant: next(
+            (
+                text
+                for text in ('family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { ")
+                if text not in (plant.folder / "pump.toml").read_text()
+            ),
+            "",
+        ),
+    ),
     row(
         "a row that the starter refuses is noted",
-        given=SSW07,
-        at={1.0: [lambda plant: plant.starter("pump").unit.settings.pop(277), "end"]},
+        given=PUMP,
+        at={1.0: lambda plant: plant.starter("pump").unit.settings.pop(277)},
         then={
-            1.0: [
-                cli("parameters save CONFIG pump -", out=('P277 = "illegal data address"', "P278 = {")),
+            3.0: [
                 cli(
-                    "parameters save CONFIG pump DIR/set.toml",
-                    out="66 parameters of pump, 1 could not",
+                    "parameters save CONFIG pump -",
+                    out=(re.compile('P277 = ".*illegal data address'), "P278 = {"),
                 ),
+                cli(SAVED, out="66 parameters of pump, 1 could not"),
             ]
         },
     ),
-    ended(
-        "parameters without a name are saved as raw words where they are asked for",
-        SSW07,
-        cli("parameters save CONFIG pump - --unnamed", out=(re.compile(r"P500 = .*raw = \[77\]"), "P501 = ")),
-        end_s=1.0,
-        sim={"pump": {"settings": {500: 77}}},
-    ),
-    ended(
+    beside(
         "a setting is written once, whatever else the file has",
-        SSW07,
-        restore("pump", out=("read back: P314", "left as it is: P308"), err="writing P314"),
+        PUMP,
+        restore("pump", "--dry-run", out="would write: P314"),
+        frames("pump"),
+        restore(
+            "pump",
+            out=(
+                "to write: P314 timeout for message reception: 0.0 s (off) -> 30.0 s",
+                "read back: P314",
+                "left as it is: P308",
+            ),
+            err="writing P314",
+        ),
         frames("pump", "06 01 3a 00 1e"),
-        end_s=1.0,
+        cli(
+            "parameters diff DIR/set.toml CONFIG:pump",
+            code=1,
+            out=re.compile("^P313 .*not there|^P308"),
+        ),
         **wanted("ssw07", P314=30, P313=1, P003=7, P308=9),
     ),
-    ended(
+    beside(
         "settings may be given by their names in the manual",
-        SSW900,
+        MILL,
         restore("mill", out="written and read back: C8.2.5.3, C8.2.5.1, C8.2.5.2"),
         restore("mill", out="nothing to write"),
         frames("mill", "06 02 de 00 0f", "06 02 e4 00 02", "06 02 e5 00 01"),
-        end_s=1.0,
         **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
     ),
     row(
         "the first setting that is not followed ends a restore, with an account",
-        given=SSW900,
-        at={1.0: ["mill C8.2.5.1 = 0", "end"]},
+        given=MILL,
+        at={1.0: "mill C8.2.5.1 = 0"},
         then={
-            1.0: restore(
+            3.0: restore(
                 "mill",
                 code=1,
                 out=("written and read back: C8.2.5.3\n", "unconfirmed: C8.2.5.1: ", "not tried: C8.2.5.2"),
@@ -117,26 +135,23 @@ SETS = [
         },
         **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
     ),
-    ended(
+    beside(
         "an SST is configured once for all its registers",
-        SST,
+        BELT,
         restore("belt", out="written and read back: "),
         entered_once,
         restore("belt", out="nothing to write"),
-        end_s=1.0,
         **wanted("sst", R41=9, R42=20, R36=40),
     ),
     *(
         row(
             f"nothing is written to {name} while its motor turns",
-            given=FOUR,
-            at={1.0: [run_on(name), "end"]},
+            given=FOUR + ALICE,
+            at={1.0: run_on(name)},
             then={
-                1.0: [
+                3.0: [
                     restore(
-                        name,
-                        code=1,
-                        out=(f"rejected: {code}: the motor is not at standstill (", "read back: nothing"),
+                        name, code=1, out=(re.compile("rejected: .*running is true"), "read back: nothing")
                     ),
                     frames(name),
                 ]
@@ -149,63 +164,97 @@ SETS = [
             ("belt", "sst", "R41", 9),
         )
     ),
-    ended(
+    beside(
         "who commands the motor is left as it is unless asked for, and then run = 0 comes before",
-        SSW07,
+        PUMP,
         restore("pump", out="--command-sources"),
         frames("pump"),
         restore("pump", "--command-sources", out="run = 0 was written first"),
         restore("pump", "--command-sources", out="nothing to write"),
-        end_s=1.0,
         **wanted("ssw07", P230="DI"),
     ),
-    ended(
+    beside(
         "a set of another model is refused unless asked for",
-        SSW07,
+        PUMP,
         restore("pump", code=2, err="--other-model"),
         frames("pump"),
         restore("pump", "--other-model", out="written and read back: P314"),
-        end_s=1.0,
         **wanted("ssw07", model="SSW-07 17.0A", P314=3),
     ),
-    ended(
+    beside(
+        "so is one of another family",
+        PUMP,
+        restore("pump", code=2, err="the file is of family ssw06, pump of ssw07: choose another file"),
+        **wanted("ssw06", P314=3),
+    ),
+    beside(
         "a watchdog that the line cannot keep is not restored",
         CROWD,
-        restore(
-            "pump",
-            code=1,
-            err=("watchdog_unkept: ", "the shortest watchdog of pump that the line can meet is"),
-        ),
-        restore("pump", "--dry-run", out="would be refused"),
+        restore("pump", code=1, out=("[watchdog_unkept]", "the shortest watchdog of pump that the line can")),
         frames("pump"),
-        end_s=1.0,
+        at_s=20.0,
         absent=tuple(f"f{n}" for n in range(2, 61)),
         **wanted("ssw07", P314=1),
     ),
-    ended(
-        "one that it can keep is, and known to the next run",
-        CROWD,
-        restore("pump", out="read back: P314"),
-        _watchdog_stored,
-        end_s=1.0,
-        absent=tuple(f"f{n}" for n in range(2, 61)),
-        **wanted("ssw07", P314=60),
+    row(
+        "nothing is restored to a starter that is locked for maintenance",
+        given=PUMP,
+        at={3.0: command("pump/alice/lock", args={"reason": "belt is off"})},
+        then={
+            4.0: [
+                restore("pump", code=1, out="rejected: P314: locked for maintenance by alice: belt is off"),
+                frames("pump"),
+            ]
+        },
+        **P314,
     ),
     beside(
-        "while the gateway holds the port nothing is written",
-        SSW07,
-        restore("pump", code=1, err="a gateway or another program holds it"),
+        "an operator needs the rights",
+        SSW07 + operator("bob", may=("read",)) + operator("carol", may=("stop",)),
+        cli("parameters save CONFIG pump -", code=2, err="which operator? (--client with one of bob, carol)"),
+        cli("parameters save CONFIG pump - --client carol", code=1, err="[not_allowed]"),
+        restore("pump", "--client bob", code=1, out="[not_allowed]"),
         frames("pump"),
-        at_s=2.0,
-        **wanted("ssw07", P314=30),
+        **P314,
     ),
     ended(
-        "writes that cannot be counted are reported",
-        SSW07,
-        restore("pump", out="writes to the memory of pump that are not counted: 1"),
-        end_s=1.0,
-        then=[with_document("writes", "damaged")],
-        **wanted("ssw07", P314=30),
+        "without a running gateway there is an error, and no file",
+        PUMP,
+        cli(SAVED, code=1, err="the gateway is offline: "),
+        restore("pump", code=1, err="the gateway is offline: "),
+        lambda plant: "it is there" if (plant.folder / "pump.toml").exists() else "",
+        **P314,
+    ),
+    beside(
+        "a starter that is silent is not saved",
+        PUMP,
+        cli(SAVED, code=1, err="the gateway reads nothing of pump: the starter does not answer"),
+        absent=("pump",),
+    ),
+    beside(
+        "nor one of another family than the one configured",
+        PUMP,
+        cli(SAVED, code=1, err="it is ssw06, not ssw07"),
+        at_s=10.0,
+        sim={"pump": {"family": "ssw06"}},
+    ),
+    row(
+        "a restore that loses the broker says what was written",
+        given=MILL,
+        at={3.0: lambda plant: plant.loop.call_later(1.15, plant.broker.drop)},
+        then={
+            3.0: restore(
+                "mill",
+                code=1,
+                out=(
+                    "written and read back: C8.2.5.3\n",
+                    "unknown: C8.2.5.1 may have been written: look at the starter\n",
+                    "not tried: C8.2.5.2\n",
+                ),
+                err="was lost before the final result",
+            )
+        },
+        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
     ),
 ]
 
@@ -215,17 +264,23 @@ def test_sets_of_parameters(row: ScenarioRow) -> None:
     play(row)
 
 
-SAVED = {
+FILES_SAVED = {
     f"{name}.toml": f'[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
     for name, family, seconds in (("a", "ssw07", 3), ("b", "ssw07", 5), ("c", "ssw06", 3))
 }
-SAVED["new.toml"] = (
+FILES_SAVED["new.toml"] = (
     '[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP220 = { raw = [3] }\nP314 = { raw = [0] }\n'
 )
-SAVED["used.toml"] = SAVED["new.toml"].replace("07", "06").replace("[3]", "[6]")
+FILES_SAVED["used.toml"] = FILES_SAVED["new.toml"].replace("07", "06").replace("[3]", "[6]")
 FILES = [
     line_row(
-        f"parameters {words}", f"parameters {words}", given=SSW07, files=SAVED, code=code, out=out, err=err
+        f"parameters {words}",
+        f"parameters {words}",
+        given=PUMP,
+        files=FILES_SAVED,
+        code=code,
+        out=out,
+        err=err,
     )
     for words, code, out, err in [
         ("diff a.toml b.toml", 1, re.compile("^P314 : 3 -> 5\n$"), ""),
@@ -240,7 +295,6 @@ FILES = [
         ("diff a.toml CONFIG:fan", 2, "", "no starter 'fan' (one of pump)"),
         ("save CONFIG pump a.toml", 2, "", "exists already"),
         ("save CONFIG pump nowhere/a.toml", 2, "", "no folder"),
-        ("restore CONFIG pump c.toml", 2, "", "of family ssw06, pump of ssw07"),
         ("restore CONFIG pump CONFIG", 2, "", "[starter]"),
     ]
 ]

@@ -7,7 +7,7 @@ import pytest
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet
-from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, prepare_change, restore_codes
+from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, restore_codes
 
 Rows = dict[str, tuple[int, ...]]
 
@@ -26,18 +26,6 @@ def plan(
 
 def codes(found: RestorePlan) -> list[str]:
     return [change.code for change in found.changes]
-
-
-def test_only_what_differs_is_written() -> None:
-    found = plan(
-        "ssw07",
-        {"P314": ParameterEntry(raw=(30,)), "P313": ParameterEntry(raw=(1,))},
-        {"P314": (0,), "P313": (1,)},
-    )
-
-    assert codes(found) == ["P314"]
-    assert found.changes[0].text == "P314 timeout for message reception: 0.0 s (off) -> 30.0 s"
-    assert found.left == {}
 
 
 @pytest.mark.parametrize(
@@ -88,12 +76,6 @@ def test_what_the_starter_does_not_give_is_left() -> None:
     }
 
 
-def test_a_value_without_a_raw_number_counts_too() -> None:
-    found = plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Alarm A128")}, {"C8.2.5.1": (0,)})
-
-    assert found.changes[0].after.raw == (2,)
-
-
 def test_who_commands_the_motor_is_changed_last_and_only_when_asked() -> None:
     wanted = {"P230": ParameterEntry(raw=(2,)), "P314": ParameterEntry(raw=(3,))}
     seen: Rows = {"P230": (1,), "P314": (0,)}
@@ -113,21 +95,3 @@ def test_the_timeout_is_never_active_at_zero_on_the_way(mode: int, tenths: int, 
     seen: Rows = {"C8.2.5.1": (1 - mode,), "C8.2.5.3": (15 - tenths,)}
 
     assert codes(plan("ssw900", wanted, seen)) == order
-
-
-@pytest.mark.parametrize(
-    ("family", "verb", "args"),
-    [
-        ("ssw07", "set", {"parameter": "P314", "value": 3}),
-        ("ssw900", "set", {"parameter": "C8.2.5.3", "value": 1.5}),
-        ("sst", "configure", {"R41": 3}),
-    ],
-)
-def test_every_change_demands_standstill_on_what_it_reads(
-    family: str, verb: str, args: dict[str, int | float | str]
-) -> None:
-    preparation = prepare_change(load_profile(family), Variant(slot=1), verb, args)
-
-    assert "is_stopped" in preparation.requires
-    status = {"ssw07": "VB01", "ssw900": "S5.1.1", "sst": "R19"}[family]
-    assert status in {code for read in preparation.reads for code in read.codes}
