@@ -23,7 +23,7 @@ from gateway.families.command.control_word import (
     stop_requests,
     word_codes,
 )
-from gateway.families.command.interlock import check_set_to_serial, points_needed
+from gateway.families.command.interlock import check_set_to_serial, local_source, points_needed
 from gateway.families.command.outputs import build_output, prepare_output
 from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
 from gateway.families.devices import device_of
@@ -39,7 +39,7 @@ from gateway.families.profile.procedure import (
 )
 from gateway.families.profile.schema import Command, Profile, Variant
 from gateway.families.profile.state import moving
-from gateway.families.reading import reads_for, rows_of_points
+from gateway.families.reading import reads_for, rows_of_points, with_rows
 from gateway.modbus.pdu import Request
 
 
@@ -75,13 +75,19 @@ def verbs(profile: Profile) -> tuple[str, ...]:
     return (*(name for name in profile.commands if not name.endswith(_PARTS)), *GENERIC_VERBS)
 
 
-def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+def prepare(
+    profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, is_local: bool = False
+) -> Preparation:
     """Return what must be read, and hold, before this command is built; CommandError when it makes no sense.
 
-    A stop needs nothing, whatever comes with it.
+    A stop needs nothing, whatever comes with it. `is_local`: the starter was last seen in local mode, so that
+    the row which may give the commands there to this line is read as well.
     """
     _check_verb(profile, verb)
     preparation = _prepare(profile, variant, verb, args)
+    source = local_source(profile, variant) if is_local else None
+    if source is not None and _REMOTE in preparation.requires:
+        preparation = replace(preparation, reads=with_rows(profile, preparation.reads, (source[0],)))
     wakes, is_source = _effects(profile, variant, verb, args)
     if not wakes:
         return preparation
@@ -137,6 +143,7 @@ def _build(
 _OFF, _WHOLE = "_off", "_whole"
 _PARTS = (_OFF, _WHOLE)
 _VALUE = "value"
+_REMOTE = "remote"  # the rule and its point
 
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
@@ -207,18 +214,21 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
     procedure = Procedure(steps, verify=verification(profile, variant, verb, command), notes=notes)
     if name not in TAKEN_BACK:
         return procedure
-    return replace(procedure, take_back=_take_back(profile, variant))
+    return replace(procedure, take_back=_take_back(profile, variant, seen))
 
 
-def _take_back(profile: Profile, variant: Variant) -> TakeBack:
+def _take_back(profile: Profile, variant: Variant, seen: Seen) -> TakeBack:
     """Return when a start or a jog is seen not to act, and when it is seen to be taken back."""
     names = [name for name in moving(profile) if _is_there(profile, variant, name)]
     reads = reads_for(profile, rows_of_points(profile, names))
     first, *others = (Expect(reads, name, (False,), _AT_REST_WITHIN_S) for name in names)
     row = run_row(profile, variant)
     bits = [command_bit(profile, name) for name in TAKEN_BACK if name in profile.commands]
-    shown = reads_for(profile, (row, *rows_of_points(profile, ("remote",))))
-    is_remote = Expect(shown, "remote", (True,), _AT_REST_WITHIN_S)
+    source = local_source(profile, variant)
+    local = (source,) if source is not None and source[0] in seen else ()  # it was decided in local mode
+    shown = reads_for(profile, (row, *rows_of_points(profile, (_REMOTE,)), *(code for code, _ in local)))
+    obeys = tuple(Expect(shown, code, ((number,),), _AT_REST_WITHIN_S) for code, number in local)
+    is_remote = Expect(shown, _REMOTE, (True,), _AT_REST_WITHIN_S, or_else=obeys)
     run_off = Expect(shown, row, ((0,),), _AT_REST_WITHIN_S, mask=reduce(or_, bits), also=(is_remote,))
     return TakeBack(at_rest=replace(first, also=tuple(others)), released=run_off)
 

@@ -182,6 +182,13 @@ class Ceiling(Model):
     refusal: ResultCode  # it says what to do
 
 
+class LocalControl(Model):
+    """The row that says who commands the motor in local mode."""
+
+    code: str
+    serial: tuple[int, ...]  # its number for this line; where there are two slots, that of each
+
+
 class HistoryRows(Model):
     """Rows in which the starter itself says what has happened to it; by code, empty where it has none."""
 
@@ -225,6 +232,7 @@ class Profile(Model):
     commands: dict[str, Command]
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
+    local_control: LocalControl | None = None  # None: nothing gives the commands in local mode to this line
     shown_by: dict[str, ShownBy] = {}  # by the row that is written
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code

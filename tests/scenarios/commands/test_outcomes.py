@@ -216,6 +216,18 @@ NOT_SEEN = [
         },
     ),
     row(
+        "a start in local mode, where the starter obeys the serial line, is taken back alike",
+        given=SSW900 + ALICE,
+        sim={"mill": {**QUICK, "settings": {229: 4}}},
+        at={2.0: ["mill control local", "mill mains off"], 3.0: do("mill start")},
+        then={
+            9.5: [
+                msg("result/mill/alice", phase="unconfirmed", text=re.compile("cannot start later")),
+                frames("mill", "06 02 ad 00 03", "06 02 ad 00 02"),
+            ]
+        },
+    ),
+    row(
         "an SSW900 without mains does not start when they return",
         given=SSW900 + ALICE,
         sim={"mill": QUICK},
