@@ -334,9 +334,13 @@ REFUSED = [  # before anything is read
         for code in codes.split()
     ],
     *[
-        ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action on all parameters")
-        for code in ("C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1")
+        ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action, no setting")
+        for code in ("C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1", "A1.1")
     ],
+    ("sst", *command("set COIL5=1"), "not_writable", "COIL5 is read-only"),
+    ("sst", *command("set COIL1=1"), "not_writable", "the verbs of the family"),
+    ("ssw900", *command("set HR1600=1"), "not_writable", "no parameter of the manual"),
+    ("ssw900", *command("set C8.6.2=123456"), "not_writable", "how its characters lie"),
     ("ssw06", *command("set P000=1"), "not_writable", "needs no password"),
     ("ssw07", *command("set P000=1"), "not_writable", "needs no password"),
     ("ssw06", *command("set P200=1"), "not_writable", "not accessible through serial"),

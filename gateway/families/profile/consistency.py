@@ -90,6 +90,7 @@ def _names(profile: Profile) -> Iterator[str]:
     rows_named = [code for kind in (*kinds, protected.password) for code in kind]
     rows_named += [each.code for each in profile.shown_by.values()] + list(profile.shown_by)
     rows_named += [profile.local_control.code] if profile.local_control is not None else []
+    rows_named += profile.since_firmware
     if protected.timeout is not None:
         rows_named += [protected.timeout.mode, protected.timeout.time]
     yield from (f"protected: {code} is no parameter" for code in rows_named if code not in profile.parameters)

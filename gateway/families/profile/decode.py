@@ -88,16 +88,19 @@ def decode_words(
         if not rows:
             found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
         address += max((row.words for row in rows), default=1)
-    return found | _joined(profile, found)
+    return found | _joined(profile, variant, found)
 
 
-def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def _joined(
+    profile: Profile, variant: Variant, found: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
     """Return what lies over several of these rows, under the first and the last of them: R22-R29."""
     shown = {}
     for name, join in profile.joins.items():
         if all(code in found for code in join.codes):
             raw = [word for code in join.codes for word in found[code]["raw"]]
-            value = JOINS[join.how](raw, join.begins)
+            is_there = all(_is_there(profile, variant, code, None) for code in join.codes)
+            value = JOINS[join.how](raw, join.begins) if is_there else None
             as_json = {"name": name, "point": name, "value": value, "unit": "", "label": None, "raw": raw}
             shown[f"{join.codes[0]}-{join.codes[-1]}"] = as_json
     return shown
@@ -179,7 +182,7 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
 
 def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decoded) -> dict[str, Any]:
     point = _point_of(profile, row)
-    is_there = _is_there(profile, variant, point)
+    is_there = _is_there(profile, variant, row.code, point)
     shown: dict[str, Any] = {
         "name": row.name,
         "point": point,
@@ -199,7 +202,7 @@ def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decode
 
 def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on: bool) -> dict[str, Any]:
     point = profile.points_of.get((code, bit))
-    is_there = _is_there(profile, variant, point)
+    is_there = _is_there(profile, variant, f"{code}.{bit}", point)
     return {
         "bit": bit,
         "label": profile.bits[code][bit],
@@ -209,8 +212,13 @@ def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on:
     }
 
 
-def _is_there(profile: Profile, variant: Variant, point: str | None) -> bool:
-    return point is None or is_known(profile.points[point].since_firmware, variant)
+def _is_there(profile: Profile, variant: Variant, code: str, point: str | None) -> bool:
+    """Return whether this starter has a row, or a bit of it, as far as its model and firmware are known."""
+    model = (variant.model or "").casefold()
+    by_model = profile.since_firmware.get(code, {}).items()
+    since = [firmware for begins, firmware in by_model if model.startswith(begins.casefold())]
+    since += [profile.points[point].since_firmware] if point is not None else []
+    return all(is_known(firmware, variant) for firmware in since)
 
 
 def _point_of(profile: Profile, row: Parameter) -> str | None:

@@ -163,7 +163,7 @@ class Protected(Model):
     command_sources: dict[str, str] = {}  # who commands the motor; a restore leaves them alone unless asked
     waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
-    actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
+    actions: dict[str, str] = {}  # no settings, but what the starter then does: refused
     password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
     timeout: Timeout | None = None
 
@@ -242,6 +242,7 @@ class Profile(Model):
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
     first_coil: int = 0  # the number of the coil at address 0
+    since_firmware: dict[str, dict[str, str]] = {}  # of rows, by how the model's name begins; "": of any
     simulated: dict[str, tuple[str, ...]] = {}  # options of its simulation; or the rows that set them
 
     @cached_property
