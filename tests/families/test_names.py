@@ -61,6 +61,8 @@ def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewher
     assert [a.code for a in spanish.alarms] == [a.code for a in english.alarms]
     assert printed_name(spanish, "current") == "corriente del motor en amperes"
     assert meaning_of(spanish, "fault") == "false: sin error; true: con error"
+    assert spanish.enums["P313"][2] == "deshabilita general"
+    assert meaning_of(load_profile("ssw07", "es"), "fault") == meaning_of(load_profile("ssw07"), "fault")
     assert spanish.parameters["P277"].name == "relay RL1 function"
     assert spanish.rows_at.keys() == english.rows_at.keys()
     assert all(row is spanish.parameters[row.code] for rows in spanish.rows_at.values() for row in rows)

@@ -139,6 +139,7 @@ class Rows(Model):
     clock: tuple[str, ...] = ()  # settings that go on by themselves
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
+    set_note: str = ""  # what the operator must know once a setting was written
 
 
 class Timeout(Model):
@@ -240,6 +241,7 @@ class Profile(Model):
     bits: dict[str, dict[int, str]] = {}  # code -> bit -> label
     alarms: tuple[Alarm, ...] = ()
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
+    exceptions: dict[int, str] = {}  # what the manual gives as the causes of a Modbus exception
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
     first_coil: int = 0  # the number of the coil at address 0
     since_firmware: dict[str, dict[str, str]] = {}  # of rows, by how the model's name begins; "": of any

@@ -182,6 +182,19 @@ READS = [
         },
     ),
     row(
+        "after a set of an SSW900 its text names what saves changed parameters; an output has none",
+        given=SSW900 + ALICE,
+        sim={"mill": {"settings": {275: 12}}},
+        at={
+            3.0: do("mill set", parameter="C8.2.5.3", value=30.0),
+            6.0: do("mill output", output="DO1", value=True),
+        },
+        then={
+            5.0: msg("result/mill/alice", phase="confirmed", text=re.compile("C10.5.1")),
+            9.0: msg("result/mill/alice", phase="confirmed", text=re.compile("^(?!.*C10)")),
+        },
+    ),
+    row(
         "what is set too often would wear the starter's memory out; a start and a stop do not count",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
