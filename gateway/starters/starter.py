@@ -116,7 +116,7 @@ class StarterTelemetry:
         return self.snapshot.state.status.word
 
     async def gap_s(self) -> float | None:
-        """Return the longest time between two requests to it; None while nobody polls it."""
+        """Return the longest time between two requests to it; None where its line has no timing."""
         return await self._watchdogs.gap_s(self.setup)
 
     def polls(self) -> tuple[Poll, ...]:

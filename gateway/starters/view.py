@@ -79,7 +79,7 @@ class PolledStarter(StarterIo, Protocol):
     """One starter with polls, as the services see it."""
 
     async def gap_s(self) -> float | None:
-        """Return the longest time between two requests to it; None while nobody polls it."""
+        """Return the longest time between two requests to it; None where its line has no timing."""
 
     def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Hand over settings that were just read: the watchdog's count for its line."""
