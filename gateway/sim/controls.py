@@ -102,28 +102,23 @@ def _keypad(unit: SimulatedUnit, setting: str) -> str:
     return f"{setting.lower()} pressed (it counts in local control only)"
 
 
-def _load(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=1000)
-    unit.change_motor(load_pct=percent)
-    return f"load {percent:g} %"
+_OF_THE_MOTOR = {  # the knob's field of `MotorData`, its largest value and what it does
+    "load": ("load_pct", 1000, "load {:g} %"),
+    "friction": ("friction_pct", 1000, "friction {:g} %: so much longer starts"),
+    "wear": ("wear_per_start_pct", 100, "friction grows by {:g} % with each start"),
+    "thermal": ("thermal_pct", 100, "thermal level {:g} %"),
+}
 
 
-def _friction(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=1000)
-    unit.change_motor(friction_pct=percent)
-    return f"friction {percent:g} %: so much longer starts"
+def _motor(knob: str) -> Callable[[SimulatedUnit, str], str]:
+    field, most, said = _OF_THE_MOTOR[knob]
 
+    def act(unit: SimulatedUnit, setting: str) -> str:
+        percent = _amount(setting, "%", most=most)
+        unit.change_motor(**{field: percent})
+        return said.format(percent)
 
-def _wear(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=100)
-    unit.change_motor(wear_per_start_pct=percent)
-    return f"friction grows by {percent:g} % with each start"
-
-
-def _thermal(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=100)
-    unit.change_motor(thermal_pct=percent)
-    return f"thermal level {percent:g} %"
+    return act
 
 
 def _voltage(unit: SimulatedUnit, setting: str) -> str:
@@ -171,10 +166,7 @@ _ACTIONS: dict[str, Callable[[SimulatedUnit, str], str]] = {
     "power": _power,
     "mains": _mains,
     "keypad": _keypad,
-    "load": _load,
-    "friction": _friction,
-    "wear": _wear,
-    "thermal": _thermal,
+    **{knob: _motor(knob) for knob in _OF_THE_MOTOR},
     "voltage": _voltage,
     "phase": _phase,
 }

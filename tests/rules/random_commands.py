@@ -108,7 +108,7 @@ def send_at_random(family: str, count: int, *, keeps_run_command: bool, seed: ob
     for number in range(count):
         if number % LIFE == 0:  # one whose settings no command has corrupted yet
             actor = Actor(family, **options)
-            actor.unit.keeps_run_command = keeps_run_command
+            actor.unit.quirks.keeps_run_command = keeps_run_command
         end = _send_one(actor, dice)
         ends[end] = ends.get(end, 0) + 1
     return ends

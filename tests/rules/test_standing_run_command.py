@@ -141,7 +141,7 @@ def test_an_sst_is_reset_and_initialised_without_a_start(verb: str, args: dict[s
     actor = Actor("sst", hides_command_bits=True)
     unit = actor.unit
     assert isinstance(unit, Sst)
-    unit.keeps_run_command = True
+    unit.quirks.keeps_run_command = True
     assert actor.act("start").end == "confirmed"
     unit.trip(12)
     rest(actor)
@@ -158,7 +158,7 @@ def test_an_sst_is_reset_and_initialised_without_a_start(verb: str, args: dict[s
 def test_without_run_0_these_simulated_starters_would_start(family: str) -> None:
     """The bare reset of the manual starts the motor: what the tests above are worth."""
     actor = Actor(family, hides_command_bits=True)
-    actor.unit.keeps_run_command = True
+    actor.unit.quirks.keeps_run_command = True
     actor.act("start")
     actor.unit.trip(12)
     rest(actor)

@@ -103,8 +103,3 @@ def refuse_value(reason: str) -> BadRequestError:
 def refuse_function(reason: str) -> BadRequestError:
     """Return exception 1: this function is not served, or not now."""
     return BadRequestError(reason, ExceptionCode.ILLEGAL_FUNCTION)
-
-
-def word(value: float, decimals: int = 0) -> int:
-    """Return a measured value as the starters send it: an integer of 16 bits, never below 0."""
-    return max(0, min(0xFFFF, round(value * 10.0**decimals)))

@@ -5,9 +5,8 @@ Sections are those of ssw900; S9-xx are the rules this follows.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-
-from gateway.sim.core.power import MotorData, MotorState
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.weg.common import ALL_COMMANDS, JOG, REMOTE, RESET, RUN, Commanded
 
 C3_MODE, C3_LOCAL_SOURCE, C3_REMOTE_SOURCE = 220, 229, 230  # C3.1, C3.2, C3.3
@@ -23,32 +22,15 @@ INITIAL_TEST_S = 0.2  # not stated: ours
 class CommandSources(Commanded):
     """The part of an SSW900 that carries out command words."""
 
-    def __init__(
-        self,
-        address: int,
-        *,
-        slot: int,
-        seed: int,
-        motor: MotorData,
-        response_s: tuple[float, float],
-        restart_s: float,
-        keeps_run_command: bool,
-    ) -> None:
-        self.slot = slot  # where the RS-485 accessory sits
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
+        self.slot = setup.slot  # where the RS-485 accessory sits
         self.command_words = {1: 0, 2: 0}  # S5.2.5, S5.2.6
         self.phase = ""  # between an accepted start and the ramp: "delay", then "test"
-        super().__init__(
-            address,
-            seed=seed,
-            motor=motor,
-            response_s=response_s,
-            restart_s=restart_s,
-            keeps_run_command=keeps_run_command,
-        )
+        super().__init__(address, setup, quirks)
 
-    @abstractmethod
     def setting(self, net_id: int) -> int:
         """Return a parameter of one register."""
+        return self.settings[net_id]
 
     # Sources
 
