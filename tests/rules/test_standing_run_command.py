@@ -11,7 +11,7 @@ import pytest
 
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.sst.unit import Sst
-from gateway.sim.weg.command_sources import P_REMOTE_SOURCE
+from gateway.sim.weg.common import REMOTE_SOURCE
 from gateway.sim.weg.ssw07 import Ssw07
 from tests.rules.acting import RAW_START, Actor
 
@@ -107,7 +107,7 @@ def test_another_command_source_starts_nothing(family: str, code: str, value: in
 def test_serial_as_the_source_again_starts_nothing(family: str) -> None:
     actor = standing(family)
     unit = actor.unit
-    actor.talk.ask(WriteRegister(P_REMOTE_SOURCE, 0))
+    actor.talk.ask(WriteRegister(REMOTE_SOURCE, 0))
     unit.motor.cut()
     rest(actor)
     unit.command |= 0x01  # what was given stands

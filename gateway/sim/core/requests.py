@@ -23,7 +23,6 @@ from gateway.modbus.writes import (
 class RequestHandlers:
     """Tables without a row; a family fills them. Refusals are BadRequestErrors with their exception code."""
 
-    functions: ClassVar[frozenset[int]] = frozenset()
     conformity: ClassVar[int] = 0x81  # basic identification, stream and one object [APP 6.21]
 
     def answer(self, request: KnownRequest) -> bytes:

@@ -107,7 +107,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.handled += 1
         function = pdu[0] if pdu else 0
         try:
-            if function not in self.functions:
+            if function not in self.registers.profile.limits.functions:
                 raise refuse_function(f"function {function}")
             self._check_function(function)
             request = decode_request(pdu)

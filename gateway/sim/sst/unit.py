@@ -15,7 +15,6 @@ from gateway.sim.core.requests import refuse_address, refuse_function
 from gateway.sim.sst import registers
 from gateway.sim.sst.motion import CONFIGURE, RESET_ERRORS, RESET_STARTER, SINGLE_PHASE, START, SstMotion
 
-MAX_FRAME = 54  # bytes, address and CRC included, both ways (NOTES)
 COILS = range(26)  # coil n is at address n - 1
 
 _WRITES = (Function.WRITE_COIL, Function.WRITE_REGISTER, Function.WRITE_REGISTERS)
@@ -26,15 +25,14 @@ _OVERHEAD = 3  # address and CRC around a PDU
 class Sst(SstMotion):
     """One SST: coils and input registers in frames of 54 bytes at most."""
 
-    functions: ClassVar[frozenset[int]] = frozenset({1, 4, 5, 6, 16})
     longest_gap_characters: ClassVar[float] = 1.5
 
     def _is_received(self, pdu: bytes) -> bool:
-        return len(pdu) + _OVERHEAD <= MAX_FRAME
+        return len(pdu) + _OVERHEAD <= self.registers.profile.limits.frame_bytes
 
     def _checked_reply(self, reply: bytes) -> bytes | None:
         """Return exception 4 instead of what does not fit the memory (NOTES)."""
-        if len(reply) + _OVERHEAD <= MAX_FRAME:
+        if len(reply) + _OVERHEAD <= self.registers.profile.limits.frame_bytes:
             return reply
         return encode_exception(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
 

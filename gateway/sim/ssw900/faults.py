@@ -55,33 +55,29 @@ class Faults(CommandSources):
         self.is_silence_shown = self.fault == FAULT_SILENCE
         self._watch()
 
-    def _watch(self) -> None:
-        """Count again from 0; the first valid telegram begins it (C8.2.5)."""
-        is_on = self.setting(C8_TIMEOUT_MODE) in (_MODE_FAULT, _MODE_ALARM) and self.setting(C8_TIMEOUT)
-        if is_on:
-            self._at("C8.2.5", self.now_s + self.setting(C8_TIMEOUT) / 10, self._miss_telegrams)
-        else:
-            self._cancel("C8.2.5")
+    def _timeout_s(self) -> float:
+        is_on = self.settings[C8_TIMEOUT_MODE] in (_MODE_FAULT, _MODE_ALARM)
+        return self.settings[C8_TIMEOUT] / 10 if is_on else 0.0
 
     def _miss_telegrams(self) -> None:
         self.is_silence_shown = True
-        if self.setting(C8_TIMEOUT_MODE) == _MODE_FAULT:
+        if self.settings[C8_TIMEOUT_MODE] == _MODE_FAULT:
             self._fail(FAULT_SILENCE)
             return
         self.alarms.append(FAULT_SILENCE)
         self.trips.append(Trip(self.now_s, "A128"))
-        action = self.setting(C8_TIMEOUT_ACTION)
+        action = self.settings[C8_TIMEOUT_ACTION]
         bits = self.command_words[self.slot]
         words = {1: bits & ~RUN, 2: bits & ~ENABLE, 3: bits & ~REMOTE, 4: bits | REMOTE}
         if action in words:
             self.command_slot(self.slot, words[action])
 
     def _clear_fault(self) -> None:
-        self.fault = 0
         self.is_silence_shown = False
-        self._run_if_commanded()
+        super()._clear_fault()
 
     def _forget(self) -> None:
-        self.fault = 0
         self.alarms = []
-        self.is_silence_shown = False
+        self.phase = ""
+        self.command_words = {1: ENABLE, 2: ENABLE}
+        super()._forget()

@@ -13,17 +13,11 @@ from gateway.families import Parameter
 from gateway.modbus.timing import LineTiming
 from gateway.sim.core.requests import refuse_address
 from gateway.sim.core.setup import Quirks, Setup
-from gateway.sim.ssw900.command_sources import (
-    C3_LOCAL_SOURCE,
-    C3_MODE,
-    C3_REMOTE_SOURCE,
-    REMOTE_AT_POWER_UP,
-    SLOT_1_DECIDES,
-)
+from gateway.sim.ssw900.command_sources import SLOT_1_DECIDES
 from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE, Faults
 from gateway.sim.ssw900.readings import readings
 from gateway.sim.ssw900.registers import check_read, writes
-from gateway.sim.weg.common import ENABLE
+from gateway.sim.weg.common import LOCAL_SOURCE, MODE, REMOTE_SOURCE
 
 COMMAND_WORDS = {685: 1, 686: 2}  # S5.2.5, S5.2.6 -> slot
 C7_BRAKING, C7_BRAKING_TIME = 500, 501  # C7.4.1, C7.4.2
@@ -40,7 +34,6 @@ class Ssw900(Faults):
     delivered: ClassVar[Setup] = Setup(
         firmware="1.20", rated_current_a=105.0, response_s=(0.003, 0.015), restart_s=4.0
     )
-    functions: ClassVar[frozenset[int]] = frozenset({1, 2, 3, 5, 6, 15, 16, 22, 23, 43})  # table 7.1
 
     def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         super().__init__(address, setup, quirks)
@@ -48,7 +41,7 @@ class Ssw900(Faults):
         rated_a, currents = setup.rated_current_a, self.registers.profile.enums["C9.1.1"]
         nominal = {400: 400, 401: round(rated_a * 10), 402: 1475, 404: 450, 405: 85, 406: 115}
         known = {float(label.removesuffix(" A")): number for number, label in currents.items()}
-        sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (self.slot - 1), C3_REMOTE_SOURCE: 3 + self.slot}
+        sources = {MODE: SLOT_1_DECIDES[1] + 2 * (self.slot - 1), REMOTE_SOURCE: 3 + self.slot}
         self.settings.update({**nominal, C9_CURRENT: known.get(rated_a, 0), **sources, C8_ADDRESS: address})
         self.settings.update(setup.settings)
         self._take_up_braking()
@@ -105,24 +98,17 @@ class Ssw900(Faults):
             self._take_up_braking()
         elif row.address in (C8_TIMEOUT, C8_TIMEOUT_MODE):
             self._watch()
-        elif row.address in (C3_MODE, C3_LOCAL_SOURCE, C3_REMOTE_SOURCE):
+        elif row.address in (MODE, LOCAL_SOURCE, REMOTE_SOURCE):
             self.sources_changed()
 
     def _take_up_braking(self) -> None:
         """Let stops brake for C7.4.2 where C7.4.1 has a method, whichever."""
-        is_braked = self.setting(C7_BRAKING) != 0
-        braking_s = float(self.setting(C7_BRAKING_TIME)) if is_braked else 0.0
+        is_braked = self.settings[C7_BRAKING] != 0
+        braking_s = float(self.settings[C7_BRAKING_TIME]) if is_braked else 0.0
         self.motor.data = replace(self.motor.data, braking_s=braking_s)
 
     def _identification(self) -> dict[int, str]:
         return {0: "WEG", 1: "SSW900", 2: f"V{self.setup.firmware}"}  # the texts are not stated: ours
-
-    def _forget(self) -> None:
-        super()._forget()
-        self.phase = ""
-        self.command_words = {1: ENABLE, 2: ENABLE}
-        self.is_disabled = False
-        self._set_remote(is_remote=self.setting(C3_MODE) in REMOTE_AT_POWER_UP)
 
 
 def _marker(markers: Mapping[int, bool], address: int) -> bool:

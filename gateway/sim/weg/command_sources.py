@@ -11,14 +11,21 @@ from typing import ClassVar
 from gateway.sim.core.power import MotorTrip
 from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.core.unit import Trip
-from gateway.sim.weg.common import ENABLE, FAULT_NUMBERS, RUN, Commanded
+from gateway.sim.weg.common import (
+    ENABLE,
+    FAULT_NUMBERS,
+    KEYPAD,
+    LOCAL_SOURCE,
+    MODE,
+    REMOTE_SOURCE,
+    RUN,
+    Commanded,
+)
 
-P_LOCAL_REMOTE, P_LOCAL_SOURCE, P_REMOTE_SOURCE = 220, 229, 230
 P_ADDRESS, P_SERIAL, P_ACTION, P_TIMEOUT, P_START_DELAY = 308, 312, 313, 314, 630
 
-SOURCE_KEYPAD, SOURCE_SERIAL = 0, 2  # values of P229 and P230 (2.6, 2.7)
+SOURCE_SERIAL = 2  # a value of P229 and P230 (2.6, 2.7)
 MODE_BY_SERIAL = (5, 6)  # values of P220 (2.5)
-REMOTE_AT_POWER_UP = (1, 3, 6, 8, 10)  # values of P220
 OUTPUT_BY_SERIAL = 7  # "Serial" in P251, P253, P277-P279; its number is not printed: ours
 
 ACTION_NONE, ACTION_STOP, ACTION_DISABLE, ACTION_TO_LOCAL, ACTION_FATAL = 0, 1, 2, 3, 5  # P313 (2.3)
@@ -35,7 +42,7 @@ class Supervised(Commanded):
     def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         super().__init__(address, setup, quirks)
         self.fault_history = [0, 0, 0, 0]
-        self.settings.update({P_LOCAL_REMOTE: 6, P_LOCAL_SOURCE: 0, P_REMOTE_SOURCE: SOURCE_SERIAL})
+        self.settings.update({MODE: MODE_BY_SERIAL[1], LOCAL_SOURCE: KEYPAD, REMOTE_SOURCE: SOURCE_SERIAL})
         self.settings.update({P_ADDRESS: address, **setup.settings})
         self._forget()
 
@@ -46,13 +53,8 @@ class Supervised(Commanded):
         """Whether run, enable, jog and direction come from serial in the present mode (2.6, 2.7)."""
         return self._source() == SOURCE_SERIAL
 
-    @property
-    def is_keypad_in_control(self) -> bool:
-        """Whether they come from the keypad."""
-        return self._source() == SOURCE_KEYPAD
-
     def _may_switch_mode(self) -> bool:
-        return self.settings[P_LOCAL_REMOTE] in MODE_BY_SERIAL
+        return self.settings[MODE] in MODE_BY_SERIAL
 
     def _is_resettable(self) -> bool:
         is_silence_over = self.fault == FAULT_SILENCE and self.quirks.is_e28_resettable
@@ -63,10 +65,6 @@ class Supervised(Commanded):
         delay_s = self.settings[P_START_DELAY]
         is_slowing = self.motor.is_turning and not self.motor.is_turned_on
         return delay_s > 0 and (is_slowing or self.motor.standstill_s < delay_s)
-
-    def _clear_fault(self) -> None:
-        self.fault = 0
-        self._run_if_commanded()
 
     def _fail(self, number: int) -> None:
         self.fault_history = [number, *self.fault_history[:3]]
@@ -83,12 +81,8 @@ class Supervised(Commanded):
     def _switched_on(self) -> None:
         self._watch()
 
-    def _watch(self) -> None:
-        timeout_s = self.settings[P_TIMEOUT]
-        if timeout_s:
-            self._at("P314", self.now_s + timeout_s, self._miss_telegrams)
-        else:
-            self._cancel("P314")
+    def _timeout_s(self) -> float:
+        return self.settings[P_TIMEOUT]
 
     def _miss_telegrams(self) -> None:
         """Show E28 and do what P313 says (2.3, 2.4)."""
@@ -103,7 +97,7 @@ class Supervised(Commanded):
             self.command &= ~(RUN | ENABLE)
             self.is_disabled = not self.is_in_control  # until communication returns
             self.motor.cut()
-        elif action == ACTION_TO_LOCAL and self.settings[P_LOCAL_REMOTE] in MODE_BY_SERIAL:
+        elif action == ACTION_TO_LOCAL and self.settings[MODE] in MODE_BY_SERIAL:
             self._set_remote(is_remote=False)
         elif action == ACTION_FATAL:
             self.fault = FAULT_SILENCE
@@ -115,12 +109,6 @@ class Supervised(Commanded):
         """Set to zero what the network drives."""
 
     def _forget(self) -> None:
-        self.fault = 0
-        self.is_silence_shown = False
         self._clear_outputs()
         self.command = ENABLE
-        self.is_disabled = False
-        self._set_remote(is_remote=self.settings[P_LOCAL_REMOTE] in REMOTE_AT_POWER_UP)
-
-    def _source(self) -> int:
-        return self.settings[P_REMOTE_SOURCE if self.is_remote else P_LOCAL_SOURCE]
+        super()._forget()

@@ -26,6 +26,11 @@ FAULT_NUMBERS = {
     MotorTrip.UNDERVOLTAGE: 2,
 }
 
+# Alike in all three: P220, P229, P230 (2.5-2.7), C3.1, C3.2, C3.3 (table A.2); C3.1 alone has 12.
+MODE, LOCAL_SOURCE, REMOTE_SOURCE = 220, 229, 230
+KEYPAD = 0  # as a source
+REMOTE_AT_POWER_UP = (1, 3, 6, 8, 10, 12)  # as a mode
+
 _MOTION = RUN | ENABLE | JOG | REVERSE
 
 
@@ -130,9 +135,12 @@ class Commanded(SimulatedUnit):
         """Whether the serial line is the command source in the present mode."""
 
     @property
-    @abstractmethod
     def is_keypad_in_control(self) -> bool:
         """Whether the keypad is."""
+        return self._source() == KEYPAD
+
+    def _source(self) -> int:
+        return self.settings[REMOTE_SOURCE if self.is_remote else LOCAL_SOURCE]
 
     @property
     def is_operable(self) -> bool:
@@ -178,9 +186,31 @@ class Commanded(SimulatedUnit):
     def _motor_tripped(self, cause: MotorTrip) -> None:
         self._fail(FAULT_NUMBERS[cause])
 
-    @abstractmethod
     def _clear_fault(self) -> None:
         """Carry out a reset."""
+        self.fault = 0
+        self._run_if_commanded()
+
+    @abstractmethod
+    def _timeout_s(self) -> float:
+        """Return after how long without a telegram the watchdog acts; 0: it is off."""
+
+    @abstractmethod
+    def _miss_telegrams(self) -> None:
+        """Do what the watchdog is set to do."""
+
+    def _watch(self) -> None:
+        """Count again from 0."""
+        timeout_s = self._timeout_s()
+        if timeout_s:
+            self._at("watchdog", self.now_s + timeout_s, self._miss_telegrams)
+        else:
+            self._cancel("watchdog")
+
+    def _forget(self) -> None:
+        self.fault = 0
+        self.is_silence_shown = self.is_disabled = False
+        self._set_remote(is_remote=self.settings[MODE] in REMOTE_AT_POWER_UP)
 
     def _is_resettable(self) -> bool:
         """Return whether the present fault can be reset through the network."""
@@ -314,6 +344,6 @@ class Commanded(SimulatedUnit):
 
     def _run_if_commanded(self) -> None:
         """Start the motor for a run command that still stands."""
-        is_kept = self.quirks.keeps_run_command and self.command & RUN
-        if is_kept and self.is_in_control and self._can_start():
+        stands = self.quirks.keeps_run_command and self.command & RUN
+        if stands and self.is_in_control and self._can_start():
             self._start_motor()

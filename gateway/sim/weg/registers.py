@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 from gateway.families import Table
 from gateway.modbus.timing import LineTiming
@@ -18,21 +17,17 @@ from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.weg.command_sources import (
     OUTPUT_BY_SERIAL,
     P_ADDRESS,
-    P_LOCAL_REMOTE,
-    P_LOCAL_SOURCE,
-    P_REMOTE_SOURCE,
     P_SERIAL,
     P_TIMEOUT,
     Supervised,
 )
+from gateway.sim.weg.common import LOCAL_SOURCE, MODE, REMOTE_SOURCE
 
 VB03, VB08 = 5003, 5008
 
 
 class BasicVariables(Supervised):
     """An SSW-06 or SSW-07 on the wire."""
-
-    functions: ClassVar[frozenset[int]] = frozenset({1, 3, 5, 6, 15, 16, 43})  # 5.3.1
 
     def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         self.relays = 0  # VB08 as far as the relays follow it
@@ -121,9 +116,9 @@ class BasicVariables(Supervised):
             self.address = value
         elif number == P_TIMEOUT:
             self._watch()
-        elif number == P_LOCAL_REMOTE and value in (0, 1):
+        elif number == MODE and value in (0, 1):
             self._set_remote(is_remote=value == 1)
-        if number in (P_LOCAL_REMOTE, P_LOCAL_SOURCE, P_REMOTE_SOURCE):
+        if number in (MODE, LOCAL_SOURCE, REMOTE_SOURCE):
             self._run_if_commanded()
 
     @abstractmethod
