@@ -17,7 +17,6 @@ from gateway.sim.sst.motion import COIL_OVERCURRENT, ERROR_COILS
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
 from gateway.sim.weg.command_sources import FAULT_OVERLOAD, Supervised
-from gateway.sim.weg.common import Commanded
 from gateway.sim.weg.ssw06 import Ssw06
 
 _Chosen = TypeVar("_Chosen")
@@ -58,25 +57,17 @@ def _alarm(unit: SimulatedUnit, setting: str) -> str:
 
 
 def _clear(unit: SimulatedUnit, _setting: str) -> str:
+    unit.reset_at_keypad()
     if isinstance(unit, Ssw900):
-        for number in tuple(unit.alarms):
-            unit.set_alarm(number, is_on=False)
-        unit.reset_at_keypad()
-    elif isinstance(unit, Supervised):
-        if isinstance(unit, Ssw06):
-            unit.is_alarm = False
-        unit.reset_at_keypad()
-    elif isinstance(unit, Sst):
-        unit.reset_locally()
+        unit.alarms.clear()
+    elif isinstance(unit, Ssw06):
+        unit.is_alarm = False
     return "faults and alarms cleared"
 
 
 def _control(unit: SimulatedUnit, setting: str) -> str:
     is_remote = _choice(setting, {"remote": True, "local": False})
-    if isinstance(unit, (Supervised, Ssw900)):
-        unit.set_remote(is_remote=is_remote)
-    elif isinstance(unit, Sst):
-        unit.set_control("modbus" if is_remote else "parallel")
+    unit.set_remote(is_remote=is_remote)
     return f"{setting.lower()} control"
 
 
@@ -95,10 +86,7 @@ def _mains(unit: SimulatedUnit, setting: str) -> str:
 
 def _keypad(unit: SimulatedUnit, setting: str) -> str:
     is_start = _choice(setting, {"start": True, "stop": False})
-    if isinstance(unit, Commanded):
-        (unit.keypad_start if is_start else unit.keypad_stop)()
-    elif isinstance(unit, Sst):
-        (unit.local_start if is_start else unit.local_stop)()
+    (unit.keypad_start if is_start else unit.keypad_stop)()
     return f"{setting.lower()} pressed (it counts in local control only)"
 
 

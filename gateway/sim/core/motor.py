@@ -21,14 +21,10 @@ from gateway.sim.core.power import (
 from gateway.sim.core.start_curve import (
     FALLING,
     RISEN,
-    StartCurve,
     load_current_pct,
     ramp_current_pct,
     ramp_s,
-    start_curve,
 )
-
-__all__ = ["AMBIENT_C", "PHASES", "Motor", "StartCurve", "start_curve"]
 
 AMBIENT_C = 25.0
 PHASES = ("r", "s", "t")

@@ -196,6 +196,22 @@ class SimulatedUnit(RequestHandlers, ABC):
         motor.become(replace(motor.data, **{**present, **changes}))
 
     @abstractmethod
+    def keypad_start(self) -> None:
+        """Press start; it counts only while the starter itself is the command source."""
+
+    @abstractmethod
+    def keypad_stop(self) -> None:
+        """Press stop; the same."""
+
+    @abstractmethod
+    def reset_at_keypad(self) -> None:
+        """Reset any fault at the starter itself."""
+
+    @abstractmethod
+    def set_remote(self, *, is_remote: bool) -> None:
+        """Give the commands to the line, or to the starter itself."""
+
+    @abstractmethod
     def trip(self, number: int) -> None:
         """Let the fault with this number happen now."""
 

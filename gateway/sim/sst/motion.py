@@ -73,23 +73,27 @@ class SstMotion(SimulatedUnit):
         self._catch_up()
         self._fail(number)
 
-    def reset_locally(self) -> None:
+    def reset_at_keypad(self) -> None:
         """Clear all errors by what the starter itself has for it."""
         self._catch_up()
         self._clear_errors()
+
+    def set_remote(self, *, is_remote: bool) -> None:
+        """Give control to Modbus, or to the parallel input."""
+        self.set_control("modbus" if is_remote else "parallel")
 
     def set_control(self, control: Control) -> None:
         """Give control to USB (coil 7), the parallel input (coil 8) or back to Modbus."""
         self._catch_up()
         self.control = control
 
-    def local_start(self) -> None:
+    def keypad_start(self) -> None:
         """Start through USB or the parallel input, whichever controls."""
         self._catch_up()
         if self.control != "modbus" and self._is_ready() and not self.errors:
             self._start()
 
-    def local_stop(self) -> None:
+    def keypad_stop(self) -> None:
         """Stop through it; the motor then stays stopped, also when another source takes control."""
         self._catch_up()
         if self.control != "modbus":
