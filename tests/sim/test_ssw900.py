@@ -109,7 +109,7 @@ RULES = {
         run; 1300 := 680; 1300 = 0; 899 := 5; 899 = 5""",
     "S9-23 a value out of range gets exception 3": """
         229 := 6 refused 3; 931 := 4 refused 3; 229 := 9 0 0 refused 3; 229 = 0
-        1110 := 8000h FFFFh refused 3""",
+        1110 := 8000h FFFFh refused 3; 730 := 1 refused 3; 263 := 13 refused 3; 1500 := 1 refused 2""",
 }
 A128_WITHOUT_EFFECT = {
     f"S9-19 (motor) action {action} has no effect while C3.3 is {source}": f"""
