@@ -125,36 +125,14 @@ def test_a_number_has_the_label_of_the_manual(family: str, code: str, number: in
 @pytest.mark.parametrize(
     ("family", "rows", "expected"),
     [
-        *[
-            (
-                "sst",
-                {"R19": (status,)},
-                {
-                    "r19": status,
-                    "running": status in (1, 2),
-                    "accelerating": status == 1,
-                    "full_voltage": status == 2,
-                    "decelerating": status == 3,
-                },
-            )
-            for status in range(4)
-        ],
         ("sst", {"COIL7": (0,)}, {"coil7": False}),  # nothing is said of a point whose rows were not read
-        ("sst", {"COIL6": (1,)}, {"coil6": True}),
-        *[
-            (
-                "sst",
-                {"COIL7": (usb,), "COIL8": (inputs,)},
-                {"coil7": bool(usb), "coil8": bool(inputs), "remote": not usb and not inputs},
-            )
-            for usb in (0, 1)
-            for inputs in (0, 1)
-        ],
         ("sst", {"R18": (0,)}, {"line_voltage": None}),  # not available
         ("sst", {"R18": (400,)}, {"line_voltage": 400.0}),
     ],
 )
-def test_points_of_an_sst(family: str, rows: dict[str, tuple[int, ...]], expected: dict[str, Any]) -> None:
+def test_points_whose_rows_are_not_there_or_not_available(
+    family: str, rows: dict[str, tuple[int, ...]], expected: dict[str, Any]
+) -> None:
     assert points(family, rows) == expected
 
 
