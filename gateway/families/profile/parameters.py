@@ -220,7 +220,7 @@ def to_words(
     if limits is None:
         raise _not_settable(profile, parameter)
     members = profile.enums.get(parameter.enum, {})
-    raw = _member(parameter, members, value)
+    raw = _member(parameter, members, profile.english_enums.get(parameter.enum, {}), value)
     if raw is None:
         raw = _raw_number(parameter, value, members)
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
@@ -276,13 +276,16 @@ def _not_settable(profile: Profile, parameter: Parameter) -> CommandError:
     return CommandError(ResultCode.NOT_WRITABLE, "no_range", title=title, parameter=code)
 
 
-def _member(parameter: Parameter, members: dict[int, str], value: object) -> int | None:
+def _member(
+    parameter: Parameter, members: dict[int, str], english: dict[int, str], value: object
+) -> int | None:
     if not isinstance(value, str):
         return None
     wanted = value.strip().casefold()
     if wanted == OFF and parameter.off is not None:
         return parameter.off
-    numbers = [number for number, label in members.items() if label.casefold() == wanted]
+    named = (*members.items(), *english.items())
+    numbers = list(dict.fromkeys(number for number, label in named if label.casefold() == wanted))
     if len(numbers) > 1:
         raise CommandError(ResultCode.BAD_VALUE, "ambiguous", parameter=parameter.code, label=value.strip())
     return numbers[0] if numbers else None

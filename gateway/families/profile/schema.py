@@ -238,6 +238,7 @@ class Profile(Model):
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
+    english_enums: dict[str, dict[int, str]] = {}  # of a translated profile: what a `set` takes as well
     bits: dict[str, dict[int, str]] = {}  # code -> bit -> label
     alarms: tuple[Alarm, ...] = ()
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
