@@ -276,20 +276,11 @@ REFUSED = [  # before anything is read
     ("ssw07", "set", {"parameters": {"P314": 1, "P003": 1}}, "not_writable", ""),
     ("ssw07", "set", {"parameters": {"P314": 1, "P313": 9}}, "out_of_range", ""),
     ("ssw07", "set", {"parameters": {"P314": 1, "P308": 9}}, "would_cut_connection", ""),
+    # commands and the connection: tests/rules/test_x_rules.py, X-05
+    ("ssw900", *command("set C8.2.1=2"), "would_cut_connection", ""),
     *[
-        (family, *command(f"set {code}=1"), "would_cut_connection", "")
-        for family, codes in (("ssw07", "P308"), ("ssw06", "P312"), ("ssw900", "C8.2.1 c8.2.2 C8.2.3 C8.2.4"))
-        for code in codes.split()
-    ],
-    *[
-        (family, *command(f"set {code}=1"), "not_writable", "")
-        for family, codes in (
-            ("ssw07", "VB03 P003"),
-            ("ssw06", "VB07 VB03.0 P000"),
-            ("ssw900", "S5.2.1 S5.2.5 S5.2.6"),
-            ("sst", "COIL1 COIL2"),
-        )
-        for code in codes.split()
+        (f, *command(f"set {code}=1"), "not_writable", "")
+        for f, code in (("ssw06", "VB03.0"), ("ssw900", "S5.2.1"))
     ],
     *[
         ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action, no setting")
