@@ -25,6 +25,10 @@ from gateway.modbus.timing import LineTiming
 
 LEAST_DELAY_S = 0.005  # of a starter's answer; a longer one makes joining worth even more
 
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
+_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
+
 _REQUEST_BYTES = 8  # a read request, with unit and CRC [APP 6.3, 6.4; SERIAL 2.5.1]
 _REPLY_BYTES = 5  # what is in its reply besides the registers
 _WORD_BYTES = 2
@@ -158,10 +162,6 @@ def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
     return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
 
 
-SET_WITHIN_S = 2.0  # until a written row reads back as written
-_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
-
-
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
     """Return as few requests as the family allows for these rows, each within its limits."""
     rows = sorted(
@@ -287,9 +287,6 @@ def _read(run: list[Parameter]) -> Read:
 def _request(run: Sequence[Parameter]) -> Request:
     start = run[0].address
     return read_run(run[0].table, start, max(row.address + row.words for row in run) - start)
-
-
-_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 
 
 def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:

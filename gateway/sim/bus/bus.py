@@ -20,6 +20,12 @@ from gateway.modbus.timing import LineTiming
 from gateway.sim.bus.faults import Impairment, Noisy, Reply
 from gateway.sim.core.unit import SimulatedUnit
 
+Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and when the last of them had
+SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
+MOST_VIOLATIONS = 10_000
+_GARBAGE = 0xA5  # what a collision makes of a byte
+_ARRIVAL = itemgetter(0)
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:
@@ -66,17 +72,6 @@ class IncomingFrame:
         self.longest_gap_s = max(self.longest_gap_s, start_s - self.end_s)
         self.data += data
         self.end_s = start_s + self.timing.wire_s(len(data))
-
-
-Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and when the last of them had
-
-SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
-
-MOST_VIOLATIONS = 10_000
-
-_GARBAGE = 0xA5  # what a collision makes of a byte
-
-_ARRIVAL = itemgetter(0)
 
 
 @dataclass(slots=True)
