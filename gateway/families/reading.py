@@ -14,7 +14,7 @@ from itertools import groupby
 from math import inf
 from typing import Any
 
-from gateway.families.profile.decode import is_known
+from gateway.families.profile.decode import is_there
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
@@ -121,7 +121,7 @@ def _planned(profile: Profile, firmware: str | None, timing: LineTiming | None) 
         codes = {
             point.code
             for point in profile.points.values()
-            if point.group == group and point.code and is_known(point.since_firmware, variant)
+            if point.group == group and point.code and is_there(profile, variant, point.source)
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes

@@ -6,10 +6,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.profile.decode import is_known
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Point, Variant
 from tests.families.decoding import decoded, points, value
 
 HOLDING = Table.HOLDING
@@ -142,4 +140,3 @@ def test_bits_that_old_firmware_does_not_have_are_unknown_there(firmware: str | 
 
     assert found["jog"] is (None if firmware in ("V1.30", "1.3") else True)
     assert found["running"] is True
-    assert is_known(Point(code="VB01").since_firmware, Variant(firmware="V0.01"))

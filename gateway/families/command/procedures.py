@@ -19,6 +19,7 @@ from gateway.families.command.control_word import (
     command_requests,
     has_plain_word,
     is_jogging,
+    missing_since,
     run_row,
     stop_requests,
     word_codes,
@@ -28,7 +29,7 @@ from gateway.families.command.outputs import build_output, prepare_output
 from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import check_names, choice, switch
-from gateway.families.profile.decode import is_known
+from gateway.families.profile.decode import is_there
 from gateway.families.profile.procedure import (
     Expect,
     Preparation,
@@ -64,7 +65,7 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
 def _other_motions(profile: Profile, variant: Variant) -> list[str]:
     """Return the other motions that a stop has to end: a jog, and a reversal, which runs again by itself."""
     names = [each for each in ("jog", "reversing") if each in profile.points]
-    return [each for each in names if is_known(profile.points[each].since_firmware, variant)]
+    return [each for each in names if _is_there(profile, variant, each)]
 
 
 GENERIC_VERBS = ("read", "set")  # of every family, by the code of a row
@@ -176,8 +177,8 @@ def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any
     name = "_".join((verb, *flags))
     if command.args == (_VALUE,) and not _is_first(command, args):
         name += _OFF
-    if not is_known(profile.commands[name].since_firmware, variant):
-        since = profile.commands[name].since_firmware
+    since = "" if name in _RELEASES else missing_since(profile, variant, profile.commands[name])
+    if since:
         raise CommandError(ResultCode.NOT_IN_FIRMWARE, verb=verb, since=since, firmware=variant.firmware)
     return name
 
@@ -203,7 +204,7 @@ def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mappin
 def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
     command = profile.commands[name]
     check_set_to_serial(profile, command.needs, seen)
-    _check_ceilings(variant, command, seen)
+    _check_ceilings(profile, variant, command, seen)
     requests = _requests(profile, variant, name, seen=seen)
     last = len(requests) - 1
     steps = tuple(
@@ -234,7 +235,7 @@ def _take_back(profile: Profile, variant: Variant, seen: Seen) -> TakeBack:
 
 
 def _is_there(profile: Profile, variant: Variant, name: str) -> bool:
-    return name in profile.points and is_known(profile.points[name].since_firmware, variant)
+    return name in profile.points and is_there(profile, variant, profile.points[name].source)
 
 
 def stop(profile: Profile, variant: Variant, *, seen: Seen, with_jog: bool) -> Procedure:
@@ -260,12 +261,12 @@ def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> S
     return command_requests(profile, variant, writes, seen=seen)
 
 
-def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:
+def _check_ceilings(profile: Profile, variant: Variant, command: Command, seen: Seen) -> None:
     """Raise the ceiling's refusal when a row was seen to read more, on a model that has the reading."""
     model = (variant.model or "").casefold()
     for code, ceiling in command.ceilings.items():
-        is_there = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
-        if not is_there or not is_known(ceiling.since_firmware, variant):
+        has_reading = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
+        if not has_reading or not is_there(profile, variant, code):
             continue
         if code in seen and seen[code][0] > ceiling.most:
             raise CommandError(

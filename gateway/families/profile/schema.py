@@ -26,8 +26,12 @@ class Point(Model):
     group: Literal["status", "values", "slow"] = "values"
     deadband: float = 0.0  # in the row's unit
     zero_is_missing: bool = False  # the manual: 0 means "not available"
-    since_firmware: str = ""  # e.g. "1.40"; older firmware does not have it (SSW-07 4.2.1)
     meaning: str = ""  # of a quantity that is this family's alone
+
+    @cached_property
+    def source(self) -> str:
+        """The row that it is read from, or the bit of it: VB01.8."""
+        return self.code if self.bit is None else f"{self.code}.{self.bit}"
 
 
 class Timing(Model):
@@ -99,7 +103,6 @@ class Command(Model):
     values: tuple[str, str] = ("true", "false")  # of the argument `value`; the second chooses `<verb>_off`
     needs: dict[str, tuple[int, ...]] = {}  # rows that must hold one of these numbers
     ceilings: dict[str, Ceiling] = {}  # rows that must not read more
-    since_firmware: str = ""  # older firmware does not know it
     note: str = ""  # what the operator must know once it is done
     refused_unless: str = ""  # a point: while it is false the starter may refuse it, and needs it not
 
@@ -179,7 +182,6 @@ class Ceiling(Model):
     most: int  # raw
     unit: str
     models: tuple[str, ...]  # how the names of the models begin that have the reading
-    since_firmware: str = ""  # older firmware does not give it
     refusal: ResultCode  # it says what to do
 
 
@@ -245,7 +247,7 @@ class Profile(Model):
     exceptions: dict[int, str] = {}  # what the manual gives as the causes of a Modbus exception
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
     first_coil: int = 0  # the number of the coil at address 0
-    since_firmware: dict[str, dict[str, str]] = {}  # of rows, by how the model's name begins; "": of any
+    since_firmware: dict[str, dict[str, str]] = {}  # by row or bit, then by how the model begins; "": any
     simulated: dict[str, tuple[str, ...]] = {}  # options of its simulation; or the rows that set them
 
     @cached_property

@@ -104,7 +104,7 @@ class Commanded(SimulatedUnit):
             1 << (point.bit or 0)
             for name, point in profile.points.items()
             if point.code == profile.status_word and name in flags
-            if decode.is_known(point.since_firmware, variant)
+            if decode.is_there(profile, variant, point.source)
         )
 
     def _flags(self) -> dict[str, bool]:
