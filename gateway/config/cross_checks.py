@@ -30,7 +30,7 @@ from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key
 from gateway.contract import CommandError
-from gateway.families import FAMILIES, Profile, load_profile, parameters
+from gateway.families import FAMILIES, Profile, diagnosis, load_profile, parameters
 
 _SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
 
@@ -115,6 +115,10 @@ def _families(document: Document) -> Iterator[Mistake]:
             profile = load_profile(starter["family"]) if _is_family(starter) else None
             if profile and "slot" in starter and len(profile.command_word) < 2:
                 yield Mistake((*starter_key, "slot"), f"{profile.family} has no slots", "leave it out")
+            if profile:
+                said = {"model": starter.get("model"), "watchdog_s": starter.get("watchdog_s")}
+                for name, why in diagnosis.wrong_settings(profile, **said):
+                    yield Mistake((*starter_key, name), f"{short(said[name])} {why}", "see its manual")
 
 
 def _is_family(starter: Document) -> bool:

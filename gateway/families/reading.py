@@ -14,7 +14,7 @@ from itertools import groupby
 from math import inf
 from typing import Any
 
-from gateway.families.profile.decode import is_known
+from gateway.families.profile.decode import is_there
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
@@ -24,6 +24,10 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
 LEAST_DELAY_S = 0.005  # of a starter's answer; a longer one makes joining worth even more
+
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
+_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 
 _REQUEST_BYTES = 8  # a read request, with unit and CRC [APP 6.3, 6.4; SERIAL 2.5.1]
 _REPLY_BYTES = 5  # what is in its reply besides the registers
@@ -117,7 +121,7 @@ def _planned(profile: Profile, firmware: str | None, timing: LineTiming | None) 
         codes = {
             point.code
             for point in profile.points.values()
-            if point.group == group and point.code and is_known(point.since_firmware, variant)
+            if point.group == group and point.code and is_there(profile, variant, point.source)
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes
@@ -156,10 +160,6 @@ def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
     end = run[-1].address + run[-1].words
     longest = limits.read_bits if row.table.is_bits else limits.read_registers
     return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
-
-
-SET_WITHIN_S = 2.0  # until a written row reads back as written
-_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
 
 
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
@@ -287,9 +287,6 @@ def _read(run: list[Parameter]) -> Read:
 def _request(run: Sequence[Parameter]) -> Request:
     start = run[0].address
     return read_run(run[0].table, start, max(row.address + row.words for row in run) - start)
-
-
-_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 
 
 def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:
