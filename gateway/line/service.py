@@ -222,7 +222,7 @@ class LineService:
         """Record which units have answered late: they are there."""
         late_units = self.master.strays.late_units
         for unit in late_units:
-            self._scheduler.polls.unit(unit).note_late(now_s)
+            self._scheduler.polls.note_late(unit, now_s)
             self._statistics.note_late(unit)
             self._recovery.note_late()
         late_units.clear()

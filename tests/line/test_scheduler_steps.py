@@ -10,7 +10,7 @@ Given are polls: `a/2@60w10` is poll a of unit 2 with a period of 60 s and a wat
 | `3 a held` | it is chosen and put back; `gone`: a is removed while it is under way |
 | `3 +x:stop/2` | job x of unit 2 comes; `~`: a read |
 | `3 every a 5`, `3 hurry a`, `3 hurry` (all), `3 add b`, `remove a`, `forget 1` | |
-| `3 begin`, `watchdog 1 8`, `3 expect 1 5` | |
+| `3 begin`, `watchdog 1 8`, `3 expect 1 5`, `3 late 1` | |
 | `due 3`, `asked a b`, `state 1 silent`, `withdraw x`, `clear x y` | what is so |
 """
 
@@ -87,6 +87,8 @@ class Steps:
                 polls.add(poll_of(words), float(at))
             case _, ["expect", unit, until]:
                 polls.unit(int(unit)).expect_silence(float(until))
+            case at, ["late", unit]:
+                polls.note_late(int(unit), float(at))
             case at, [words] if words.startswith("+"):
                 name, _, lane = words[1:].partition(":")
                 request = READ if lane.endswith("~") else WRITE
@@ -222,9 +224,13 @@ SILENT_UNITS = {
         "a b c/2",
         "0 a silent, 0 c, 0 b silent, state 1 silent, asked a c, 0.9 -, 1 c, 1 a, asked a b c, 1 b",
     ),
-    "an open answer to a probe brings its unit back, and the probe is asked once more": (
-        "a b",
-        "0 a silent, 0 b silent, state 1 silent, 1 a open again back, 1 a, 1 b, 1 -",
+    "an open answer to a probe brings its unit back, and the probe is asked once more, before all others": (
+        "a b c/2 d/3",
+        "0 a silent, 0 c, 0 d, 0 b silent, state 1 silent, 1 c, 1 a open again back, 1 a, 1 d, 1 b, 1 -",
+    ),
+    "a late reply of a silent unit ends its back-off": (
+        "a",
+        "0 a back, 1 a silent, 2 a silent, 4 a silent, due 8, 5 late 1, due 6, 6 a",
     ),
     "an answered job brings a silent unit back too": (
         "a b",

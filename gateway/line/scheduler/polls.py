@@ -115,6 +115,14 @@ class PollTable:
         elif unit.queue is self.watchdogs:
             self.watchdogs.put(unit, unit.release_s, unit.release_s + (unit.limit_s or inf))
 
+    def note_late(self, number: int, now_s: float) -> None:
+        """Record that a reply of a unit came too late: it is there, and its probe need not wait for long."""
+        unit = self.unit(number)
+        unit.note_late(now_s)
+        if unit.queue is self._silent:
+            release_s = min(unit.release_s, now_s + unit.pause_s(now_s))
+            self._silent.put(unit, release_s, release_s)
+
     def forget(self, number: int) -> None:
         """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
         if not self.unit(number).polls:

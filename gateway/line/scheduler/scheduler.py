@@ -126,8 +126,6 @@ class Scheduler:
         is_known = entry is not None or slot.poll is None
         is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
         is_repeated = is_known and not is_given_up and (is_open or is_retried)
-        if is_repeated:
-            self.put_back(replace(slot, is_repetition=slot.is_repetition or not is_open))
         if slot.jobs:
             self.jobs.charge(slot, now_s - self._picked_s, now_s)
         is_online = self.polls.record(
@@ -139,6 +137,8 @@ class Scheduler:
             is_repeated=is_repeated,
             is_sure=is_open or not is_repeated,
         )
+        if is_repeated:
+            self.put_back(replace(slot, is_repetition=slot.is_repetition or not is_open))
         return Verdict(is_known and not is_repeated, is_online)
 
 
