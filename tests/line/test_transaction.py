@@ -7,9 +7,9 @@ import pytest
 
 from gateway.line.events import Trace
 from gateway.line.rtu.forms import EncodedRequest
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.silence import BABBLE_LIMIT_S
-from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -168,6 +168,20 @@ def test_an_echoing_adapter_is_seen_through(size: int | None) -> None:
     assert isinstance(read_again, Answered)
 
 
+def test_the_echo_that_was_found_is_no_acknowledgement_when_the_port_was_opened_again() -> None:
+    def only_echo(frame: bytes) -> list[Said]:
+        return [Said(frame, -TIMING.wire_s(len(frame)))]
+
+    async def scenario() -> Outcome:
+        units = Units({1})
+        line = master(FakePort(lambda frame: [*only_echo(frame), *units(frame)]))
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        line.use(FakePort(only_echo))
+        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
+
+    assert run_virtually(scenario()) == Silent()
+
+
 def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
     async def scenario() -> Outcome:
         units = Units({1})
@@ -211,13 +225,12 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     async def scenario() -> tuple[Outcome, bool, int]:
         port = HoldingPort(lambda frame: [Said(REPLY)])
         loop = asyncio.get_running_loop()
-        line = RtuMaster(
-            port, TIMING, note_frame=Trace("line").note, time=lambda: loop.time() + port.stopped_s
-        )
+        line = RtuMaster(TIMING, note_frame=Trace("line").note)
+        line.use(port, time=lambda: loop.time() + port.stopped_s)
         await asyncio.sleep(0.1)
         encoded = EncodedRequest.of(1, READ)
-        outcome = await line.exchange.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
-        return outcome, line.exchange.is_on_wire, len(port.sent)
+        outcome = await line.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        return outcome, line.is_on_wire, len(port.sent)
 
     outcome, is_on_wire, count = run_virtually(scenario())
 

@@ -127,10 +127,6 @@ class Outstanding:
         """List a request that had no reply to believe in time (rule 4)."""
         self._lists.setdefault(unit, []).append(Entry(shape, asked_s))
 
-    def entries(self, unit: int) -> tuple[Entry, ...]:
-        """Return what is listed of a unit, the oldest first."""
-        return tuple(self._lists.get(unit, ()))
-
     def _replace(self, unit: int, entries: list[Entry]) -> None:
         if entries:
             self._lists[unit] = entries

@@ -23,19 +23,22 @@ NoteFrame = Callable[[float, str, bytes], None]  # when, which way, and what was
 class Silence:
     """Waits for the silence before a request, and drops what comes meanwhile."""
 
-    def __init__(
-        self, port: Port, timing: LineTiming, strays: Strays, time: Callable[[], float], note_frame: NoteFrame
-    ) -> None:
-        self._port = port
+    def __init__(self, timing: LineTiming, strays: Strays, note_frame: NoteFrame) -> None:
         self._silence_s = timing.silence_s
         self._character_s = timing.character_s
         self._stop_patience_s = max(STOP_PATIENCE_S, adu.MAX_ADU_SIZE * timing.character_s)
         self._strays = strays
-        self._time = time
         self._note_frame = note_frame
-        self._own_end_s = time()  # of our latest frame; anything may have been on the wire before
-        self._listens_until_s = -inf  # no request before: a reply just too late may be under way
+        self._own_end_s = self._listens_until_s = -inf  # no request before: a late reply may be under way
         self._listens_to = adu.BROADCAST
+        self._port: Port
+        self._time: Callable[[], float]
+
+    def use(self, port: Port, time: Callable[[], float]) -> None:
+        """Begin on a port that was just opened: anything may have been on the wire before."""
+        self._port, self._time = port, time
+        self._own_end_s, self._listens_until_s = time(), -inf
+        self._strays.waiting.clear()
 
     def note_sent(self, end_s: float) -> None:
         """Record when the frame is over that was written just now."""
@@ -49,8 +52,9 @@ class Silence:
         """Return when the line will have been silent for long enough, if nothing more comes."""
         return max(self._own_end_s, self._port.last_byte_s) + self._silence_s
 
-    async def hush(self, quiet_s: float) -> bool:
-        """Wait for the silence until then; False when there is more to wait for, which `settle` does."""
+    async def hush(self) -> bool:
+        """Wait for the silence; False when there is more to wait for, which `settle` does."""
+        quiet_s = self.quiet_from_s()
         if self._strays.waiting or self._listens_until_s > quiet_s:
             return False
         stray = await self._port.read(until_s=quiet_s)
@@ -78,7 +82,7 @@ class Silence:
                 return None
             limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
-                tail = self._strays.give_up(adu.MAX_ADU_SIZE)
+                tail = self._strays.give_up(adu.MAX_ADU_SIZE, now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
     async def find_gap(self, within_s: float) -> None:
@@ -106,6 +110,6 @@ class Silence:
             self._strays.take(stray)
 
     def _judge_strays(self) -> None:
-        self._strays.judge()
+        self._strays.judge(self._time())
         if self._listens_to in self._strays.late_units:
             self._listens_until_s = -inf

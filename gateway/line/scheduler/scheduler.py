@@ -187,6 +187,10 @@ class JobQueue:
         """Return a slot to the head of its priority."""
         insort_left(self._waiting, slot, key=attrgetter("lane"))
 
+    def has_stop(self) -> bool:
+        """Return whether a stop's frame waits."""
+        return any(slot.is_stop for slot in self._waiting)
+
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
         return -inf if self._waiting else inf
