@@ -51,7 +51,7 @@ class Statistics:
         name = type(outcome).__name__.lower()
         self._counts["jobs" if slot.poll is None else "polls"] += 1
         self._counts[name] += 1
-        unit = self._units.setdefault(slot.unit, _UnitStatistics())
+        unit = self._units.get(slot.unit) or self._units.setdefault(slot.unit, _UnitStatistics())
         unit.outcomes[name] += 1
         self._changed.add(slot.unit)
         if isinstance(outcome, Garbled) and outcome.is_sent and whole_frame(outcome.received) is None:

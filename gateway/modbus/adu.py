@@ -22,7 +22,6 @@ _COUNTED_REPLIES = frozenset(  # unit, function, byte count, that many bytes, CR
         Function.READ_DISCRETE_INPUTS,
         Function.READ_HOLDING_REGISTERS,
         Function.READ_INPUT_REGISTERS,
-        Function.READ_WRITE_REGISTERS,
     }
 )
 _FIXED_REPLIES = {

@@ -307,6 +307,7 @@ WATCHDOGS = {
         "a@60w10",
         "0 a, 5 +C:command/99, 5 +S:stop/99, 5 S, 5 a, 5 C",
     ),
+    "a line begins with the shortest watchdogs": ("a@60w9 b/2@60 c/3@60w3", "0 c, 0 a, 0 b"),
     "the earliest deadline comes first": ("a@60w20 b/2@60w10", "0 ?, 0 ?, 11 b, 11 a, 11 -"),
     "starters that are added later go before no watchdog that is running": (
         "a@60w10",

@@ -18,7 +18,6 @@ _FIXED_REQUESTS = {
 _COUNTED_REQUESTS = {  # where the byte count stands
     Function.WRITE_COILS: 6,
     Function.WRITE_REGISTERS: 6,
-    Function.READ_WRITE_REGISTERS: 10,
 }
 
 

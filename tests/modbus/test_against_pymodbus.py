@@ -26,7 +26,6 @@ from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegis
 from gateway.modbus.server import KnownRequest, decode_request
 from gateway.modbus.writes import (
     MaskWriteRegister,
-    ReadWriteRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,
@@ -125,8 +124,6 @@ def answer(request: KnownRequest, reply: Any) -> Any:
             return tuple(reply.bits[: request.count]) if is_right else _REFUSED
         case ReadHoldingRegisters() | ReadInputRegisters():
             return tuple(reply.registers) if len(reply.registers) == request.count else _REFUSED
-        case ReadWriteRegisters():
-            return tuple(reply.registers) if len(reply.registers) == request.read_count else _REFUSED
         case WriteCoil():
             is_right = (reply.address, reply.bits) == (request.address, [request.is_on])
         case WriteRegister():
@@ -205,10 +202,6 @@ THEIRS: dict[type, tuple[type[ModbusPDU], tuple[str, ...]]] = {  # their class, 
     WriteCoils: (bits.WriteMultipleCoilsRequest, ("address", "bits")),
     WriteRegisters: (registers.WriteMultipleRegistersRequest, ("address", "registers")),
     MaskWriteRegister: (registers.MaskWriteRegisterRequest, ("address", "and_mask", "or_mask")),
-    ReadWriteRegisters: (
-        registers.ReadWriteMultipleRegistersRequest,
-        ("read_address", "read_count", "write_address", "write_registers"),
-    ),
     ReadDeviceIdentification: (ReadDeviceInformationRequest, ("read_code", "object_id")),
 }
 
@@ -218,7 +211,7 @@ def theirs_of(request: KnownRequest, unit: int) -> ModbusPDU:
     their, names = THEIRS[type(request)]
     values = [getattr(request, name) for name in request.__match_args__]
     fields: dict[str, Any] = dict(zip(names, values, strict=True))
-    for name in {"bits", "registers", "write_registers"} & set(fields):
+    for name in {"bits", "registers"} & set(fields):
         fields[name] = list(fields[name]) if isinstance(fields[name], tuple) else [fields[name]]
     return their(**fields, dev_id=unit)
 

@@ -41,7 +41,7 @@ class Ssw900(Faults):
     """One SSW900, set up so that a start through Modbus works: C3.1 and C3.3 = the accessory's slot."""
 
     family: ClassVar[str] = "ssw900"
-    functions: ClassVar[frozenset[int]] = frozenset({1, 2, 3, 5, 6, 15, 16, 22, 23, 43})  # table 7.1
+    functions: ClassVar[frozenset[int]] = frozenset({1, 2, 3, 5, 6, 15, 16, 22, 43})  # table 7.1, but for 23
 
     def __init__(
         self,

@@ -325,10 +325,10 @@ NOISE = [
         },
     ),
     row(
-        "noise on a whole line is named as noise, and no address is accused",
+        "noise on a whole line is named by the cable, and no address is accused",
         given=EIGHT,
         at={3.1: impaired(Noisy(0.004))},
-        then={120.0: [event("line_noise"), never("gateway/event", code="address_conflict"), true_values]},
+        then={600.0: [event("cable"), never("gateway/event", code="address_conflict"), true_values]},
     ),
     row(
         "bytes that come one by one are frames like any others",
