@@ -13,7 +13,7 @@ from gateway.line.rtu.silence import BABBLE_LIMIT_S
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import (
     DELAY_S,
@@ -193,20 +193,6 @@ def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
         return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
 
     assert isinstance(run_virtually(scenario()), Answered)
-
-
-def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> None:
-    async def scenario() -> tuple[Outcome, FakePort, Outcome]:
-        port = FakePort(lambda frame: [Said(b"\xff")] if frame[0] == 0 else [Said(REPLY)])
-        line = master(port)
-        broadcast = await line.transact(0, WriteRegister(1, 2), response_time_s=RESPONSE_TIME_S)
-        return broadcast, port, await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-
-    broadcast, port, after = run_virtually(scenario())
-
-    assert broadcast == Silent("broadcast")
-    assert port.sent[1][0] - port.sent[0][0] >= BROADCAST_TURNAROUND_S
-    assert isinstance(after, Answered)
 
 
 class HoldingPort(FakePort):

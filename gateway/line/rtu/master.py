@@ -102,13 +102,9 @@ class RtuMaster:
             self._note_frame(self.written_s, SENT, sent.adu)
             if meanwhile is not None:
                 meanwhile()
-            if sent.unit == adu.BROADCAST:
-                await self.silence.give_turnaround()
-                outcome = Silent("broadcast")
-            else:
-                outcome = await self._receive(sent, end_s, response_time_s)
+            outcome = await self._receive(sent, end_s, response_time_s)
         finally:
-            if not isinstance(outcome, Answered | Refused) and sent.unit != adu.BROADCAST:
+            if not isinstance(outcome, Answered | Refused):
                 self.forms.outstanding.add(sent.unit, sent.shape, asked_s)
         self.is_on_wire = False
         return outcome

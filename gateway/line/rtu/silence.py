@@ -9,7 +9,7 @@ from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Garbled
 from gateway.line.rtu.strays import Strays
 from gateway.modbus import adu
-from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
+from gateway.modbus.timing import LineTiming
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame
@@ -30,7 +30,7 @@ class Silence:
         self._strays = strays
         self._note_frame = note_frame
         self._own_end_s = self._listens_until_s = -inf  # no request before: a late reply may be under way
-        self._listens_to = adu.BROADCAST
+        self._listens_to = 0  # the unit that was asked last
         self._port: Port
         self._time: Callable[[], float]
 
@@ -96,12 +96,6 @@ class Silence:
             if now_s >= gap_s:
                 return
             self.drop(await self._port.read(until_s=min(gap_s, until_s)))
-
-    async def give_turnaround(self) -> None:
-        """Give every unit the time to act on a broadcast; none answers [SERIAL 2.4.1]."""
-        end_s = self._own_end_s + BROADCAST_TURNAROUND_S
-        while self._time() < end_s:
-            self.drop(await self._port.read(until_s=end_s))
 
     def drop(self, stray: bytes) -> None:
         """Set aside bytes that were not waited for; they are judged once it is quiet."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from gateway.line.rtu.bus_faults import BusFaults
 from gateway.line.rtu.outstanding import Outstanding
 from gateway.line.rtu.reply import frames
-from gateway.modbus.adu import BROADCAST
 
 _STORED_BYTES = 4096  # what a port stores, so that all late replies in it are seen
 
@@ -20,7 +19,7 @@ class Strays:
 
     def __init__(self, outstanding: Outstanding, bus_faults: BusFaults) -> None:
         self.count = 0  # bytes
-        self.asked = BROADCAST  # the unit that was asked last
+        self.asked = 0  # the unit that was asked last
         self.late_units: list[int] = []  # units of which a listed reply came; the reader clears it
         self._outstanding = outstanding
         self._bus_faults = bus_faults

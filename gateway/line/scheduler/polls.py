@@ -15,7 +15,6 @@ from gateway.line.scheduler.line_time import (
 )
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit, Visit
-from gateway.modbus.adu import BROADCAST
 
 # Of the line's time, for all silent units together: with the listening for a late reply that follows each
 # silence, and is not counted here, that makes a twentieth at most.
@@ -188,20 +187,18 @@ class PollTable:
         )
 
     def take(self, entry: ScheduledPoll, now_s: float) -> Slot:
-        """Reserve the line for a poll; `put_back` or `record` must follow."""
+        """Give the line to a poll; `record` must follow."""
         poll, since_s = entry.poll, min(max(entry.release_s, entry.deadline_s), now_s)
         entry.leave()
         entry.deadline_s = inf
         again, entry.is_repetition = entry.is_repetition, False
         return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll, is_repetition=again)
 
-    def put_back(self, slot: Slot) -> None:
+    def put_back(self, slot: Slot, entry: ScheduledPoll) -> None:
         """Have a poll wait again, before all others."""
-        entry = self.entry_of(slot.poll)
-        if entry is not None:
-            entry.is_repetition = slot.is_repetition
-            if not entry.unit.is_silent:
-                self._put(entry, slot.since_s, -inf)
+        entry.is_repetition = slot.is_repetition
+        if not entry.unit.is_silent:
+            self._put(entry, slot.since_s, -inf)
 
     def record(
         self,
@@ -221,8 +218,6 @@ class PollTable:
         unit = self.unit(slot.unit) if entry is None else entry.unit
         before, was_silent, took_s = unit.misses, unit.is_silent, min(now_s - sent_s, _LONGEST_SLOT_S)
         self._note_time(0.0 if entry is not None and not was_silent else took_s, now_s)
-        if slot.unit == BROADCAST:
-            return None
         is_answer = unit.note(outcome, now_s) if is_sure else None
         self._is_after_miss = is_answer is False
         if unit.misses != before:
