@@ -58,7 +58,7 @@ class Line:
         self._recovery = PortRecovery(deaf_after_s)
         self._master = RtuMaster(timing, allowance_s=allowance_s, note_frame=self.events.trace.note)
         self._service = LineService(
-            self._master,
+            master=self._master,
             port_name=opener.name,
             scheduler=self._scheduler,
             statistics=self._statistics,
@@ -142,8 +142,7 @@ class Line:
         )
         state = {
             "is_open": self._is_open,
-            "stretch": round(self.stretch, 3),
-            "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
+            **self._scheduler.polls.statistics(self._time()),
         }
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
         uart = {} if errors is None else {"uart_errors": errors}

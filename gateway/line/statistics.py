@@ -31,8 +31,7 @@ class Statistics:
         self._shown: dict[int, dict[str, Any]] = {}  # what is published of each unit; never changed in place
         self._stop_bound_of = stop_bound_of
         self._stop_bound_s = stop_bound_of(())
-        self._polls: Sequence[Poll] = ()  # that are asked, and what the latest slot of each took
-        self._took_s: dict[str, float] = {}
+        self._polls: Sequence[Poll] = ()  # that are asked
         self._busy_s = 0.0
         self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)  # when, and `_busy_s`
         self._worst_stop_latency_s: float | None = None
@@ -58,8 +57,6 @@ class Statistics:
             unit.corrupted += 1
         if isinstance(outcome, Answered):
             unit.times_s.append(outcome.response_time_s)
-        if slot.poll is not None:
-            self._took_s[slot.poll.key] = took_s
 
     def note_late(self, unit: int) -> None:
         """Record that something else is to be published of a unit: a reply of it came late."""
@@ -92,20 +89,17 @@ class Statistics:
         now_s: float,
         more_of: Callable[[int], Mapping[str, Any]] = lambda _: {},
     ) -> dict[str, Any]:
-        """Return the payload of `B/gateway/line/{line}`; `sweep_s` is one slot of each of these polls.
+        """Return what `B/gateway/line/{line}` says of it while these polls are asked.
 
         `more_of` says what else is published of a unit, once something was noted of it.
         """
         if polls != self._polls:
             self._polls, self._stop_bound_s = polls, self._stop_bound_of(polls)
-        if self._took_s.keys() != {poll.key for poll in polls}:
-            self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
         for unit in self._changed:
             self._shown[unit] = {**self._units[unit].to_dict(), **more_of(unit)}
         self._changed.clear()
         return {
             "utilisation": self.utilisation(now_s),
-            "sweep_s": float(sum(self._took_s.values())),
             **{name: self._counts[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {
                 "computed": self._stop_bound_s,

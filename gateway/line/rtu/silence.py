@@ -52,21 +52,16 @@ class Silence:
         """Return when the line will have been silent for long enough, if nothing more comes."""
         return max(self._own_end_s, self._port.last_byte_s) + self._silence_s
 
-    async def hush(self) -> bool:
-        """Wait for the silence; False when there is more to wait for, which `settle` does."""
-        quiet_s = self.quiet_from_s()
-        if self._strays.waiting or self._listens_until_s > quiet_s:
-            return False
-        stray = await self._port.read(until_s=quiet_s)
-        if stray:
-            self.drop(stray)
-        return not stray
-
-    async def settle(self, *, is_for_stop: Callable[[], bool] = lambda: False) -> Garbled | None:
+    async def settle(
+        self,
+        *,
+        is_for_stop: Callable[[], bool] = lambda: False,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> Garbled | None:
         """Wait until a request may be sent: the line is silent, and what came before is judged.
 
         Returns None when it may; Garbled when the line does not become quiet within about a second, or within
-        a stop's patience as soon as it is for one.
+        a stop's patience as soon as it is for one. `meanwhile` is done where it takes more than a silence.
         """
         began_s = max(self._time(), self._listens_until_s)
         while True:
@@ -74,12 +69,14 @@ class Silence:
             if self._strays.waiting and self._time() >= quiet_s:
                 self._judge_strays()
             due_s = quiet_s if self._strays.waiting else max(quiet_s, self._listens_until_s)
+            if self._strays.waiting or due_s > quiet_s:
+                meanwhile()
             chunk = await self._port.read(until_s=due_s)
-            now_s = self._time()
             if chunk:
                 self.drop(chunk)
-            elif not self._strays.waiting and now_s >= max(self.quiet_from_s(), self._listens_until_s):
+            elif not self._strays.waiting:
                 return None
+            now_s = self._time()
             limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
                 tail = self._strays.give_up(adu.MAX_ADU_SIZE, now_s)

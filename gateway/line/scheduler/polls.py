@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from math import inf
 from operator import attrgetter
+from typing import Any
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.line_time import (
@@ -132,8 +133,11 @@ class PollTable:
         polls = self._polls.values()
         return tuple([each.poll for each in polls if not each.unit.is_silent or each is each.unit.polls[0]])
 
-    def watchdog_statistics(self, now_s: float) -> dict[str, float | int]:
-        """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
+    def statistics(self, now_s: float) -> dict[str, Any]:
+        """Return the factor of the periods, what one slot of each poll takes, and how watchdogs are kept.
+
+        That is what they need of the line, and the worst share lately: 1 and more is missed.
+        """
         load = 0.0
         for unit in self._units.values():
             asked_s = ASKED_AFTER * unit.limit_s
@@ -142,7 +146,11 @@ class PollTable:
                 load += unit.polls[0].cost_s / asked_s
         self._left = [each for each in self._left if each[2] > now_s - _WORST_OVER_S]
         share, worst, _ = self._left[0] if self._left else (0.0, 0, now_s)
-        return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
+        return {
+            "stretch": round(self.stretch, 3),
+            "sweep_s": float(sum(each.cost_s for each in self._polls.values())),
+            "watchdogs": {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst},
+        }
 
     def unit(self, number: int) -> Unit:
         """Return a unit, a new one when nothing was known of it."""
