@@ -187,7 +187,7 @@ def _is_open(sent: EncodedRequest, outcome: Outcome) -> bool:
     """Return whether a slot's own request has to follow: a fence was answered, or another form refused."""
     if isinstance(outcome, Answered):
         return sent.is_fence
-    return isinstance(outcome, Refused) and (sent.is_fence or (outcome.is_lasting and not sent.is_own))
+    return isinstance(outcome, Refused) and (sent.is_fence or (outcome.is_lasting and sent.cut is not None))
 
 
 def _may_act_late(slot: Slot, sent: EncodedRequest, outcome: Outcome) -> bool:

@@ -8,7 +8,7 @@ from math import ceil
 from typing import Any
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
-from gateway.line.rtu.reply import whole_frame
+from gateway.line.rtu.reply import first_frame
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.system.stalls import DelayCounts
 
@@ -53,8 +53,8 @@ class Statistics:
         unit = self._units.get(slot.unit) or self._units.setdefault(slot.unit, _UnitStatistics())
         unit.outcomes[name] += 1
         self._changed.add(slot.unit)
-        if isinstance(outcome, Garbled) and outcome.is_sent and whole_frame(outcome.received) is None:
-            unit.corrupted += 1
+        if isinstance(outcome, Garbled) and outcome.is_sent:
+            unit.corrupted += first_frame(outcome.received)[1] != outcome.received
         if isinstance(outcome, Answered):
             unit.times_s.append(outcome.response_time_s)
 

@@ -22,8 +22,6 @@ class DeviceIdentification:
     """The objects of one reply: 0 maker, 1 product code, 2 revision, and what the maker adds."""
 
     objects: dict[int, str]
-    more_follows: bool = False
-    next_object: int = 0  # where to go on when more follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +51,16 @@ class ReadDeviceIdentification:
         """
         if pdu[:3] != self._head() or len(pdu) < _HEAD_SIZE:
             raise mismatch(self, pdu)
-        more, next_object, number = pdu[4:_HEAD_SIZE]
-        objects, end = _walk(pdu, number)
+        objects, end = _walk(pdu, number=pdu[_HEAD_SIZE - 1])
         is_foreign = self.read_code == ONE_OBJECT_CODE and objects.keys() - {self.object_id}
         if end != len(pdu) or is_foreign:
             raise mismatch(self, pdu)
-        return DeviceIdentification(objects=objects, more_follows=more != 0, next_object=next_object)
+        return DeviceIdentification(objects)
 
     def encode_reply(self, identification: DeviceIdentification, *, conformity: int = CONFORMITY) -> bytes:
         """Return the reply PDU; ValueError when it is longer than a PDU may be."""
         objects = identification.objects
-        more = 0xFF if identification.more_follows else 0x00
-        head = (*self._head(), conformity, more, identification.next_object, len(objects))
+        head = (*self._head(), conformity, 0, 0, len(objects))  # nothing more follows
         pdu = bytes(head) + b"".join(_encode_object(key, text) for key, text in objects.items())
         if len(pdu) > MAX_PDU_SIZE:
             raise ValueError(f"{len(pdu)} bytes of identification, a PDU holds {MAX_PDU_SIZE}")

@@ -172,7 +172,6 @@ def test_a_request_goes_out_in_its_own_form_in_another_or_behind_a_fence(
     chosen = choice.choose(EncodedRequest.of(UNIT, wanted), FORMS, 2.0, is_poll=is_poll)
 
     assert chosen.request == sent
-    assert chosen.is_own is (sent == wanted)
     assert chosen.is_fence is ((sent != wanted and not is_poll) or sent == COILS)
 
 

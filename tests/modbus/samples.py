@@ -108,4 +108,4 @@ def _identification(rng: Rng, request: ReadDeviceIdentification) -> DeviceIdenti
     if request.read_code == ONE_OBJECT_CODE:
         return DeviceIdentification({request.object_id: text()})
     keys = rng.sample(range(256), rng.randint(0, 4))
-    return DeviceIdentification({key: text() for key in keys}, rng.random() < 0.3, rng.randrange(256))
+    return DeviceIdentification({key: text() for key in keys})

@@ -148,11 +148,7 @@ def identification(request: KnownRequest, reply: ReadDeviceInformationResponse) 
     last = {key: said[-1] if isinstance(said, list) else said for key, said in reply.information.items()}
     if request.read_code == ONE_OBJECT_CODE and last.keys() - {request.object_id}:
         return _REFUSED
-    return DeviceIdentification(
-        objects={key: said.decode("latin-1") for key, said in last.items()},
-        more_follows=bool(reply.more_follows),
-        next_object=reply.next_object_id,
-    )
+    return DeviceIdentification({key: said.decode("latin-1") for key, said in last.items()})
 
 
 def is_beyond_comparison(frame: bytes) -> bool:

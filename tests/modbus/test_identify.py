@@ -57,7 +57,7 @@ def test_a_read_code_or_object_beyond_the_specification_is_refused(
 def test_objects_are_read(tail: str, objects: dict[int, str]) -> None:
     said = BASIC.decode_reply(bytes.fromhex("2B 0E 01 " + tail))
 
-    assert (said.objects, said.more_follows) == (objects, False)
+    assert said.objects == objects
 
 
 @pytest.mark.parametrize(

@@ -90,14 +90,6 @@ def frames(received: bytes) -> Iterator[tuple[bytes, bool]]:
         received = received[stray + len(frame) :] if frame else b""
 
 
-def whole_frame(received: bytes) -> adu.Adu | None:
-    """Return the frame that these bytes are, None when they are none."""
-    try:
-        return adu.decode(received)
-    except BadFrameError:
-        return None
-
-
 def judge(
     unit: int, request: Request, frame: adu.Adu, *, at_s: float, response_time_s: float
 ) -> Answered | Refused | str:
