@@ -27,7 +27,7 @@ from gateway.modbus.codes import Function
 from gateway.modbus.reads import ReadCoils
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.modbus.writes import WriteRegister
+from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.bus.faults import Reply
 from gateway.starters.setup import StarterSetup, polls_of
 from tests.rig.world import RigLoop
@@ -38,6 +38,7 @@ STATUS = 5001  # the word whose bits are the first coils (ssw07 5.3.2)
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 LIMIT_S = 0.1  # from then on a reply is late
 WRITE_EVERY_S = 1.0  # on a line
+STOPS = (WriteCoil(100, is_on=False), WriteCoil(102, is_on=False))  # which are sent out of step, too
 WARM_S = 5.0  # by then all units have been asked
 USUAL = (0.05, 0.03, 0.01, 0.02, 0.01)  # shares of `InOrder.KINDS` where nothing else is said
 MOST = 0.1  # of each kind, where the shares are mixed by chance
@@ -62,7 +63,8 @@ class OrderTally:
     """Counts of a line; times are the longest of all its units, in seconds."""
 
     requests: int = 0
-    answers: int = 0
+    polls: int = 0
+    answers: int = 0  # to polls
     wrong_values: int = 0
     wrong_refusals: int = 0
     wrong_acknowledgements: int = 0
@@ -151,7 +153,7 @@ class OrderedLine:
 
 def _reply(asked: Asked) -> Any:
     if asked.request.is_write:
-        return asked.request.encode()  # function 6
+        return asked.request.encode()  # functions 5 and 6
     return asked.request.encode_reply(value_of(asked, asked.request))
 
 
@@ -229,7 +231,10 @@ class OracleJudge:
 
     def event(self, event: Any) -> None:
         """Compare a poll's answer with the reply to the request under way."""
-        if not isinstance(event, PollResult) or not isinstance(event.outcome, Answered | Refused):
+        if not isinstance(event, PollResult):
+            return
+        self.tally.polls += 1
+        if not isinstance(event.outcome, Answered | Refused):
             return
         asked, poll = self._line.asked[self.tally.requests], self._polls[event.key]
         self.tally.answers += 1
@@ -262,8 +267,9 @@ async def ask(faults: WayFaults, *, seed: int, requests: int, units: int, every_
     await host.start()
     while not judge.done.is_set():
         await asyncio.sleep(dice.expovariate(1 / WRITE_EVERY_S))
-        write, unit = WriteRegister(3, dice.randrange(2)), dice.randint(1, units)
-        outcome = await client.transact(unit, write, response_time_s=LIMIT_S, lane=Priority.COMMAND)
+        lane, unit = dice.choice((Priority.COMMAND, Priority.STOP)), dice.randint(1, units)
+        write = WriteRegister(3, dice.randrange(2)) if lane is Priority.COMMAND else dice.choice(STOPS)
+        outcome = await client.transact(unit, write, response_time_s=LIMIT_S, lane=lane)
         if isinstance(outcome, Answered):
             asked = next(asked for asked in reversed(line.asked) if asked.request.is_write)
             judge.tally.wrong_acknowledgements += asked.is_refused or not asked.was_in_time
@@ -279,7 +285,7 @@ def run(faults: WayFaults, **what: Any) -> OrderTally:
 
 def table(late_s: float, **what: Any) -> Iterator[str]:
     """Return the rows of the table of status ages."""
-    yield "| starters | faults | answers | age, 99.9 % | longest | oracle's | above it |"
+    yield "| starters | faults | polls answered | age, 99.9 % | longest | oracle's | above it |"
     yield "|---|---|---|---|---|---|---|"
     for units, (late, lost) in itertools.product((1, 8), ((0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0))):
         found = run(WayFaults(late_s, (late, lost, 0, 0, 0)), seed=1, units=units, **what)
@@ -289,7 +295,7 @@ def table(late_s: float, **what: Any) -> Iterator[str]:
         cells = (
             str(units),
             words,
-            f"{found.answers / found.requests:.1%}",
+            f"{found.answers / found.polls:.1%}",
             *(f"{age:.2f} s" for age in ages_s),
         )
         yield f"| {' | '.join(cells)} |"

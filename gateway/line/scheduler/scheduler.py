@@ -184,8 +184,8 @@ class JobQueue:
         insort_left(self._waiting, slot, key=attrgetter("lane"))
 
     def has_stop(self) -> bool:
-        """Return whether a stop's frame waits."""
-        return any(slot.is_stop for slot in self._waiting)
+        """Return whether a stop's frame, repeat or read-back waits."""
+        return bool(self._waiting) and self._waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""

@@ -415,7 +415,7 @@ PORT = [
                 event("port_deaf"),
                 lambda p: "" if p.lines["pumps"].bus.opened > 1 else "not opened again",
             ],
-            120.0: seen("gateway/event", code="port_deaf", times=1),
+            120.0: [seen("gateway/event", code="port_deaf", times=1), opened(4)],  # ever less often
         },
     ),
     row(
@@ -441,6 +441,7 @@ PORT = [
                 never("gateway/event", code="port_away"),
                 asked_its_name(2),  # another starter may be behind the new connection
                 msg("starter/pump/state", quality="good"),
+                never("starter/+/availability", since=2.9, state="offline"),
             ]
         },
     ),
