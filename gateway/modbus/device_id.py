@@ -34,12 +34,6 @@ class ReadDeviceIdentification:
     function: ClassVar[Function] = Function.ENCAPSULATED
     is_write: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        if self.read_code not in (*STREAM_CODES, ONE_OBJECT_CODE):
-            raise ValueError(f"read code {self.read_code} is not in 1..4")
-        if not 0 <= self.object_id <= 0xFF:
-            raise ValueError(f"object {self.object_id} is not in 0..255")
-
     def encode(self) -> bytes:
         """Return the request PDU."""
         return bytes((*self._head(), self.object_id))
@@ -52,8 +46,7 @@ class ReadDeviceIdentification:
         if pdu[:3] != self._head() or len(pdu) < _HEAD_SIZE:
             raise mismatch(self, pdu)
         objects, end = _walk(pdu, number=pdu[_HEAD_SIZE - 1])
-        is_foreign = self.read_code == ONE_OBJECT_CODE and objects.keys() - {self.object_id}
-        if end != len(pdu) or is_foreign:
+        if end != len(pdu):
             raise mismatch(self, pdu)
         return DeviceIdentification(objects)
 
@@ -61,7 +54,8 @@ class ReadDeviceIdentification:
         """Return the reply PDU; ValueError when it is longer than a PDU may be."""
         objects = identification.objects
         head = (*self._head(), conformity, 0, 0, len(objects))  # nothing more follows
-        pdu = bytes(head) + b"".join(_encode_object(key, text) for key, text in objects.items())
+        texts = {key: text.encode("latin-1") for key, text in objects.items()}
+        pdu = bytes(head) + b"".join(bytes((key, len(text))) + text for key, text in texts.items())
         if len(pdu) > MAX_PDU_SIZE:
             raise ValueError(f"{len(pdu)} bytes of identification, a PDU holds {MAX_PDU_SIZE}")
         return pdu
@@ -72,11 +66,6 @@ class ReadDeviceIdentification:
 
     def _head(self) -> bytes:
         return bytes((self.function, MEI_DEVICE_IDENTIFICATION, self.read_code))
-
-
-def _encode_object(object_id: int, text: str) -> bytes:
-    value = text.encode("latin-1")
-    return bytes((object_id, len(value))) + value
 
 
 def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:

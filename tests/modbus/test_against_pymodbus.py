@@ -20,7 +20,7 @@ from gateway.errors import BadFrameError, BadReplyError
 from gateway.modbus import adu
 from gateway.modbus.adu import crc16
 from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest, decode_request
@@ -146,8 +146,6 @@ def identification(request: KnownRequest, reply: ReadDeviceInformationResponse) 
     if reply.read_code != request.read_code:
         return _REFUSED
     last = {key: said[-1] if isinstance(said, list) else said for key, said in reply.information.items()}
-    if request.read_code == ONE_OBJECT_CODE and last.keys() - {request.object_id}:
-        return _REFUSED
     return DeviceIdentification({key: said.decode("latin-1") for key, said in last.items()})
 
 

@@ -6,6 +6,7 @@ Start at `identification` and `readiness_check`.
 from gateway.families.diagnosis.identification import (
     candidates,
     contradiction,
+    decision_reads,
     distinctive_rows,
     identify,
     identify_requests,

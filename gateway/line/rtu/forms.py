@@ -41,6 +41,7 @@ class Forms:
 
     alternates_of: Alternates
     fences: tuple[Request, ...]  # reads that are answered or refused, of different shapes
+    decisions: tuple[Request, ...] = ()  # what commands read, which may take longer than every poll
 
     @cached_property
     def fence_shapes(self) -> tuple[Shape, ...]:
