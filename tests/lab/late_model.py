@@ -2,8 +2,8 @@
 
 `python -m tests.lab.late_model --seeds 1-20 --requests 100000 --late-s 1 --units 8 --mix` asks so often for
 every seed; `--ordered-over-all` is a serial server, `--table` prints status ages, beside those of
-the same gateway where it is told which request each reply answers. The gateway is entered by
-the door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and
+the same gateway with an oracle, which gets no reply but that to the request under way. The gateway is entered
+by the door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and
 the frames that the line itself reports, in their order, pair an answer with its request.
 """
 
@@ -56,7 +56,7 @@ class WayFaults:
     shares: tuple[float, ...] = USUAL
     is_mixed: bool = False  # each way has shares by chance
     is_ordered_over_all: bool = False
-    is_told: bool = (
+    has_oracle: bool = (
         False  # the gateway is: it gets only the reply to the request under way, and lists nothing
     )
 
@@ -147,7 +147,7 @@ class OrderedLine:
         while True:
             while self._arrivals and self._arrivals[0][0] <= loop.time():
                 self.last_byte_s, number, chunk = heapq.heappop(self._arrivals)
-                if self._faults.is_told and number != len(self.asked) - 1:
+                if self._faults.has_oracle and number != len(self.asked) - 1:
                     continue
                 is_under_way = number == len(self.asked) - 1 and self.last_byte_s <= self._given_up_s
                 self.asked[number].was_in_time = is_under_way and not crc16(chunk)
@@ -288,19 +288,19 @@ async def ask(faults: WayFaults, *, seed: int, requests: int, units: int, every_
 
 def run(faults: WayFaults, **what: Any) -> OrderTally:
     """Do the same in virtual time."""
-    lists = patch.object(Outstanding, "add") if faults.is_told else nullcontext()
+    lists = patch.object(Outstanding, "add") if faults.has_oracle else nullcontext()
     with lists, asyncio.Runner(loop_factory=RigLoop) as runner:
         return runner.run(ask(faults, **what))
 
 
 def table(late_s: float, **what: Any) -> Iterator[str]:
     """Return the rows of the table of status ages."""
-    yield "| starters | faults | polls answered | age, 99.9 % | longest | told: answered | 99.9 % | longest |"
+    yield "| starters | faults | polls answered | age, 99.9 % | longest | oracle: answered | 99.9 % | longest |"
     yield "|---|---|---|---|---|---|---|---|"
     for units, (late, lost) in itertools.product((1, 8), ((0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0))):
         cells = [str(units), f"{lost:.0%} lost" if lost else f"{late:.0%} late up to {late_s:g} s"]
-        for is_told in (False, True):
-            faults = WayFaults(late_s, (late, lost, 0, 0, 0), is_told=is_told)
+        for has_oracle in (False, True):
+            faults = WayFaults(late_s, (late, lost, 0, 0, 0), has_oracle=has_oracle)
             found = run(faults, seed=1, units=units, **what)
             quantile_s = sorted(found.ages_s)[len(found.ages_s) * 999 // 1000]
             cells.append(f"{found.answers / found.polls:.1%}")

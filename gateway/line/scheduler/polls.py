@@ -134,7 +134,7 @@ class PollTable:
         return tuple([each.poll for each in polls if not each.unit.is_silent or each is each.unit.polls[0]])
 
     def statistics(self, now_s: float) -> dict[str, Any]:
-        """Return the factor of the periods, what one slot of each poll takes, and how watchdogs are kept.
+        """Return the factor of the periods, what one slot of each poll takes, and how watchdogs are served.
 
         That is what they need of the line, and the worst share lately: 1 and more is missed.
         """
