@@ -54,6 +54,7 @@ class Line:
         self.events = LineEvents(name, events, Trace(name))
         self._opener = opener
         self._scheduler = Scheduler(polls, chance=random.Random(seed))
+        self.polls = self._scheduler.polls
         self._statistics = Statistics(partial(worst_stop_latency_s, timing=timing, allowance_s=allowance_s))
         self._recovery = PortRecovery(deaf_after_s)
         self._master = RtuMaster(timing, allowance_s=allowance_s, note_frame=self.events.trace.note)
@@ -74,11 +75,6 @@ class Line:
     def progress(self) -> int:
         """Return a count that grows with each transaction, idle wake-up and attempt to open."""
         return self._service.steps
-
-    @property
-    def stretch(self) -> float:
-        """Return the factor by which all periods are stretched at present."""
-        return self._scheduler.polls.stretch
 
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
@@ -121,7 +117,7 @@ class Line:
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
-        self._scheduler.polls.forget(unit)
+        self.polls.forget(unit)
         self._master.forms.retry_refused(unit)
         self._statistics.forget(unit)
 
@@ -133,24 +129,20 @@ class Line:
     def statistics(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
         statistics = self._statistics.to_dict(
-            self._scheduler.polls.asked(),
+            self.polls.asked(),
             now_s=self._time(),
             more_of=lambda unit: {
-                "state": self._scheduler.polls.unit(unit).state,
+                "state": self.polls.unit(unit).state,
                 "late": self._master.forms.outstanding.came_late[unit],
             },
         )
-        state = {
-            "is_open": self._is_open,
-            **self._scheduler.polls.statistics(self._time()),
-        }
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
-        uart = {} if errors is None else {"uart_errors": errors}
         return {
-            **state,
+            "is_open": self._is_open,
+            **self.polls.statistics(self._time()),
             "progress": self.progress,
             "stray_bytes": self._master.strays.count,
-            **uart,
+            **({} if errors is None else {"uart_errors": errors}),
             **statistics,
         }
 
@@ -197,12 +189,12 @@ class Line:
         """
         self._is_open, self._is_reopening = True, False
         self._master.use(port)
-        self._scheduler.polls.begin(self._time())
+        self.polls.begin(self._time())
         self._statistics.begin(self._time())
         self._recovery.begin()
         try:
             if self._recovery.is_deaf:
-                self._scheduler.polls.expedite_all(self._time())
+                self.polls.expedite_all(self._time())
             else:
                 self.events.port_changed("open", is_open=True)
             await asyncio.create_task(self._service.run(), name=f"serve {self.name}")

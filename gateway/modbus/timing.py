@@ -51,8 +51,6 @@ class LineTiming:
     """The shortest silence between frames, 3.5 characters as the starters count them."""
 
     def __post_init__(self) -> None:
-        if self.baud <= 0:
-            raise ValueError(f"{self.baud} bit/s is no speed")
         object.__setattr__(self, "character_s", self.framing.character_bits / self.baud)
         bits = max(self.framing.character_bits, _COUNTED_BITS)
         silence_s = 3.5 * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)

@@ -1,10 +1,10 @@
 """Random lines whose replies come late, never or wrong, but in order; an oracle knows what answers what.
 
 `python -m tests.lab.late_model --seeds 1-20 --requests 100000 --late-s 1 --units 8 --mix` asks so often for
-every seed; `--ordered-over-all` is a serial server, `--table` prints status ages, beside those of
-the same gateway with an oracle, which gets no reply but that to the request under way. The gateway is entered
-by the door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and
-the frames that the line itself reports, in their order, pair an answer with its request.
+every seed; `--ordered-over-all` is a serial server, `--table` prints status ages, beside those of the same
+gateway with an oracle, which gets no reply but that to the request under way. The gateway is entered by the
+door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and the
+frames that the line itself reports, in their order, pair an answer with its request.
 """
 
 from __future__ import annotations
@@ -295,7 +295,7 @@ def run(faults: WayFaults, **what: Any) -> OrderTally:
 
 def table(late_s: float, **what: Any) -> Iterator[str]:
     """Return the rows of the table of status ages."""
-    yield "| starters | faults | polls answered | age, 99.9 % | longest | oracle: answered | 99.9 % | longest |"
+    yield "| starters | faults | answered | age, 99.9 % | longest | oracle: answered | 99.9 % | longest |"
     yield "|---|---|---|---|---|---|---|---|"
     for units, (late, lost) in itertools.product((1, 8), ((0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0))):
         cells = [str(units), f"{lost:.0%} lost" if lost else f"{late:.0%} late up to {late_s:g} s"]

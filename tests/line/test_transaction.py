@@ -93,21 +93,6 @@ def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) ->
     assert outcome.is_sent
 
 
-def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() -> None:
-    async def scenario(size: int | None) -> tuple[Outcome, int]:
-        line = master(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
-        outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        await asyncio.sleep(0.01)
-        await line.silence.settle()
-        assert port.last_byte_s > 0
-        return outcome, line.strays.count
-
-    for size in (None, 1, 2):
-        outcome, stray_bytes = run_virtually(scenario(size))
-        assert isinstance(outcome, Answered)
-        assert stray_bytes == 2
-
-
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
 @pytest.mark.parametrize("size", [None, 1])
 def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | None) -> None:

@@ -25,7 +25,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, SSW06, SSW07, line, starter
+from tests.rig.sites import ALICE, FOUR, SSW07, line, starter
 from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, impaired, true_values
 
 WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
@@ -152,15 +152,6 @@ OFFLINE = [
         then={
             99.0: msg("starter/pump-8/availability", state="offline"),
             120.0: [msg(f"starter/pump-{n}/availability", state="online") for n in range(1, 9)],
-        },
-    ),
-    row(
-        "a starter that is switched off is lost, and known again when it is switched on",
-        given=SSW06,
-        at={5.0: "fan power off", 30.0: "fan power on"},
-        then={
-            20.0: msg("starter/fan/availability", state="offline"),
-            60.0: [msg("starter/fan/availability", state="online"), msg("starter/fan/state", state="ready")],
         },
     ),
     row(
