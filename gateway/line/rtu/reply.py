@@ -97,8 +97,7 @@ def judge(
     pdu = frame.pdu
     if frame.unit != unit:
         return f"reply of unit {frame.unit}"
-    code = exception_code(request, pdu)
-    if code is not None:
+    if pdu[0] & EXCEPTION_BIT and (code := exception_code(request, pdu)) is not None:
         return Refused(code, at_s)
     if pdu[0] & ~EXCEPTION_BIT != request.function:
         return f"reply of function {pdu[0]}"
