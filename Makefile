@@ -156,8 +156,10 @@ fleet: $(STAMP) mosquitto ## what two gateways ask of a broker: a minute; OPTION
 slow-box: $(STAMP) mosquitto ## the gateway with a fifth of a processor, as root: six minutes
 	$(BIN)/python -m tests.lab.slow_box $(OPTIONS)
 
-late-replies: $(STAMP) ## ten million requests whose replies come late, lost, garbled or refused; ten minutes
-	$(BIN)/python -m tests.line.outstanding_model 10000000
+late-replies: $(STAMP) ## ten million requests whose replies come late, lost, cut, garbled or refused; half an hour
+	@for late in 0.3 1 3 30; do for way in "" --ordered-over-all; do \
+	    $(BIN)/python -m tests.lab.late_model --seeds 1-50 --requests 25000 --late-s $$late --units 8 --mix $$way | tail -n 1; \
+	done; done
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist gateway/docs_site *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -125,8 +125,9 @@ def _line(line: LineTable) -> LineCapacity:
     others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
     whole = capacity.forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
     limits_s = {each.address: each.watchdog_s for each in line.starters if each.watchdog_s}
-    ordered = capacity.start_order(polls, limits_s)
-    firsts_s = capacity.first_requests_s(ordered, timing, allowance_s=line.adapter_allowance_s)
+    firsts_s = capacity.first_requests_s(
+        polls, timing, limits_s=limits_s, allowance_s=line.adapter_allowance_s
+    )
     return LineCapacity(
         table=line,
         forecast=whole,

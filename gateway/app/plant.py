@@ -25,7 +25,6 @@ from gateway.line import (
     PortChanged,
     PortOpener,
     UnitChanged,
-    capacity,
 )
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
@@ -161,15 +160,11 @@ class Plant:
     def _add_line(self, table: LineTable) -> list[StarterTelemetry]:
         setups = self._setups(table)
         watchdogs = self._policy.watchdogs
-        limits_s = {setup.address: watchdogs.limit_s(setup) for setup in setups}
-        watchdogs_s = {address: limit_s for address, limit_s in limits_s.items() if limit_s}
         self.lines[table.name] = self._host.add_line(
             name=table.name,
             opener=self._make_opener(table),
             timing=timing_of(table),
-            polls=capacity.start_order(
-                (poll for setup in setups for poll in watchdogs.polls(setup)), watchdogs_s
-            ),
+            polls=[poll for setup in setups for poll in watchdogs.polls(setup)],
             allowance_s=table.adapter_allowance_s,
             seed=secrets.randbits(32),
             deaf_after_s=table.deaf_after_s,

@@ -21,18 +21,13 @@ class _ResponseTimes(TypedDict):
     p99: Annotated[float | None, Field(description="99 of 100 replies came within, s")]
 
 
-class _FunctionTimes(_ResponseTimes):
-    p999: Annotated[float | None, Field(description="999 of 1000 replies came within, s")]
-
-
 class UnitStatistics(_Counts):
     """The requests to one address and its replies."""
 
     asked: Annotated[int, Field(description="requests")]
     corrupted: Annotated[int, Field(description="garbled replies that were no frame")]
     late: Annotated[int, Field(description="replies that came after their time")]
-    response_time_s: Annotated[_ResponseTimes, Field(description="of all functions")]
-    functions: Annotated[Mapping[str, _FunctionTimes], Field(description="response times by function code")]
+    response_time_s: Annotated[_ResponseTimes, Field(description="of the latest 100 replies")]
     state: Annotated[Literal["new", "answering", "suspect", "silent"], Field(description="its health")]
 
 
@@ -52,13 +47,6 @@ _UartErrors = TypedDict(  # `break` is no name of a field in a class
         "buffer_overrun": Annotated[int, Field(description="overruns of the driver's buffer")],
     },
 )
-
-
-class _TimeShare(TypedDict):
-    requests: Annotated[float, Field(description="requests on the wire")]
-    delays: Annotated[float, Field(description="from the end of a request to the first byte of its reply")]
-    replies: Annotated[float, Field(description="replies on the wire")]
-    silences: Annotated[float, Field(description="the silence before each request")]
 
 
 class _StopLatency(TypedDict):
@@ -100,7 +88,6 @@ class LineStatistics(_Counts):
     stray_bytes: Annotated[int, Field(description="bytes that no request was waiting for")]
     uart_errors: Annotated[NotRequired[_UartErrors], Field(description="counters of the adapter's driver")]
     utilisation: Annotated[float, Field(description="share of time that the line was busy, 0 to 1")]
-    time_share: Annotated[_TimeShare, Field(description="use of the line's time; the rest it is idle")]
     sweep_s: Annotated[float, Field(description="time for one request of each poll, s")]
     polls: Annotated[int, Field(description="requests of polls")]
     jobs: Annotated[int, Field(description="requests of commands and of identification")]

@@ -15,7 +15,7 @@ Rules, the starters in the order in which the cable passes them
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf, sqrt
 from typing import Any, NamedTuple
@@ -26,7 +26,6 @@ JUDGED_EVERY_S = 25.0
 WINDOW_S, LONGEST_WINDOW_S = 300.0, 3600.0
 LEAST, ENOUGH = 50, 300  # requests before anything is said of a starter; before all is, and of a window
 BAD = 0.02  # a share of the replies
-ALIKE = 0.25  # of the bad ones' common share: from there on a starter of which nothing is sure is one of them
 IN_ROW = 4  # findings, before words appear or go
 MOST_NAMED = 6  # starters in a sentence
 CONFIDENCE = 2.576  # standard deviations: 99 % of a normal distribution, both sides
@@ -73,7 +72,7 @@ class CableHealth:
     def __init__(self, starters: Sequence[WiredStarter]) -> None:
         self._starters = [_Starter(starter) for starter in starters]
         self._judged_s = -inf
-        self._in_row: dict[_Key, int] = {}  # how often it was found; negative: how often it was not
+        self._findings: deque[dict[_Key, str]] = deque(maxlen=IN_ROW)  # the latest
         self._shown: dict[_Key, str] = {}
 
     def rewire(self, starters: Sequence[WiredStarter]) -> None:
@@ -91,11 +90,10 @@ class CableHealth:
             if unit is not None:
                 starter.take(unit, now_s)
         found = dict([*_silent(self._starters), *_errors(self._starters), *_late(self._starters)])
-        before, in_row = self._shown, self._in_row
-        self._in_row = {key: max(in_row.get(key, 0), 0) + 1 for key in found}
-        self._in_row |= {key: min(in_row.get(key, 0), 0) - 1 for key in before if key not in found}
-        appeared = [key for key in found if key not in before and self._in_row[key] >= IN_ROW]
-        gone = [key for key in before if self._in_row[key] <= -IN_ROW]
+        self._findings.append(found)
+        before, times = self._shown, Counter(key for each in self._findings for key in each)
+        appeared = [key for key in found if key not in before and times[key] == IN_ROW]
+        gone = [key for key in before if not times[key]]
         stays = [key for key in before if key not in gone]
         self._shown = {key: found.get(key) or before[key] for key in (*stays, *appeared)}
         return CableChanges(tuple(found[key] for key in appeared), tuple(before[key] for key in gone))
@@ -186,12 +184,8 @@ def _errors(starters: Sequence[_Starter]) -> Iterator[tuple[_Key, str]]:
     """Yield the finding about corrupted and lost replies, once it is clear which starters are good."""
     known = [starter for starter in starters if starter.is_known]
     bad = [starter for starter in known if starter.is_bad]
-    open_ones = [starter for starter in known if starter.is_undecided]
-    if not bad or any(starter.counts.asked < ENOUGH for starter in open_ones):
+    if not bad or any(starter.is_undecided and starter.counts.asked < ENOUGH for starter in known):
         return
-    least = ALIKE * sum(starter.counts.bad for starter in bad) / sum(starter.counts.asked for starter in bad)
-    alike = [starter for starter in open_ones if starter.counts.bad >= least * starter.counts.asked]
-    bad = [starter for starter in known if starter in bad or starter in alike]
     first, numbers, names = known.index(bad[0]), _numbers(bad), tuple(starter.name for starter in bad)
     if len(bad) == 1:
         yield ("one", names), phrase(EventCode.CABLE, "one", starter=names[0], numbers=numbers)

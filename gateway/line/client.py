@@ -97,7 +97,7 @@ class LineClient:
     @property
     def stretch(self) -> float:
         """The factor by which all periods are stretched at present, since the line has no time for all."""
-        return self._line.stretch
+        return self._line.polls.stretch
 
     def _change(self, change: Callable[[Scheduler, float], object]) -> None:
         self._post(self._line.change, change)

@@ -14,8 +14,9 @@ from gateway.line.events import EventQueue, LineEvent, PortChanged, Trace, deliv
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.forms import ANYONE, Forms
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.transaction import ALLOWANCE_S, RtuMaster, reply_within_s, request_wire_s
+from gateway.line.rtu.transaction import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
@@ -77,9 +78,6 @@ class _Once:
         return port
 
 
-ALLOWANCE_S = 0.02  # for adapters, drivers and this machine
-
-
 class Survey:
     """An open port; as a context, so that it is closed in any case. Entering raises PortError.
 
@@ -95,10 +93,10 @@ class Survey:
 
     async def __aenter__(self) -> Self:
         self._port = await self._opener()
-        trace = Trace(self._opener.name)
         self._master = RtuMaster(
-            self._port, self.timing, allowance_s=self._allowance_s, note_frame=trace.note
+            self.timing, allowance_s=self._allowance_s, note_frame=Trace(self._opener.name).note
         )
+        self._master.use(self._port)
         return self
 
     async def __aexit__(

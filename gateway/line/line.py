@@ -1,4 +1,4 @@
-"""One line's loop: the scheduler decides, `RtuMaster` keeps the timing."""
+"""One line: its port is opened and served, again and again; what is asked and said reaches it here."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
-from gateway.line.rtu.forms import ANYONE, FormChoice, Forms
+from gateway.line.rtu.forms import ANYONE, Forms
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Silent
-from gateway.line.rtu.transaction import ALLOWANCE_S, RtuMaster
+from gateway.line.rtu.transaction import ALLOWANCE_S
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.service import IDLE_WAKE_S, LineService
@@ -50,42 +51,40 @@ class Line:
     ) -> None:
         self.name = name
         self.timing = timing
-        self._steps = 0  # attempts to open, and what earlier ports were good for
-        self._opener = opener
-        self._allowance_s = allowance_s
-        self._forms = forms
-        self._choice = FormChoice()  # what is outstanding outlives the port
-        self._scheduler = Scheduler(polls, chance=random.Random(seed))
         self.events = LineEvents(name, events, Trace(name))
+        self._opener = opener
+        self._scheduler = Scheduler(polls, chance=random.Random(seed))
+        self.polls = self._scheduler.polls
         self._statistics = Statistics(partial(worst_stop_latency_s, timing=timing, allowance_s=allowance_s))
         self._recovery = PortRecovery(deaf_after_s)
+        self._master = RtuMaster(timing, allowance_s=allowance_s, note_frame=self.events.trace.note)
+        self._service = LineService(
+            master=self._master,
+            port_name=opener.name,
+            scheduler=self._scheduler,
+            statistics=self._statistics,
+            recovery=self._recovery,
+            events=self.events,
+            forms=forms,
+        )
         self._time: Callable[[], float] = lambda: -inf
-        self._service: LineService | None = None  # while the port is open
-        self._is_stopping = False
+        self._is_open = False
         self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
 
     @property
     def progress(self) -> int:
         """Return a count that grows with each transaction, idle wake-up and attempt to open."""
-        service = self._service
-        return self._steps if service is None else self._steps + service.steps
-
-    @property
-    def stretch(self) -> float:
-        """Return the factor by which all periods are stretched at present."""
-        return self._scheduler.polls.stretch
+        return self._service.steps
 
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
-        self._is_stopping = False
+        self._service.is_stopping = False
         serving = asyncio.create_task(self._serve(), name=f"line {self.name}")
         try:
             await asyncio.shield(serving)
         except asyncio.CancelledError:
-            self._is_stopping = True
-            if self._service is not None:
-                self._service.is_stopping = True
-            if self._service is None or not self._service.master.exchange.is_on_wire:
+            self._service.is_stopping = True
+            if not self._master.is_on_wire:
                 serving.cancel()
             await asyncio.wait([serving])
             raise
@@ -94,62 +93,58 @@ class Line:
         """Queue a job; without a port it ends at once, and when it waits for longer than it may."""
         if job.until_s < inf:
             asyncio.get_running_loop().call_at(job.until_s, self._expire, job)
-        if self._is_reopening:
+        if self._is_open or self._is_reopening:
             self._scheduler.jobs.submit(job, self._time())
-        elif self._service is None:
+            self._service.wake()
+        else:
             self.events.job_done(job, Silent("port closed", is_sent=False))
             self.events.flush()
-        else:
-            self._service.submit(job)
 
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
-        if self._is_reopening:
-            return self._scheduler.jobs.withdraw(job)
-        return self._service is not None and self._service.withdraw(job)
+        return self._service.withdraw(job)
 
     def _expire(self, job: Job) -> None:
         """End a job that still waits."""
-        if self._service.take_out(job) if self._service else self._scheduler.jobs.withdraw(job):
+        if self._scheduler.jobs.withdraw(job):
             self.events.job_done(job, Silent(TOO_LATE, is_sent=False))
             self.events.flush()
 
     def change(self, change: Callable[[Scheduler, float], object]) -> None:
         """Change what is asked, and how often; given the time."""
         change(self._scheduler, self._time())
-        self._wake()
+        self._service.wake()
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
-        self._scheduler.polls.forget(unit)
-        self._choice.retry_refused(unit)
+        self.polls.forget(unit)
+        self._master.forms.retry_refused(unit)
         self._statistics.forget(unit)
 
     def retry_refused(self, unit: int) -> None:
         """Ask again at once what a unit seemed to refuse, when another device answers there now."""
-        self._choice.retry_refused(unit)
-        self._wake()
+        self._master.forms.retry_refused(unit)
+        self._service.wake()
 
     def statistics(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
         statistics = self._statistics.to_dict(
-            self._scheduler.polls.asked(),
+            self.polls.asked(),
             now_s=self._time(),
             more_of=lambda unit: {
-                "state": self._scheduler.polls.unit(unit).state,
-                "late": self._choice.outstanding.came_late[unit],
+                "state": self.polls.unit(unit).state,
+                "late": self._master.forms.outstanding.came_late[unit],
             },
         )
-        state = {
-            "is_open": self._service is not None,
-            "stretch": round(self.stretch, 3),
-            "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
-        }
-        stray_bytes = self._statistics.earlier_stray_bytes
-        stray_bytes += self._service.master.strays.count if self._service else 0
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
-        uart = {} if errors is None else {"uart_errors": errors}
-        return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **statistics}
+        return {
+            "is_open": self._is_open,
+            **self.polls.statistics(self._time()),
+            "progress": self.progress,
+            "stray_bytes": self._master.strays.count,
+            **({} if errors is None else {"uart_errors": errors}),
+            **statistics,
+        }
 
     async def _serve(self) -> None:
         """Serve as long as the line runs; end every job that waits."""
@@ -163,7 +158,7 @@ class Line:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
         backoff = Backoff(REOPEN_MIN_S, REOPEN_MAX_S)
         while True:
-            self._steps += 1
+            self._service.steps += 1
             tried_s = self._time()
             try:
                 port = await self._opener()
@@ -172,7 +167,7 @@ class Line:
                 self.events.port_changed(str(error), is_open=False)
             else:
                 await self._use(port)
-            if self._is_stopping:
+            if self._service.is_stopping:
                 return
             if self._is_reopening:
                 continue
@@ -185,40 +180,31 @@ class Line:
         until_s = self._time() + pause_s
         while (left_s := until_s - self._time()) > 0:
             await asyncio.sleep(min(left_s, IDLE_WAKE_S))
-            self._steps += 1
+            self._service.steps += 1
 
     async def _use(self, port: Port) -> None:
         """Serve on an open port until it is lost or we stop; leave it closed.
 
         After a reset of ours the jobs wait for the new connection, and nothing is published of it.
         """
-        self._is_reopening = False
-        master = RtuMaster(
-            port,
-            self.timing,
-            allowance_s=self._allowance_s,
-            note_frame=self.events.trace.note,
-            forms=self._choice,
-        )
-        service = self._service = self._service_on(master)
-        self._scheduler.polls.begin(self._time())
+        self._is_open, self._is_reopening = True, False
+        self._master.use(port)
+        self.polls.begin(self._time())
         self._statistics.begin(self._time())
         self._recovery.begin()
         try:
             if self._recovery.is_deaf:
-                service.ask_all_anew()
+                self.polls.expedite_all(self._time())
             else:
                 self.events.port_changed("open", is_open=True)
-            await asyncio.create_task(service.run(), name=f"serve {self.name}")
+            await asyncio.create_task(self._service.run(), name=f"serve {self.name}")
         except PortResetError as error:
             logger.info("line=%s %s", self.name, error)
             self._is_reopening = True
         except PortLostError as error:
             self.events.port_changed(str(error), is_open=False)
         finally:
-            self._steps += service.steps
-            self._service = None
-            self._statistics.earlier_stray_bytes += master.strays.count
+            self._is_open = self._master.is_on_wire = False
             port.close()
             if not self._is_reopening:
                 self._end_jobs()
@@ -228,18 +214,3 @@ class Line:
         for job in self._scheduler.jobs.clear():
             self.events.job_done(job, Silent("port closed", is_sent=False))
         self.events.flush()
-
-    def _service_on(self, master: RtuMaster) -> LineService:
-        return LineService(
-            master,
-            port_name=self._opener.name,
-            scheduler=self._scheduler,
-            statistics=self._statistics,
-            recovery=self._recovery,
-            events=self.events,
-            forms=self._forms,
-        )
-
-    def _wake(self) -> None:
-        if self._service is not None:
-            self._service.wake()

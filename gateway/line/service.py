@@ -1,16 +1,17 @@
-"""One open port, served slot by slot: chosen while the silence runs, sent when it ends, then recorded."""
+"""An open port, served slot by slot: chosen when the silence ends, sent at once, then recorded."""
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
 from gateway.line.rtu.forms import EncodedRequest, Forms
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.statistics import Statistics
@@ -18,96 +19,58 @@ from gateway.line.statistics import Statistics
 RESET = "reset: a write was not answered in time, and must not act later"
 REPLIES_LATE = "its replies come too late: look at response_time_s, and at the family"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
-_REFUSAL_SIZE = 5  # octets [APP 7]
 GAP_WITHIN_S = 0.1  # so long a stop waits for a gap between two frames of somebody who sends without end
 
 
+@dataclass(slots=True, kw_only=True)
 class LineService:
-    """Serves a line on a port as long as it is open; belongs to the loop that `run` runs on."""
+    """Serves a line whenever its port is open; belongs to the loop that `run` runs on."""
 
-    def __init__(
-        self,
-        master: RtuMaster,
-        *,
-        port_name: str,
-        scheduler: Scheduler,
-        statistics: Statistics,
-        recovery: PortRecovery,
-        events: LineEvents,
-        forms: Forms,  # of units without polls
-    ) -> None:
-        self.master = master
-        self.is_stopping = False
-        self._port_name = port_name
-        self._scheduler = scheduler
-        self._statistics = statistics
-        self._recovery = recovery
-        self._events = events
-        self._forms = forms
-        self.steps = 0  # grows with each transaction and idle wake-up
-        self._time = asyncio.get_running_loop().time
-        self._slot: Slot | None = None  # chosen, not yet sent
-        self._sent: Slot | None = None  # with those of its jobs that still wait for the outcome
-        self._overtaking: list[Job] = []  # those that have come since, and go first
-        self._gave_way = False  # a poll, once already since the last one was sent
-        self._waker: asyncio.Future[None] | None = None
+    master: RtuMaster
+    port_name: str
+    scheduler: Scheduler
+    statistics: Statistics
+    recovery: PortRecovery
+    events: LineEvents
+    forms: Forms  # of units without polls
+    is_stopping: bool = False
+    steps: int = 0  # grows with each transaction and idle wake-up
+    _sent: Slot | None = None  # with those of its jobs that still wait for the outcome
+    _waker: asyncio.Future[None] | None = None
+    _time: Callable[[], float] = field(init=False)
 
     async def run(self) -> None:
         """Serve until asked to stop; PortLostError when the port is gone, or of no use."""
+        self._time = asyncio.get_running_loop().time
         try:
             while not self.is_stopping:
                 await self._serve()
         finally:
-            if self._slot is not None:
-                self._scheduler.put_back(self._slot)
-                self._slot = None
-            self._events.flush()
-
-    def submit(self, job: Job) -> None:
-        """Queue a job: a stop goes before whatever has been chosen, others before a poll once."""
-        self._scheduler.jobs.submit(job, self._time())
-        if job.lane <= Priority.FOLLOW_UP:
-            self._overtaking.append(job)
-        elif self._slot is not None and self._slot.poll is not None and not self._gave_way:
-            self._gave_way = True
-            self._overtaking.append(job)
-        self.wake()
+            self.events.flush()
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back that has not been sent; False when it is too late: then it is not repeated."""
         if self._sent is not None and job in self._sent.jobs:
             self._sent = self._sent.without(job)
             return False
-        return self.take_out(job)
-
-    def take_out(self, job: Job) -> bool:
-        """Take out a job that waits; False when it does not."""
-        if self._slot is not None and job in self._slot.jobs:
-            self._slot = self._slot.without(job)
-            return True
-        return self._scheduler.jobs.withdraw(job)
+        return self.scheduler.jobs.withdraw(job)
 
     def wake(self) -> None:
         """Look at the scheduler again."""
         if self._waker is not None and not self._waker.done():
             self._waker.set_result(None)
 
-    def ask_all_anew(self) -> None:
-        """Ask silent units at once: perhaps none of them could be received."""
-        self._scheduler.polls.expedite_all(self._time())
-
     async def _serve(self) -> None:
         """Do what is next: one transaction, or a wait for something to do."""
-        master = self.master
-        free_s = self._time()
-        if self._recovery.is_time_to_ask(free_s):
-            self.ask_all_anew()
-        quiet_s = master.silence.quiet_from_s()
-        self._choose()
-        noise = None if await master.silence.hush(quiet_s) else await self._settle()
-        slot = self._chosen()
+        master, free_s = self.master, self._time()
+        if self.recovery.is_time_to_ask(free_s):
+            self.scheduler.polls.expedite_all(free_s)
+        noise = await master.silence.settle(
+            is_for_stop=self.scheduler.jobs.has_stop, meanwhile=self.events.flush
+        )
+        slot = self.scheduler.pick(free_s)  # it has the line from then on, its silence included
         if slot is None:
-            await self._wait_for_work(self._scheduler.next_due_s())
+            await self._wait_for_work(self.scheduler.next_due_s())
             return
         sent = self._form_of(slot)
         self._sent = slot
@@ -119,36 +82,12 @@ class LineService:
             self._end_jobs(slot)
             raise
         if _may_act_late(slot, sent, outcome) and master.reset():
-            raise PortResetError(self._port_name, RESET)
-        was_deaf = self._recovery.is_deaf
-        if slot.unit and self._recovery.record(outcome, self._time()):
-            raise PortLostError(self._port_name, DEAF)
-        if was_deaf and not self._recovery.is_deaf:
-            self._events.port_changed("open", is_open=True)
-
-    def _choose(self) -> None:
-        """Choose what is to be sent next."""
-        self._overtaking.clear()
-        self._slot = self._scheduler.pick(self._time())
-
-    def _chosen(self) -> Slot | None:
-        """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
-        if self._slot is not None and self._overtaking:
-            self._scheduler.put_back(self._slot)
-            self._slot = None
-        if self._slot is None:
-            self._choose()
-        slot, self._slot = self._slot, None
-        return slot
-
-    async def _settle(self) -> Garbled | None:
-        """Wait until anything may be sent on a line that was not silent; Garbled when it does not become."""
-        self._events.flush()  # this may take long
-        return await self.master.silence.settle(is_for_stop=self._is_stop_waiting)
-
-    def _is_stop_waiting(self) -> bool:
-        is_chosen = self._slot is not None and self._slot.is_stop
-        return is_chosen or any(job.is_stop for job in self._overtaking)
+            raise PortResetError(self.port_name, RESET)
+        was_deaf = self.recovery.is_deaf
+        if slot.unit and self.recovery.record(outcome, self._time()):
+            raise PortLostError(self.port_name, DEAF)
+        if was_deaf and not self.recovery.is_deaf:
+            self.events.port_changed("open", is_open=True)
 
     def _form_of(self, slot: Slot) -> EncodedRequest:
         """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""
@@ -157,8 +96,8 @@ class LineService:
         if slot.is_stop or self.master.forms.outstanding.is_in_step(slot.unit):
             return wanted
         if poll is None:
-            poll = next((each.poll for each in self._scheduler.polls.unit(slot.unit).polls), None)
-        forms = self._forms if poll is None else poll.forms
+            poll = next((each.poll for each in self.scheduler.polls.unit(slot.unit).polls), None)
+        forms = self.forms if poll is None else poll.forms
         return self.master.forms.choose(wanted, forms, self._time(), is_poll=slot.poll is not None)
 
     async def _take(self, slot: Slot, sent: EncodedRequest, noise: Garbled | None) -> Outcome:
@@ -172,24 +111,21 @@ class LineService:
         if noise is not None and not slot.is_stop:
             return noise
         outcome: Outcome | None = None
-        poll = slot.poll
-        if poll is not None:
-            self._gave_way = False
         try:
             if noise is not None:
                 await self.master.silence.find_gap(GAP_WITHIN_S)
-            outcome = await self.master.exchange.send(
+            outcome = await self.master.send(
                 sent,
                 response_time_s=slot.response_time_s,
                 until_s=until_s,
-                meanwhile=self._events.flush,
+                meanwhile=self.events.flush,
             )
             if slot.lane is Priority.STOP and outcome != Silent(TOO_LATE, is_sent=False):
-                self._statistics.note_stop(slot, self.master.exchange.written_s)
+                self.statistics.note_stop(slot, self.master.written_s)
         finally:
             if outcome is None:
                 for job in slot.jobs:
-                    self._events.job_done(job, Silent("port lost", is_sent=self.master.exchange.is_on_wire))
+                    self.events.job_done(job, Silent("port lost", is_sent=self.master.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
     def _record(self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float) -> None:
@@ -199,89 +135,59 @@ class LineService:
             self._note_late_units(now_s)
         is_given_up = bool(slot.jobs) and self._sent is None
         self._sent = None
-        self._count(slot, sent, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._scheduler.record(
+        self.statistics.note(slot, outcome, took_s=took_s, now_s=now_s)
+        verdict = self.scheduler.record(
             slot, outcome, now_s, is_open=_is_open(sent, outcome), is_given_up=is_given_up
         )
         for fault in self.master.bus_faults.take_news():
-            self._events.fault(fault)
+            self.events.fault(fault)
         if verdict.is_answering is not None:
-            is_late = not verdict.is_answering and self._scheduler.polls.unit(slot.unit).is_late(now_s)
+            is_late = not verdict.is_answering and self.scheduler.polls.unit(slot.unit).is_late(now_s)
             why = Silent(REPLIES_LATE) if is_late else outcome
-            self._events.unit_changed(slot.unit, why, is_answering=verdict.is_answering)
+            self.events.unit_changed(slot.unit, why, is_answering=verdict.is_answering)
         if not verdict.is_final:
             return
         if sent.is_fence and slot.request.is_write:
             outcome = Silent(TOO_LATE, is_sent=False)  # the write itself: its unit is not in step
         for job in slot.jobs:
-            self._events.job_done(job, outcome)
+            self.events.job_done(job, outcome)
         if slot.poll is not None:
-            self._events.poll_done(slot.poll, outcome)
+            self.events.poll_done(slot.poll, outcome)
 
     def _note_late_units(self, now_s: float) -> None:
         """Record which units have answered late: they are there."""
         late_units = self.master.strays.late_units
         for unit in late_units:
-            self._scheduler.polls.unit(unit).note_late(now_s)
-            self._statistics.note_late(unit)
-            self._recovery.note_late()
+            self.scheduler.polls.note_late(unit, now_s)
+            self.statistics.note_late(unit)
+            self.recovery.note_late()
         late_units.clear()
-
-    def _count(
-        self, slot: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float, now_s: float
-    ) -> None:
-        """Count a transaction, and how long each of its parts has taken."""
-        if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:
-            self._statistics.note(slot, outcome, took_s=took_s, now_s=now_s)
-            return
-        request_s = len(sent.adu) * self.master.exchange.character_s
-        since_request_s = max(now_s - self.master.exchange.written_s - request_s, 0.0)
-        reply_s = 0.0
-        if isinstance(outcome, Answered):
-            reply_s = since_request_s - outcome.response_time_s
-        elif isinstance(outcome, Garbled):
-            reply_s = len(outcome.received) * self.master.exchange.character_s
-        elif isinstance(outcome, Refused):
-            reply_s = _REFUSAL_SIZE * self.master.exchange.character_s
-        self._statistics.note(
-            slot,
-            outcome,
-            took_s=took_s,
-            now_s=now_s,
-            request_s=request_s,
-            reply_s=reply_s,
-            since_request_s=since_request_s,
-        )
 
     def _end_jobs(self, slot: Slot) -> None:
         """End the jobs of a slot that a bug has cut off: the line begins anew without them."""
         for job in slot.jobs:
-            self._scheduler.jobs.withdraw(job)
-            self._events.job_done(job, Silent("line crashed", is_sent=True))
+            self.scheduler.jobs.withdraw(job)
+            self.events.job_done(job, Silent("line crashed", is_sent=True))
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
-        self._events.flush()
-        await self._sleep(min(until_s, self._time() + IDLE_WAKE_S))
-        self.steps += 1
-
-    async def _sleep(self, until_s: float) -> None:
-        """Let go until then, or until somebody wakes us."""
+        self.events.flush()
         loop = asyncio.get_running_loop()
         self._waker = loop.create_future()
-        timer = loop.call_at(until_s, self.wake)
+        timer = loop.call_at(min(until_s, self._time() + IDLE_WAKE_S), self.wake)
         try:
             await self._waker
         finally:
             timer.cancel()
             self._waker = None
+        self.steps += 1
 
 
 def _is_open(sent: EncodedRequest, outcome: Outcome) -> bool:
     """Return whether a slot's own request has to follow: a fence was answered, or another form refused."""
     if isinstance(outcome, Answered):
         return sent.is_fence
-    return isinstance(outcome, Refused) and (sent.is_fence or (outcome.is_lasting and not sent.is_own))
+    return isinstance(outcome, Refused) and (sent.is_fence or (outcome.is_lasting and sent.cut is not None))
 
 
 def _may_act_late(slot: Slot, sent: EncodedRequest, outcome: Outcome) -> bool:

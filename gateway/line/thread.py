@@ -167,7 +167,7 @@ class LineHost:
         return True
 
     def _hand_over(self, batch: Sequence[tuple[LineEvents, LineEvent]]) -> None:
-        self._to_app(deliver, batch, self._handle if self._on_frame is None else self._take)
+        self._to_app(deliver, batch, self._take)
 
     def _to_app(self, call: Callable[..., object], *args: object) -> None:
         if self._app is None:
@@ -239,9 +239,6 @@ class LineHost:
 
     async def _note_statistics_repeatedly(self) -> None:
         while True:
-            self._note_statistics()
+            for hosted in tuple(self._lines.values()):
+                hosted.note_statistics()
             await asyncio.sleep(STATISTICS_EVERY_S)
-
-    def _note_statistics(self) -> None:
-        for hosted in tuple(self._lines.values()):
-            hosted.note_statistics()

@@ -22,10 +22,9 @@ _COUNTED_REPLIES = frozenset(  # unit, function, byte count, that many bytes, CR
         Function.READ_DISCRETE_INPUTS,
         Function.READ_HOLDING_REGISTERS,
         Function.READ_INPUT_REGISTERS,
-        Function.READ_WRITE_REGISTERS,
     }
 )
-_FIXED_REPLIES = {
+FIXED_REPLIES = {  # the size of a frame that acknowledges a write
     Function.WRITE_COIL: 8,
     Function.WRITE_REGISTER: 8,
     Function.WRITE_COILS: 8,
@@ -78,8 +77,8 @@ def reply_adu_size(head: bytes) -> int | None:
     if function & EXCEPTION_BIT:
         _require_known(function & ~EXCEPTION_BIT)
         return _EXCEPTION_SIZE
-    if function in _FIXED_REPLIES:
-        return _FIXED_REPLIES[Function(function)]
+    if function in FIXED_REPLIES:
+        return FIXED_REPLIES[Function(function)]
     if function in _COUNTED_REPLIES:
         return _counted_size(head, 2)
     _require_known(function)
@@ -89,11 +88,6 @@ def reply_adu_size(head: bytes) -> int | None:
 def _require_known(function: int) -> None:
     if function not in _KNOWN:
         raise BadFrameError(f"function {function}")
-
-
-def _require_identification(head: bytes) -> None:
-    if len(head) > 2 and head[2] != MEI_DEVICE_IDENTIFICATION:
-        raise BadFrameError(f"MEI type {head[2]}")
 
 
 def _counted_size(head: bytes, count_at: int) -> int | None:
@@ -108,7 +102,8 @@ def _counted_size(head: bytes, count_at: int) -> int | None:
 
 def _identification_size(head: bytes) -> int | None:
     """Return the length of a reply 43/14 by walking its objects [APP 6.21]."""
-    _require_identification(head)
+    if len(head) > 2 and head[2] != MEI_DEVICE_IDENTIFICATION:
+        raise BadFrameError(f"MEI type {head[2]}")
     if len(head) <= _NUMBER_OF_OBJECTS_AT:
         return None
     at = _NUMBER_OF_OBJECTS_AT + 1

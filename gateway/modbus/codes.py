@@ -20,7 +20,6 @@ class Function(enum.IntEnum):
     WRITE_COILS = 15
     WRITE_REGISTERS = 16
     MASK_WRITE_REGISTER = 22
-    READ_WRITE_REGISTERS = 23
     ENCAPSULATED = 43
 
 

@@ -22,8 +22,6 @@ class DeviceIdentification:
     """The objects of one reply: 0 maker, 1 product code, 2 revision, and what the maker adds."""
 
     objects: dict[int, str]
-    more_follows: bool = False
-    next_object: int = 0  # where to go on when more follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +34,6 @@ class ReadDeviceIdentification:
     function: ClassVar[Function] = Function.ENCAPSULATED
     is_write: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        if self.read_code not in (*STREAM_CODES, ONE_OBJECT_CODE):
-            raise ValueError(f"read code {self.read_code} is not in 1..4")
-        if not 0 <= self.object_id <= 0xFF:
-            raise ValueError(f"object {self.object_id} is not in 0..255")
-
     def encode(self) -> bytes:
         """Return the request PDU."""
         return bytes((*self._head(), self.object_id))
@@ -53,19 +45,17 @@ class ReadDeviceIdentification:
         """
         if pdu[:3] != self._head() or len(pdu) < _HEAD_SIZE:
             raise mismatch(self, pdu)
-        more, next_object, number = pdu[4:_HEAD_SIZE]
-        objects, end = _walk(pdu, number)
-        is_foreign = self.read_code == ONE_OBJECT_CODE and objects.keys() - {self.object_id}
-        if end != len(pdu) or is_foreign:
+        objects, end = _walk(pdu, number=pdu[_HEAD_SIZE - 1])
+        if end != len(pdu):
             raise mismatch(self, pdu)
-        return DeviceIdentification(objects=objects, more_follows=more != 0, next_object=next_object)
+        return DeviceIdentification(objects)
 
     def encode_reply(self, identification: DeviceIdentification, *, conformity: int = CONFORMITY) -> bytes:
         """Return the reply PDU; ValueError when it is longer than a PDU may be."""
         objects = identification.objects
-        more = 0xFF if identification.more_follows else 0x00
-        head = (*self._head(), conformity, more, identification.next_object, len(objects))
-        pdu = bytes(head) + b"".join(_encode_object(key, text) for key, text in objects.items())
+        head = (*self._head(), conformity, 0, 0, len(objects))  # nothing more follows
+        texts = {key: text.encode("latin-1") for key, text in objects.items()}
+        pdu = bytes(head) + b"".join(bytes((key, len(text))) + text for key, text in texts.items())
         if len(pdu) > MAX_PDU_SIZE:
             raise ValueError(f"{len(pdu)} bytes of identification, a PDU holds {MAX_PDU_SIZE}")
         return pdu
@@ -76,11 +66,6 @@ class ReadDeviceIdentification:
 
     def _head(self) -> bytes:
         return bytes((self.function, MEI_DEVICE_IDENTIFICATION, self.read_code))
-
-
-def _encode_object(object_id: int, text: str) -> bytes:
-    value = text.encode("latin-1")
-    return bytes((object_id, len(value))) + value
 
 
 def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:

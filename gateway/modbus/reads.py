@@ -1,6 +1,6 @@
 """The requests that only read: coils, discrete inputs, holding and input registers [APP 6.1-6.4].
 
-Replies that consist of registers: byte count and words, high byte first [APP 4.2, 6.3, 6.4, 6.17].
+Replies that consist of registers: byte count and words, high byte first [APP 4.2, 6.3, 6.4].
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import ClassVar
 
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import (
-    Request,
     byte_count,
     check_run,
     check_words,
@@ -20,9 +19,6 @@ from gateway.modbus.pdu import (
     pack_bits,
     unpack_bits,
 )
-
-MAX_READ_BITS = 2000  # [APP 6.1, 6.2]
-MAX_READ_WORDS = 125  # [APP 6.3, 6.4]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +42,7 @@ class _ReadRun:
 
 class _ReadBits(_ReadRun):
     __slots__ = ()
-    max_count: ClassVar[int] = MAX_READ_BITS
+    max_count: ClassVar[int] = 2000  # [APP 6.1, 6.2]
 
     def decode_reply(self, pdu: bytes) -> tuple[bool, ...]:
         """Return the bits of a reply that answers exactly this request."""
@@ -68,15 +64,21 @@ class _ReadBits(_ReadRun):
 
 class _ReadWords(_ReadRun):
     __slots__ = ()
-    max_count: ClassVar[int] = MAX_READ_WORDS
+    max_count: ClassVar[int] = 125  # [APP 6.3, 6.4]
 
     def decode_reply(self, pdu: bytes) -> tuple[int, ...]:
         """Return the words of a reply that answers exactly this request."""
-        return decode_words(self, pdu, count=self.count)
+        size = 2 * self.count
+        if pdu[:2] != bytes((self.function, size)) or len(pdu) != 2 + size:
+            raise mismatch(self, pdu)
+        return struct.unpack_from(f">{self.count}H", pdu, 2)
 
     def encode_reply(self, words: Sequence[int]) -> bytes:
         """Return the reply PDU; ValueError unless it has as many words as were asked for."""
-        return encode_words(self, words, count=self.count)
+        if len(words) != self.count:
+            raise ValueError(f"{len(words)} words for a request of {self.count}")
+        check_words(words)
+        return struct.pack(f">BB{self.count}H", self.function, 2 * self.count, *words)
 
     def reply_size(self) -> int:
         """Return the length of the normal reply PDU."""
@@ -109,19 +111,3 @@ class ReadInputRegisters(_ReadWords):
     """Ask for a run of 1..125 input registers (function 0x04, [APP 6.4])."""
 
     function: ClassVar[Function] = Function.READ_INPUT_REGISTERS
-
-
-def decode_words(request: Request, pdu: bytes, *, count: int) -> tuple[int, ...]:
-    """Return the words of a reply to this request; BadReplyError unless there are exactly `count`."""
-    size = 2 * count
-    if pdu[:2] != bytes((request.function, size)) or len(pdu) != 2 + size:
-        raise mismatch(request, pdu)
-    return struct.unpack_from(f">{count}H", pdu, 2)
-
-
-def encode_words(request: Request, words: Sequence[int], *, count: int) -> bytes:
-    """Return the reply PDU to this request; ValueError unless it is given `count` words."""
-    if len(words) != count:
-        raise ValueError(f"{len(words)} words for a request of {count}")
-    check_words(words)
-    return struct.pack(f">BB{count}H", request.function, 2 * count, *words)

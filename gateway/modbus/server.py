@@ -13,10 +13,7 @@ from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegis
 from gateway.modbus.writes import (
     COIL_OFF,
     COIL_ON,
-    MAX_READ_WRITE_READ_WORDS,
-    MAX_READ_WRITE_WRITE_WORDS,
     MaskWriteRegister,
-    ReadWriteRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,
@@ -33,7 +30,6 @@ KnownRequest = (
     | WriteCoils
     | WriteRegisters
     | MaskWriteRegister
-    | ReadWriteRegisters
     | ReadDeviceIdentification
 )
 
@@ -97,16 +93,6 @@ def _mask_write_register(pdu: bytes) -> KnownRequest:
     return MaskWriteRegister(*struct.unpack_from(">HHH", pdu, 1))
 
 
-def _read_write_registers(pdu: bytes) -> KnownRequest:
-    _require(len(pdu) >= 10, "too short")
-    read_address, read_count, address, count, size = struct.unpack_from(">HHHHB", pdu, 1)
-    _require(size == 2 * count, "byte count and quantity differ")
-    _require_size(pdu, 10 + size)
-    _require_run(read_address, read_count, max_count=MAX_READ_WRITE_READ_WORDS)
-    _require_run(address, count, max_count=MAX_READ_WRITE_WRITE_WORDS)
-    return ReadWriteRegisters(read_address, read_count, address, struct.unpack_from(f">{count}H", pdu, 10))
-
-
 def _encapsulated(pdu: bytes) -> KnownRequest:
     # Another interface than 14 is a function this unit does not have [APP 6.21].
     if pdu[1:2] != bytes((MEI_DEVICE_IDENTIFICATION,)):
@@ -126,7 +112,6 @@ _DECODERS: dict[int, Callable[[bytes], KnownRequest]] = {
     Function.WRITE_COILS: _write_coils,
     Function.WRITE_REGISTERS: _write_registers,
     Function.MASK_WRITE_REGISTER: _mask_write_register,
-    Function.READ_WRITE_REGISTERS: _read_write_registers,
     Function.ENCAPSULATED: _encapsulated,
 }
 

@@ -6,9 +6,6 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, Self, cast
 
-# Left after a broadcast for the units to act: the longer end of 100..200 ms [SERIAL 2.4.1].
-BROADCAST_TURNAROUND_S = 0.2
-
 # The starters count characters of 11 bits whatever the framing, and keep the times of 19200 bit/s above it
 # (ssw06-es 5.2.5, ssw07 5.2.5, ssw900 table 2.2); the 1.75 ms of [SERIAL 2.5.1.1] are too short for them.
 _COUNTED_BITS = 11
@@ -54,8 +51,6 @@ class LineTiming:
     """The shortest silence between frames, 3.5 characters as the starters count them."""
 
     def __post_init__(self) -> None:
-        if self.baud <= 0:
-            raise ValueError(f"{self.baud} bit/s is no speed")
         object.__setattr__(self, "character_s", self.framing.character_bits / self.baud)
         bits = max(self.framing.character_bits, _COUNTED_BITS)
         silence_s = 3.5 * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)

@@ -1,10 +1,9 @@
-"""The requests that change something in a unit [APP 6.5, 6.6, 6.11, 6.12, 6.16, 6.17]."""
+"""The requests that change something in a unit [APP 6.5, 6.6, 6.11, 6.12, 6.16]."""
 
 from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,19 +15,13 @@ from gateway.modbus.pdu import (
     mismatch,
     pack_bits,
 )
-from gateway.modbus.reads import decode_words, encode_words
-
-MAX_WRITE_BITS = 1968  # [APP 6.11]
-MAX_WRITE_WORDS = 123  # [APP 6.12]
-MAX_READ_WRITE_READ_WORDS = 125  # [APP 6.17]
-MAX_READ_WRITE_WRITE_WORDS = 121  # [APP 6.17]
 
 COIL_ON = 0xFF00  # [APP 6.5]
 COIL_OFF = 0x0000
 
 
 class _Acknowledged(ABC):
-    """What the pure writes share: the reply repeats what was asked, and says nothing else."""
+    """What all writes share: the reply repeats what was asked, and says nothing else."""
 
     __slots__ = ()
     is_write: ClassVar[bool] = True
@@ -95,7 +88,7 @@ class WriteCoils(_Acknowledged):
     bits: tuple[bool, ...]
 
     function: ClassVar[Function] = Function.WRITE_COILS
-    max_count: ClassVar[int] = MAX_WRITE_BITS
+    max_count: ClassVar[int] = 1968  # [APP 6.11]
 
     def __post_init__(self) -> None:
         check_run(self.address, len(self.bits), max_count=self.max_count)
@@ -119,7 +112,7 @@ class WriteRegisters(_Acknowledged):
     words: tuple[int, ...]
 
     function: ClassVar[Function] = Function.WRITE_REGISTERS
-    max_count: ClassVar[int] = MAX_WRITE_WORDS
+    max_count: ClassVar[int] = 123  # [APP 6.12]
 
     def __post_init__(self) -> None:
         check_run(self.address, len(self.words), max_count=self.max_count)
@@ -156,39 +149,3 @@ class MaskWriteRegister(_Acknowledged):
     def apply(self, word: int) -> int:
         """Return what the register holds afterwards."""
         return (word & self.and_mask) | (self.or_mask & ~self.and_mask & 0xFFFF)
-
-
-@dataclass(frozen=True, slots=True)
-class ReadWriteRegisters:
-    """Write 1..121 holding registers, then read 1..125 (function 0x17, [APP 6.17])."""
-
-    read_address: int
-    read_count: int
-    write_address: int
-    words: tuple[int, ...]
-
-    function: ClassVar[Function] = Function.READ_WRITE_REGISTERS
-    is_write: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        check_run(self.read_address, self.read_count, max_count=MAX_READ_WRITE_READ_WORDS)
-        check_run(self.write_address, len(self.words), max_count=MAX_READ_WRITE_WRITE_WORDS)
-        check_words(self.words)
-
-    def encode(self) -> bytes:
-        """Return the request PDU."""
-        count = len(self.words)
-        read = struct.pack(">BHH", self.function, self.read_address, self.read_count)
-        return read + struct.pack(f">HHB{count}H", self.write_address, count, 2 * count, *self.words)
-
-    def decode_reply(self, pdu: bytes) -> tuple[int, ...]:
-        """Return the words of a reply that answers exactly this request."""
-        return decode_words(self, pdu, count=self.read_count)
-
-    def encode_reply(self, words: Sequence[int]) -> bytes:
-        """Return the reply PDU; ValueError unless it has as many words as were asked for."""
-        return encode_words(self, words, count=self.read_count)
-
-    def reply_size(self) -> int:
-        """Return the length of the normal reply PDU."""
-        return 2 + 2 * self.read_count

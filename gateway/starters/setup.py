@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass
 from math import inf
 
-from gateway.families import Identity, Profile, Variant, once_per_profile, other_reads, reading
+from gateway.families import Identity, Profile, Variant, diagnosis, once_per_profile, other_reads, reading
 from gateway.line import ALLOWANCE_S, Forms, LineClient, Outcome, Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -82,7 +82,7 @@ def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
 @once_per_profile
 def forms_of(profile: Profile) -> Forms:
     """Return what else can be asked of the starters of a family, for their line."""
-    return Forms(*other_reads(profile))
+    return Forms(*other_reads(profile), diagnosis.decision_reads(profile))
 
 
 def ask(

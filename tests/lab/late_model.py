@@ -1,9 +1,10 @@
 """Random lines whose replies come late, never or wrong, but in order; an oracle knows what answers what.
 
 `python -m tests.lab.late_model --seeds 1-20 --requests 100000 --late-s 1 --units 8 --mix` asks so often for
-every seed; `--ordered-over-all` is a serial server, `--table` prints status ages. The gateway is entered by
-the door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and
-the frames that the line itself reports, in their order, pair an answer with its request.
+every seed; `--ordered-over-all` is a serial server, `--table` prints status ages, beside those of the same
+gateway with an oracle, which gets no reply but that to the request under way. The gateway is entered by the
+door of `gateway.line`: each word differs from request to request, so that an older one cannot hide, and the
+frames that the line itself reports, in their order, pair an answer with its request.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ import itertools
 import random
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
+from unittest.mock import patch
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line import Answered, LineHost, Poll, PollResult, Priority, Refused
+from gateway.line.rtu.outstanding import Outstanding
 from gateway.modbus.adu import crc16, encode
 from gateway.modbus.codes import Function
 from gateway.modbus.reads import ReadCoils
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.modbus.writes import WriteRegister
+from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.bus.faults import Reply
 from gateway.starters.setup import StarterSetup, polls_of
 from tests.rig.world import RigLoop
@@ -38,6 +42,7 @@ STATUS = 5001  # the word whose bits are the first coils (ssw07 5.3.2)
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 LIMIT_S = 0.1  # from then on a reply is late
 WRITE_EVERY_S = 1.0  # on a line
+STOPS = (WriteCoil(100, is_on=False), WriteCoil(102, is_on=False))  # which are sent out of step, too
 WARM_S = 5.0  # by then all units have been asked
 USUAL = (0.05, 0.03, 0.01, 0.02, 0.01)  # shares of `InOrder.KINDS` where nothing else is said
 MOST = 0.1  # of each kind, where the shares are mixed by chance
@@ -45,13 +50,15 @@ MOST = 0.1  # of each kind, where the shares are mixed by chance
 
 @dataclass(frozen=True)
 class WayFaults:
-    """WayFaults of replies, and how much later than its time a late one comes at most."""
+    """Shares of replies, and how much later than its time a late one comes at most."""
 
     late_s: float
     shares: tuple[float, ...] = USUAL
-    changes: float = 1.0  # the share of the requests before which all values change
     is_mixed: bool = False  # each way has shares by chance
     is_ordered_over_all: bool = False
+    has_oracle: bool = (
+        False  # the gateway is: it gets only the reply to the request under way, and lists nothing
+    )
 
     def of_way(self, dice: random.Random) -> InOrder:
         shares = [dice.uniform(0.0, MOST) for _ in USUAL] if self.is_mixed else self.shares
@@ -63,15 +70,16 @@ class OrderTally:
     """Counts of a line; times are the longest of all its units, in seconds."""
 
     requests: int = 0
-    answers: int = 0
+    polls: int = 0
+    answers: int = 0  # to polls
     wrong_values: int = 0
     wrong_refusals: int = 0
     wrong_acknowledgements: int = 0
     unanswered_s: float = 0.0
     unasked_s: float = 0.0
     status_age_s: float = 0.0
-    oracle_age_s: float = 0.0
-    beyond_oracle_s: float = 0.0  # so much older than the oracle's was a status
+    oracle_age_s: float = 0.0  # of a status to one who knows which request each reply answers
+    above_oracle_s: float = 0.0  # the longest age of some row, above the oracle's longest of that row
     ages_s: list[float] = field(default_factory=list, repr=False)  # of a status, when the next one came
 
     @property
@@ -93,7 +101,7 @@ class Asked:
     at_s: float
     reading: int  # a number that follows from each of its values
     is_refused: bool = False
-    was_in_time: bool = False  # its reply came whole while it was the request under way
+    was_in_time: bool = False  # its reply came whole, and before the line gave it up
 
 
 class OrderedLine:
@@ -107,6 +115,7 @@ class OrderedLine:
         self._faults, self._dice = faults, dice
         self._arrivals: list[tuple[float, int, bytes]] = []
         self._ways: dict[int, tuple[InOrder, float]] = {}  # and its share of requests dropped while busy
+        self._given_up_s = inf  # when the request under way is: the first read behind it lasts so long
 
     async def __call__(self) -> OrderedLine:
         return self
@@ -115,9 +124,10 @@ class OrderedLine:
 
     def write(self, frame: bytes) -> None:
         dice, unit, now_s = self._dice, frame[0], asyncio.get_running_loop().time()
-        number, reading = len(self.asked), self.asked[-1].reading + (dice.random() < self._faults.changes)
-        asked = Asked(unit, decode_request(frame[1:-2]), now_s, reading)
+        number = len(self.asked)
+        asked = Asked(unit, decode_request(frame[1:-2]), now_s, reading=number)
         self.asked.append(asked)
+        self._given_up_s = inf
         place = 0 if self._faults.is_ordered_over_all else unit
         if place not in self._ways:
             self._ways[place] = self._faults.of_way(dice), dice.choice((0.0, 0.5, 1.0))
@@ -132,10 +142,15 @@ class OrderedLine:
 
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
         loop, received = asyncio.get_running_loop(), b""
+        if self._given_up_s == inf:
+            self._given_up_s = until_s
         while True:
             while self._arrivals and self._arrivals[0][0] <= loop.time():
                 self.last_byte_s, number, chunk = heapq.heappop(self._arrivals)
-                self.asked[number].was_in_time = number == len(self.asked) - 1 and not crc16(chunk)
+                if self._faults.has_oracle and number != len(self.asked) - 1:
+                    continue
+                is_under_way = number == len(self.asked) - 1 and self.last_byte_s <= self._given_up_s
+                self.asked[number].was_in_time = is_under_way and not crc16(chunk)
                 received += chunk
             if len(received) >= count or loop.time() >= until_s:
                 return received
@@ -147,7 +162,7 @@ class OrderedLine:
 
 def _reply(asked: Asked) -> Any:
     if asked.request.is_write:
-        return asked.request.encode()  # function 6
+        return asked.request.encode()  # functions 5 and 6
     return asked.request.encode_reply(value_of(asked, asked.request))
 
 
@@ -165,20 +180,23 @@ def _word(asked: Asked, at: int) -> int:
 
 @dataclass(slots=True)
 class Unit:
-    """When a unit was asked, and when the status was asked for that gateway and oracle believe."""
+    """When a unit was asked last, and when the request was sent that it answered last."""
 
-    status: Any  # the request that reads it
     asked_s: float
     answered_s: float
-    believed_s: float
-    oracle_s: float
 
-    def is_status(self, read: Any) -> Any:
-        """Return whether a read, or the read of a word's bits, covers the status."""
-        if read.function != self.status.function:
-            return read.function == Function.READ_COILS and self.status.count == 1
-        first, end = self.status.address, self.status.address + self.status.count
-        return read.address <= first and end <= read.address + read.count
+
+class Status:
+    """A row that decides the state: when it was asked for that gateway and oracle believe."""
+
+    def __init__(self, poll: Poll, now_s: float) -> None:
+        self.believed_s = self.oracle_s = now_s
+        self.longest_s = self.oracle_longest_s = 0.0
+        self._forms = {poll.request, *(read for read, _ in poll.forms.alternates_of(poll.request))}
+
+    def is_read_by(self, request: Any) -> bool:
+        """Return whether a request reads this row: a fence is no reading, whatever registers it names."""
+        return request in self._forms
 
 
 class OracleJudge:
@@ -191,7 +209,8 @@ class OracleJudge:
         self._polls = {poll.key: poll for poll in polls}
         now_s = asyncio.get_running_loop().time()
         self._warm_s = now_s + WARM_S
-        self._units = {p.unit: Unit(p.request, *[now_s] * 4) for p in polls if p.group == "status"}
+        self._units = {poll.unit: Unit(now_s, now_s) for poll in polls}
+        self._rows = {poll.key: Status(poll, now_s) for poll in polls if poll.group == "status"}
 
     def frame(self, _line: str, _at_s: float, direction: str, frame: bytes) -> None:
         """See whether this is a request, as the first frame is: then the reply to the one before is known."""
@@ -200,38 +219,42 @@ class OracleJudge:
             return
         known = self.tally.requests
         at_s = self._line.asked[known + 1].at_s
-        asked, unit = self._line.asked[known], self._units.get(self._line.asked[known].unit)
-        if unit and asked.was_in_time and not asked.is_refused and unit.is_status(asked.request):
-            self._longest("oracle_age_s", asked.at_s - unit.oracle_s)
-            unit.oracle_s = asked.at_s
-            self._longest("beyond_oracle_s", asked.at_s - unit.believed_s)
-        unit = self._units[frame[0]]
+        asked, unit = self._line.asked[known], self._units[frame[0]]
+        for key, row in self._rows.items():
+            is_known = asked.was_in_time and not asked.is_refused and self._polls[key].unit == asked.unit
+            if is_known and row.is_read_by(asked.request):
+                row.oracle_s = asked.at_s
+            if self._polls[key].unit == frame[0] and at_s > self._warm_s:
+                row.longest_s = max(row.longest_s, at_s - row.believed_s)
+                row.oracle_longest_s = max(row.oracle_longest_s, at_s - row.oracle_s)
         self._longest("unasked_s", at_s - unit.asked_s)
         self._longest("unanswered_s", at_s - unit.answered_s)
-        self._longest("status_age_s", at_s - unit.believed_s)
         unit.asked_s = at_s
         self.tally.requests += 1
         if self.tally.requests == self._requests:
+            rows = self._rows.values()
+            self.tally.status_age_s = max(row.longest_s for row in rows)
+            self.tally.oracle_age_s = max(row.oracle_longest_s for row in rows)
+            self.tally.above_oracle_s = max(row.longest_s - row.oracle_longest_s for row in rows)
             self.done.set()
 
     def event(self, event: Any) -> None:
         """Compare a poll's answer with the reply to the request under way."""
-        if not isinstance(event, PollResult) or not isinstance(event.outcome, Answered | Refused):
+        if not isinstance(event, PollResult):
             return
-        asked, poll, unit = (
-            self._line.asked[self.tally.requests],
-            self._polls[event.key],
-            self._units[event.unit],
-        )
+        self.tally.polls += 1
+        if not isinstance(event.outcome, Answered | Refused):
+            return
+        asked, poll = self._line.asked[self.tally.requests], self._polls[event.key]
         self.tally.answers += 1
-        unit.answered_s = asked.at_s
+        self._units[event.unit].answered_s = asked.at_s
         if isinstance(event.outcome, Refused):
             self.tally.wrong_refusals += not (asked.was_in_time and asked.is_refused)
         elif tuple(event.outcome.value) != value_of(asked, poll.request) or asked.unit != event.unit:
             self.tally.wrong_values += 1
-        elif poll.group == "status":
-            self.tally.ages_s.append(asked.at_s - unit.believed_s)
-            unit.believed_s = asked.at_s
+        elif row := self._rows.get(event.key):
+            self.tally.ages_s.append(asked.at_s - row.believed_s)
+            row.believed_s = asked.at_s
 
     def _longest(self, name: str, seconds: float) -> None:
         if self._line.asked[-1].at_s > self._warm_s:
@@ -253,37 +276,36 @@ async def ask(faults: WayFaults, *, seed: int, requests: int, units: int, every_
     await host.start()
     while not judge.done.is_set():
         await asyncio.sleep(dice.expovariate(1 / WRITE_EVERY_S))
-        write, unit = WriteRegister(3, dice.randrange(2)), dice.randint(1, units)
-        outcome = await client.transact(unit, write, response_time_s=LIMIT_S, lane=Priority.COMMAND)
-        asked = next(asked for asked in reversed(line.asked) if asked.request.is_write)
-        if isinstance(outcome, Answered) and (asked.is_refused or not asked.was_in_time):
-            judge.tally.wrong_acknowledgements += 1
+        lane, unit = dice.choice((Priority.COMMAND, Priority.STOP)), dice.randint(1, units)
+        write = WriteRegister(3, dice.randrange(2)) if lane is Priority.COMMAND else dice.choice(STOPS)
+        outcome = await client.transact(unit, write, response_time_s=LIMIT_S, lane=lane)
+        if isinstance(outcome, Answered):
+            asked = next(asked for asked in reversed(line.asked) if asked.request.is_write)
+            judge.tally.wrong_acknowledgements += asked.is_refused or not asked.was_in_time
     await host.stop()
     return judge.tally
 
 
 def run(faults: WayFaults, **what: Any) -> OrderTally:
     """Do the same in virtual time."""
-    with asyncio.Runner(loop_factory=RigLoop) as runner:
+    lists = patch.object(Outstanding, "add") if faults.has_oracle else nullcontext()
+    with lists, asyncio.Runner(loop_factory=RigLoop) as runner:
         return runner.run(ask(faults, **what))
 
 
 def table(late_s: float, **what: Any) -> Iterator[str]:
     """Return the rows of the table of status ages."""
-    yield "| starters | faults | changes | answers | age, 99.9 % | longest | oracle's | beyond it |"
+    yield "| starters | faults | answered | age, 99.9 % | longest | oracle: answered | 99.9 % | longest |"
     yield "|---|---|---|---|---|---|---|---|"
-    lines = itertools.product((1, 8), (1.0, 0.05), ((0, 0), (0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0)))
-    for units, changes, (late, lost) in lines:
-        found = run(WayFaults(late_s, (late, lost, 0, 0, 0), changes), seed=1, units=units, **what)
-        words = f"{lost:.0%} lost" if lost else f"{late:.0%} late up to {late_s:g} s" if late else "none"
-        cells = (units, words, f"{changes:.0%}", f"{found.answers / found.requests:.1%}")
-        times_s = (
-            sorted(found.ages_s)[len(found.ages_s) * 999 // 1000],
-            found.status_age_s,
-            found.oracle_age_s,
-        )
-        times = [f"{seconds:.2f} s" for seconds in (*times_s, found.beyond_oracle_s)]
-        yield f"| {' | '.join(map(str, (*cells, *times)))} |"
+    for units, (late, lost) in itertools.product((1, 8), ((0, 0.01), (0, 0.05), (0.01, 0), (0.05, 0))):
+        cells = [str(units), f"{lost:.0%} lost" if lost else f"{late:.0%} late up to {late_s:g} s"]
+        for has_oracle in (False, True):
+            faults = WayFaults(late_s, (late, lost, 0, 0, 0), has_oracle=has_oracle)
+            found = run(faults, seed=1, units=units, **what)
+            quantile_s = sorted(found.ages_s)[len(found.ages_s) * 999 // 1000]
+            cells.append(f"{found.answers / found.polls:.1%}")
+            cells += [f"{age:.1f} s" for age in (quantile_s, found.status_age_s)]
+        yield f"| {' | '.join(cells)} |"
 
 
 def main() -> None:

@@ -14,8 +14,8 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.events import LineEvent, PollResult, PortChanged, Trace, UnitChanged
 from gateway.line.line import Line
 from gateway.line.rtu.forms import ANYONE, Alternate, Forms
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
@@ -168,7 +168,9 @@ def words_of(request: ReadHoldingRegisters) -> tuple[int, ...]:
 
 
 def master(port: FakePort) -> RtuMaster:
-    return RtuMaster(port, port.timing, note_frame=Trace("line").note)
+    made = RtuMaster(port.timing, note_frame=Trace("line").note)
+    made.use(port)
+    return made
 
 
 async def ask(port: FakePort, request: Request, unit: int = 1) -> Outcome:

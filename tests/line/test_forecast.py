@@ -7,10 +7,15 @@ from math import inf
 
 import pytest
 
+from gateway.families.diagnosis import decision_reads
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.capacity.line_forecast import forecast
+from gateway.line.rtu.transaction import longest_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.starters.setup import StarterSetup, polls_of
 from tests.line.ideal_line import IdealLine, cost_s
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
@@ -40,6 +45,17 @@ def test_all_periods_of_an_over_full_line_are_stretched_by_one_factor() -> None:
     assert prospect.factor == pytest.approx(prospect.load)
     for each in polls:
         assert seen[each.key] == pytest.approx(prospect.factor * each.every_s, rel=0.05)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stop_waits_no_longer_for_what_commands_read_than_is_forecast(family: str) -> None:
+    setup = StarterSetup("x", "x", 1, load_profile(family), Variant(), timing=TIMING)
+
+    prospect = forecast(polls_of(setup), TIMING)
+
+    for read in decision_reads(setup.profile):
+        taken_s = longest_s(read, TIMING, response_time_s=setup.response_time_of(read))
+        assert taken_s + TIMING.silence_s <= prospect.stop_latency_s
 
 
 def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:

@@ -9,13 +9,11 @@ import random
 import pytest
 
 from gateway.line.line import REOPEN_MAX_S, REOPEN_MIN_S
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
-from gateway.line.rtu.silence import STOP_PATIENCE_S
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Job, Priority
-from gateway.line.service import GAP_WITHIN_S
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, no_reply, poll
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Units, no_reply, poll
 from tests.virtual_time import run_virtually
 
 WRITE, STOP, READ = WriteRegister(5003, 1), WriteRegister(5003, 0), ReadHoldingRegisters(0, 10)
@@ -87,41 +85,6 @@ def test_a_job_whose_time_is_over_when_its_slot_comes_is_never_sent() -> None:
     assert too_late == Silent(TOO_LATE, is_sent=False)
     assert isinstance(in_time, Answered)
     assert functions(rig).count(6) == 1
-
-
-@pytest.mark.parametrize("after_s", [0.0, 0.4, 0.9])
-def test_a_stop_goes_out_over_bytes_without_end_after_a_bounded_wait(after_s: float) -> None:
-    async def scenario() -> tuple[float, Outcome, Outcome]:
-        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
-            await asyncio.sleep(1.0)
-            rig.port.may_be_disturbed = True
-            rig.port.say(Said(b"\x55" * int(3.0 / TIMING.character_s), 0.0, in_chunks_of=1))
-            await asyncio.sleep(0.05 + after_s)
-            command = asyncio.create_task(rig.transact(1, WRITE))
-            asked_s = asyncio.get_running_loop().time()
-            outcome = await rig.transact(1, STOP, Priority.STOP)
-            return rig.port.sent[-1][0] - asked_s, outcome, await command
-
-    waited_s, outcome, other = run_virtually(scenario())
-
-    assert waited_s <= STOP_PATIENCE_S + GAP_WITHIN_S + 0.05
-    assert isinstance(outcome, Garbled)
-    assert outcome.is_over_babble
-    assert not other.is_sent  # nothing but a stop
-
-
-def test_stops_are_as_many_over_bytes_without_end_as_without_them() -> None:
-    async def scenario() -> int:
-        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
-            await asyncio.sleep(1.0)
-            rig.port.may_be_disturbed = True
-            rig.port.say(Said(b"\x55" * int(11.0 / TIMING.character_s), 0.0, in_chunks_of=1))
-            for _ in range(20):
-                rig.client.transact(1, STOP, response_time_s=0.01, lane=Priority.FOLLOW_UP)
-                await asyncio.sleep(0.5)
-            return functions(rig).count(6)
-
-    assert run_virtually(scenario()) == 20
 
 
 def test_a_line_that_ends_lets_the_transaction_under_way_end_and_sends_no_more() -> None:

@@ -5,12 +5,12 @@ Given are polls: `a/2@60w10` is poll a of unit 2 with a period of 60 s and a wat
 | step | at that second |
 |---|---|
 | `3 a`, `3 -`, `3 ?` | a is chosen, and answered; nothing is due; anything is chosen, and answered |
-| `3 a silent`, `garbled`, `unsent`, `open`, `broadcast` | its outcome |
+| `3 a silent`, `garbled`, `unsent`, `open` | its outcome |
 | `3 a silent again`, `back`, `lost` | it is to be sent again; its unit is back, is lost |
-| `3 a held` | it is chosen and put back; `gone`: a is removed while it is under way |
+| `3 a gone` | it is chosen and answered, and removed meanwhile |
 | `3 +x:stop/2` | job x of unit 2 comes; `~`: a read |
 | `3 every a 5`, `3 hurry a`, `3 hurry` (all), `3 add b`, `remove a`, `forget 1` | |
-| `3 begin`, `watchdog 1 8`, `3 expect 1 5` | |
+| `3 begin`, `watchdog 1 8`, `3 expect 1 5`, `3 late 1` | |
 | `due 3`, `asked a b`, `state 1 silent`, `withdraw x`, `clear x y` | what is so |
 """
 
@@ -29,7 +29,6 @@ OUTCOMES: dict[str, Outcome] = {
     "silent": Silent(),
     "garbled": GARBLED,
     "unsent": Garbled("noise", b"", is_sent=False),
-    "broadcast": Silent("broadcast"),
 }
 
 
@@ -87,6 +86,8 @@ class Steps:
                 polls.add(poll_of(words), float(at))
             case _, ["expect", unit, until]:
                 polls.unit(int(unit)).expect_silence(float(until))
+            case at, ["late", unit]:
+                polls.note_late(int(unit), float(at))
             case at, [words] if words.startswith("+"):
                 name, _, lane = words[1:].partition(":")
                 request = READ if lane.endswith("~") else WRITE
@@ -101,9 +102,7 @@ class Steps:
         assert expected in ("?", self.name(slot))
         if "gone" in said:
             self.scheduler.polls.remove(expected)
-        if slot is not None and "held" in said:
-            self.scheduler.put_back(slot)
-        elif slot is not None:
+        if slot is not None:
             outcome = next((OUTCOMES[word] for word in said if word in OUTCOMES), ANSWERED)
             verdict = self.scheduler.record(slot, outcome, now_s, is_open="open" in said)
             if "gone" not in said:
@@ -141,20 +140,14 @@ POLLS = {
         "a b",
         "0 a open again, 0.1 a open again, 0.2 a open again, state 1 answering,0.3 a, 0.3 b, 0.9 -, 1 a, 1 b",
     ),
-    "an open poll that is put back is asked once more, and a removed one is not": (
-        "a b",
-        "0 a open again, 0 a held, 0 a, 0 b, 0.3 -, 1 a, 1 b open again, remove b, 2.1 a, 2.1 -",
-    ),
+    "an open poll that is removed is not asked once more": ("a b", "0 a, 0 b open again, remove b, 1 a, 1 -"),
     "what was not sent for noise is not repeated at once": ("a", "0 a unsent, 0 -"),
-    "a removed poll that is put back stays removed": ("a", "0 a gone held, due inf"),
+    "a poll that is removed while it is under way stays removed": ("a", "0 a gone garbled, due inf"),
     "a poll that is removed before its repetition is not repeated": (
         "a b",
         "0 a garbled again, remove a, 0.1 b",
     ),
-    "what was expedited keeps its hurry when it is put back, and comes once": (
-        "a@10 b@10",
-        "0 a, 0 b, 3 hurry b, 3 hurry b, 3 b held, 3 hurry a, 3 b, 3 a, 3 -",
-    ),
+    "what was expedited twice comes once": ("a@10 b@10", "0 a, 0 b, 3 hurry b, 3 hurry b, 3 b, 3 -"),
 }
 
 JOBS = {
@@ -196,10 +189,6 @@ JOBS = {
         "0 +r:read_back~, 0 +o:read_back~, 0 r garbled again, 0 r garbled, 0 o",
     ),
     "a garbled write is never repeated": ("", "0 +w:command, 0 w garbled, 0 -"),
-    "what is put back comes first among those of its kind": (
-        "a b/2",
-        "0 a held, 0 +x:identity, 0 +y:identity/2, 0 a, 0 b, 0 x held, 0 x, 0 y, 0.1 -",
-    ),
     "a stop that has waited for long is sent for later ones of its unit only": (
         "",
         "0 +x:stop, 0.2 +y:stop, 0.2 +z:stop/2, 0.2 x+y, 0.2 z, 0.2 -",
@@ -222,9 +211,13 @@ SILENT_UNITS = {
         "a b c/2",
         "0 a silent, 0 c, 0 b silent, state 1 silent, asked a c, 0.9 -, 1 c, 1 a, asked a b c, 1 b",
     ),
-    "an open answer to a probe brings its unit back, and the probe is asked once more": (
-        "a b",
-        "0 a silent, 0 b silent, state 1 silent, 1 a open again back, 1 a, 1 b, 1 -",
+    "an open answer to a probe brings its unit back, and the probe is asked once more, before all others": (
+        "a b c/2 d/3",
+        "0 a silent, 0 c, 0 d, 0 b silent, state 1 silent, 1 c, 1 a open again back, 1 a, 1 d, 1 b, 1 -",
+    ),
+    "a late reply of a silent unit ends its back-off": (
+        "a",
+        "0 a back, 1 a silent, 2 a silent, 4 a silent, due 8, 5 late 1, due 6, 6 a",
     ),
     "an answered job brings a silent unit back too": (
         "a b",
@@ -253,7 +246,6 @@ SILENT_UNITS = {
         "a",
         "0 a silent, 1 a silent, remove a, forget 1, 2 add b, state 1 new, 2 b back",
     ),
-    "a broadcast says nothing of any unit": ("", "0 +w:command/0, 0 w broadcast, state 0 new"),
     "an expected silence ends, and then misses count": (
         "a b",
         "0 expect 1 2, 0 a silent, 1 ? silent, 2 ? silent, 3 ? silent, state 1 silent",
@@ -296,11 +288,11 @@ WATCHDOGS = {
         "0 a, due 5, 4.9 -, 5 a",
     ),
     "any request that a unit answered counts": ("a@60w10", "0 a, 4 +r:read_back, 4 r, 8.9 -, 9 a"),
-    "a broadcast counts for no unit": ("a@60w10", "0 a, 4 +w:command/0, 4 w broadcast, 5 a"),
     "a watchdog goes before commands and after stops": (
         "a@60w10",
         "0 a, 5 +C:command/99, 5 +S:stop/99, 5 S, 5 a, 5 C",
     ),
+    "a line begins with the shortest watchdogs": ("a@60w9 b/2@60 c/3@60w3", "0 c, 0 a, 0 b"),
     "the earliest deadline comes first": ("a@60w20 b/2@60w10", "0 ?, 0 ?, 11 b, 11 a, 11 -"),
     "starters that are added later go before no watchdog that is running": (
         "a@60w10",
@@ -334,7 +326,6 @@ WATCHDOGS = {
         "a@1w10",
         "0 a silent, 1 a silent, 2 a silent, 3.25 a silent, due 4.5",
     ),
-    "a slot that is put back stays urgent": ("a@60w10 b/2@60", "0 a, 0 b, 5 a held, 5 a, 5.3 -"),
 }
 
 TABLES = {**POLLS, **JOBS, **SILENT_UNITS, **WATCHDOGS}

@@ -7,13 +7,13 @@ import pytest
 
 from gateway.line.events import Trace
 from gateway.line.rtu.forms import EncodedRequest
+from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.silence import BABBLE_LIMIT_S
-from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import (
     DELAY_S,
@@ -93,21 +93,6 @@ def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) ->
     assert outcome.is_sent
 
 
-def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() -> None:
-    async def scenario(size: int | None) -> tuple[Outcome, int]:
-        line = master(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
-        outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        await asyncio.sleep(0.01)
-        await line.silence.settle()
-        assert port.last_byte_s > 0
-        return outcome, line.strays.count
-
-    for size in (None, 1, 2):
-        outcome, stray_bytes = run_virtually(scenario(size))
-        assert isinstance(outcome, Answered)
-        assert stray_bytes == 2
-
-
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
 @pytest.mark.parametrize("size", [None, 1])
 def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | None) -> None:
@@ -168,6 +153,20 @@ def test_an_echoing_adapter_is_seen_through(size: int | None) -> None:
     assert isinstance(read_again, Answered)
 
 
+def test_the_echo_that_was_found_is_no_acknowledgement_when_the_port_was_opened_again() -> None:
+    def only_echo(frame: bytes) -> list[Said]:
+        return [Said(frame, -TIMING.wire_s(len(frame)))]
+
+    async def scenario() -> Outcome:
+        units = Units({1})
+        line = master(FakePort(lambda frame: [*only_echo(frame), *units(frame)]))
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        line.use(FakePort(only_echo))
+        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
+
+    assert run_virtually(scenario()) == Silent()
+
+
 def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
     async def scenario() -> Outcome:
         units = Units({1})
@@ -179,20 +178,6 @@ def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
         return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
 
     assert isinstance(run_virtually(scenario()), Answered)
-
-
-def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> None:
-    async def scenario() -> tuple[Outcome, FakePort, Outcome]:
-        port = FakePort(lambda frame: [Said(b"\xff")] if frame[0] == 0 else [Said(REPLY)])
-        line = master(port)
-        broadcast = await line.transact(0, WriteRegister(1, 2), response_time_s=RESPONSE_TIME_S)
-        return broadcast, port, await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-
-    broadcast, port, after = run_virtually(scenario())
-
-    assert broadcast == Silent("broadcast")
-    assert port.sent[1][0] - port.sent[0][0] >= BROADCAST_TURNAROUND_S
-    assert isinstance(after, Answered)
 
 
 class HoldingPort(FakePort):
@@ -211,13 +196,12 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     async def scenario() -> tuple[Outcome, bool, int]:
         port = HoldingPort(lambda frame: [Said(REPLY)])
         loop = asyncio.get_running_loop()
-        line = RtuMaster(
-            port, TIMING, note_frame=Trace("line").note, time=lambda: loop.time() + port.stopped_s
-        )
+        line = RtuMaster(TIMING, note_frame=Trace("line").note)
+        line.use(port, time=lambda: loop.time() + port.stopped_s)
         await asyncio.sleep(0.1)
         encoded = EncodedRequest.of(1, READ)
-        outcome = await line.exchange.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
-        return outcome, line.exchange.is_on_wire, len(port.sent)
+        outcome = await line.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        return outcome, line.is_on_wire, len(port.sent)
 
     outcome, is_on_wire, count = run_virtually(scenario())
 

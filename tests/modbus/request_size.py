@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from gateway.errors import BadFrameError
 from gateway.modbus import adu
-from gateway.modbus.codes import Function
+from gateway.modbus.codes import MEI_DEVICE_IDENTIFICATION, Function
 
 _FIXED_REQUESTS = {
     Function.READ_COILS: 8,
@@ -18,7 +19,6 @@ _FIXED_REQUESTS = {
 _COUNTED_REQUESTS = {  # where the byte count stands
     Function.WRITE_COILS: 6,
     Function.WRITE_REGISTERS: 6,
-    Function.READ_WRITE_REGISTERS: 10,
 }
 
 
@@ -31,8 +31,8 @@ def request_adu_size(head: bytes) -> int | None:
         return None
     adu._require_known(head[1])
     function = Function(head[1])
-    if function == Function.ENCAPSULATED:
-        adu._require_identification(head)
+    if function == Function.ENCAPSULATED and len(head) > 2 and head[2] != MEI_DEVICE_IDENTIFICATION:
+        raise BadFrameError(f"MEI type {head[2]}")
     if function in _COUNTED_REQUESTS:
         return adu._counted_size(head, _COUNTED_REQUESTS[function])
     return _FIXED_REQUESTS[function]

@@ -11,7 +11,6 @@ from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegis
 from gateway.modbus.server import KnownRequest
 from gateway.modbus.writes import (
     MaskWriteRegister,
-    ReadWriteRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,
@@ -29,10 +28,9 @@ CLASSES: dict[int, Any] = {
     15: WriteCoils,
     16: WriteRegisters,
     22: MaskWriteRegister,
-    23: ReadWriteRegisters,
     43: ReadDeviceIdentification,
 }
-MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123, 23: 125}  # [APP 6]
+MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}  # [APP 6]
 
 
 def fc(function: int, *arguments: Any) -> KnownRequest:
@@ -54,9 +52,6 @@ def random_request(rng: Rng, function: int | None = None) -> KnownRequest:
         case 16:
             start, count = _run(rng, MOST[number])
             return fc(number, start, _words(rng, count))
-        case 23:
-            start, count = _run(rng, 121)
-            return fc(number, *_run(rng, MOST[number]), start, _words(rng, count))
         case 43:
             return fc(number, rng.randint(1, 4), rng.randrange(256))
         case _:
@@ -70,8 +65,6 @@ def random_value(rng: Rng, request: KnownRequest) -> Any:
             return _bits(rng, request.count)
         case ReadHoldingRegisters() | ReadInputRegisters():
             return _words(rng, request.count)
-        case ReadWriteRegisters():
-            return _words(rng, request.read_count)
         case ReadDeviceIdentification():
             return _identification(rng, request)
         case _:
@@ -115,4 +108,4 @@ def _identification(rng: Rng, request: ReadDeviceIdentification) -> DeviceIdenti
     if request.read_code == ONE_OBJECT_CODE:
         return DeviceIdentification({request.object_id: text()})
     keys = rng.sample(range(256), rng.randint(0, 4))
-    return DeviceIdentification({key: text() for key in keys}, rng.random() < 0.3, rng.randrange(256))
+    return DeviceIdentification({key: text() for key in keys})

@@ -49,7 +49,7 @@ def test_no_frame_is_encoded_for_a_reserved_unit_or_an_impossible_length(
         adu.encode(unit, bytes(size))
 
 
-COUNTED = (1, 2, 3, 4, 23)
+COUNTED = (1, 2, 3, 4)
 REPLIES = [
     *[(f"01 {function:02X}", size) for function, size in ((5, 8), (6, 8), (15, 8), (16, 8), (22, 10))],
     *[(f"01 {function | 0x80:02X}", 5) for function in Function],
@@ -90,7 +90,7 @@ def test_what_begins_no_frame_is_refused(head: str, why: str) -> None:
 
 
 def test_functions_and_exceptions_have_the_numbers_of_the_specification() -> None:
-    assert [int(function) for function in Function] == [1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 43]
+    assert [int(function) for function in Function] == [1, 2, 3, 4, 5, 6, 15, 16, 22, 43]
     assert [int(code) for code in ExceptionCode] == [1, 2, 3, 4, 5, 6, 8, 10, 11]
     assert [exception_name(code) for code in (2, 6, 7)] == [
         "illegal data address",

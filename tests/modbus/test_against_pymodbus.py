@@ -20,13 +20,12 @@ from gateway.errors import BadFrameError, BadReplyError
 from gateway.modbus import adu
 from gateway.modbus.adu import crc16
 from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest, decode_request
 from gateway.modbus.writes import (
     MaskWriteRegister,
-    ReadWriteRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,
@@ -125,8 +124,6 @@ def answer(request: KnownRequest, reply: Any) -> Any:
             return tuple(reply.bits[: request.count]) if is_right else _REFUSED
         case ReadHoldingRegisters() | ReadInputRegisters():
             return tuple(reply.registers) if len(reply.registers) == request.count else _REFUSED
-        case ReadWriteRegisters():
-            return tuple(reply.registers) if len(reply.registers) == request.read_count else _REFUSED
         case WriteCoil():
             is_right = (reply.address, reply.bits) == (request.address, [request.is_on])
         case WriteRegister():
@@ -149,13 +146,7 @@ def identification(request: KnownRequest, reply: ReadDeviceInformationResponse) 
     if reply.read_code != request.read_code:
         return _REFUSED
     last = {key: said[-1] if isinstance(said, list) else said for key, said in reply.information.items()}
-    if request.read_code == ONE_OBJECT_CODE and last.keys() - {request.object_id}:
-        return _REFUSED
-    return DeviceIdentification(
-        objects={key: said.decode("latin-1") for key, said in last.items()},
-        more_follows=bool(reply.more_follows),
-        next_object=reply.next_object_id,
-    )
+    return DeviceIdentification({key: said.decode("latin-1") for key, said in last.items()})
 
 
 def is_beyond_comparison(frame: bytes) -> bool:
@@ -205,10 +196,6 @@ THEIRS: dict[type, tuple[type[ModbusPDU], tuple[str, ...]]] = {  # their class, 
     WriteCoils: (bits.WriteMultipleCoilsRequest, ("address", "bits")),
     WriteRegisters: (registers.WriteMultipleRegistersRequest, ("address", "registers")),
     MaskWriteRegister: (registers.MaskWriteRegisterRequest, ("address", "and_mask", "or_mask")),
-    ReadWriteRegisters: (
-        registers.ReadWriteMultipleRegistersRequest,
-        ("read_address", "read_count", "write_address", "write_registers"),
-    ),
     ReadDeviceIdentification: (ReadDeviceInformationRequest, ("read_code", "object_id")),
 }
 
@@ -218,7 +205,7 @@ def theirs_of(request: KnownRequest, unit: int) -> ModbusPDU:
     their, names = THEIRS[type(request)]
     values = [getattr(request, name) for name in request.__match_args__]
     fields: dict[str, Any] = dict(zip(names, values, strict=True))
-    for name in {"bits", "registers", "write_registers"} & set(fields):
+    for name in {"bits", "registers"} & set(fields):
         fields[name] = list(fields[name]) if isinstance(fields[name], tuple) else [fields[name]]
     return their(**fields, dev_id=unit)
 

@@ -16,8 +16,6 @@ COUNTED: list[Any] = [
     *[(lambda address, count, f=f: fc(f, address, count), MOST[f]) for f in (1, 2, 3, 4)],
     (lambda address, count: fc(15, address, (True,) * count), 1968),
     (lambda address, count: fc(16, address, (7,) * count), 123),
-    (lambda address, count: fc(23, address, count, 0, (7,)), 125),
-    (lambda address, count: fc(23, 0, 1, address, (7,) * count), 121),
 ]
 REQUESTS: list[tuple[Any, Any]] = [  # a request, and what its reply may say
     (fc(1, 0, 9), (True,) * 9),
@@ -29,7 +27,6 @@ REQUESTS: list[tuple[Any, Any]] = [  # a request, and what its reply may say
     (fc(15, 1, (True, False)), None),
     (fc(16, 1, (2, 3)), None),
     (fc(22, 1, 2, 3), None),
-    (fc(23, 1, 2, 3, (4,)), (7, 7)),
 ]
 
 
@@ -64,7 +61,6 @@ def test_a_number_that_fits_no_register_is_refused(word: int) -> None:
         (16, 0, (1, word)),
         (22, 0, word, 0),
         (22, 0, 0, word),
-        (23, 0, 1, 0, (word,)),
     ):
         with pytest.raises(ValueError, match="fit a register"):
             fc(*arguments)

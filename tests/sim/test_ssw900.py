@@ -131,7 +131,6 @@ def test_the_ssw900_keeps_the_rules_of_its_manual(family: str, script: str) -> N
     [
         ("2B 0E 01 00", "2B 0E 01 81 00 00 03 00 03 57 45 47 01 06 53 53 57 39 30 30 02 05 56 31 2E 32 30"),
         ("16 02 AD FF FE 00 01", "16 02 AD FF FE 00 01"),  # mask write: sets bit 0 of word 685
-        ("17 00 E5 00 01 00 E5 00 01 02 00 04", "17 02 00 04"),  # writes before it reads
     ],
 )
 def test_functions_that_only_an_ssw900_has(request_hex: str, reply_hex: str) -> None:

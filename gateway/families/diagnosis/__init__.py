@@ -7,6 +7,7 @@ from gateway.families.diagnosis.configured import wrong_settings
 from gateway.families.diagnosis.identification import (
     candidates,
     contradiction,
+    decision_reads,
     distinctive_rows,
     identify,
     identify_requests,

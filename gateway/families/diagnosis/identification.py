@@ -19,8 +19,9 @@ from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation, Seen
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.reading import with_rows
+from gateway.families.reading import plan_blocks, with_rows
 from gateway.modbus.device_id import DeviceIdentification
+from gateway.modbus.pdu import Request
 
 _PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
 
@@ -93,6 +94,14 @@ def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) 
 def distinctive_rows(profile: Profile) -> tuple[str, ...]:
     """Return the rows that a device of another family does not have, or in which it has other numbers."""
     return device_of(profile).distinctive_rows
+
+
+def decision_reads(profile: Profile) -> tuple[Request, ...]:
+    """Return what commands read before they decide: the state's rows with the distinctive ones."""
+    blocks = (block for block in plan_blocks(profile, Variant()) if block.group == "status")
+    codes = [code for block in blocks for code in block.codes]
+    reads = with_rows(profile, (), (*codes, *distinctive_rows(profile)))
+    return tuple(read.request for read in reads)
 
 
 def contradiction(profile: Profile, seen: Seen) -> str:

@@ -22,5 +22,4 @@ from gateway.line.capacity.outage import (
     Restart,
     first_requests_s,
     gaps_of,
-    start_order,
 )

@@ -66,8 +66,8 @@ def forecast(
 ) -> Forecast:
     """Return what these polls ask of a line.
 
-    No command's request takes longer than the longest poll. `jobs` may, and come once in a while: they count
-    for the stop's latency only.
+    No command's request takes longer than the longest of the polls and of what commands decide on. `jobs`
+    may, and come once in a while: they count for the stop's latency only.
     """
     costs_s = [_cost_s(poll, timing, allowance_s=0.0) for poll in polls]
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
@@ -113,7 +113,11 @@ def worst_stop_latency_s(
     forms = {  # most starters of a line are asked alike
         (request, poll.response_time_s)
         for poll in polls
-        for request in (poll.request, *(other for other, _ in poll.forms.alternates_of(poll.request)))
+        for request in (
+            poll.request,
+            *(other for other, _ in poll.forms.alternates_of(poll.request)),
+            *poll.forms.decisions,
+        )
     }
     waits_s = (
         longest_s(request, timing, response_time_s=response_time_s, allowance_s=allowance_s)

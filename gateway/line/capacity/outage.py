@@ -53,33 +53,29 @@ class Gaps:
         return WIDE_FACTOR * self.crash_s, WIDE_FACTOR * self.hang_s
 
 
-def start_order(polls: Iterable[Poll], watchdogs_s: Mapping[int, float] | None = None) -> list[Poll]:
-    """Return polls in the order of a start: each unit's first, shortest watchdog first; then the others."""
-    limits_s = watchdogs_s or {}
-    rounds: dict[int, int] = {}
-    placed: list[tuple[int, float, Poll]] = []
-    for poll in polls:
-        number = rounds.get(poll.unit, 0)
-        rounds[poll.unit] = number + 1
-        placed.append((number, limits_s.get(poll.unit) or inf, poll))
-    return [poll for _, _, poll in sorted(placed, key=lambda each: each[:2])]
-
-
 def first_requests_s(
-    polls: Iterable[Poll], timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
+    polls: Iterable[Poll],
+    timing: LineTiming,
+    *,
+    limits_s: Mapping[int, float],
+    allowance_s: float = ALLOWANCE_S,
 ) -> dict[int, float]:
     """Return by unit when at the latest it has received its first request after the port is open.
 
-    `polls` are in the order of the start. None before it may answer; commands come on top.
+    Units with the shortest watchdogs are asked first (`PollTable.begin`), each by its first poll; none of
+    those before may answer. Commands come on top.
     """
-    firsts_s: dict[int, float] = {}
-    passed_s = timing.silence_s
+    firsts: dict[int, Poll] = {}
     for poll in polls:
-        firsts_s.setdefault(poll.unit, passed_s + request_wire_s(poll.request, timing))
+        firsts.setdefault(poll.unit, poll)
+    found_s: dict[int, float] = {}
+    passed_s = timing.silence_s
+    for poll in sorted(firsts.values(), key=lambda poll: limits_s.get(poll.unit) or inf):
+        found_s[poll.unit] = passed_s + request_wire_s(poll.request, timing)
         passed_s += timing.silence_s + longest_s(
             poll.request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s
         )
-    return firsts_s
+    return found_s
 
 
 def gaps_of(regular_s: float, first_s: float, restart: Restart | None = None) -> Gaps:

@@ -1,1 +1,1 @@
-"""One request and its reply in Modbus RTU, with the silences around them. Start at `transaction`."""
+"""One request and its reply in Modbus RTU, with the silences around them. Start at `master`."""

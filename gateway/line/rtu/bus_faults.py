@@ -1,4 +1,4 @@
-"""Two starters with one address, a second master, noise: recognised by counts of what they leave; pure.
+"""Two starters with one address, a second master: recognised by counts of what they leave; pure.
 
 Each sign fills a count that leaks: a single one is everyday life on a shared line, a cause that persists is
 not. Two starters that answer for one address leave a second reply to the same request, which says something
@@ -32,10 +32,8 @@ RECENTLY_S = 0.15  # a second starter of the same address answers about as soon 
 
 # Two that answer for one address corrupt nearly every reply of it, noise corrupts some of every address.
 MERGED_SHARE = 0.5  # of a unit's latest replies, before corrupted ones are taken for two that answer at once
-UNIT_MEMORY, LINE_MEMORY = 0.2, 0.01  # weight of the latest reply in a unit's share, and in the line's
-NOISY_SHARE = 0.05  # of all replies
+UNIT_MEMORY = 0.2  # weight of the latest reply in a unit's share
 NOISY_UNIT_SHARE = 0.02
-NOISY_FROM = 50  # replies on
 
 _NOISE_FROM = 4  # bytes; fewer are what drivers make when they switch
 
@@ -57,8 +55,6 @@ class BusFaults:
         self._replies: dict[int, tuple[bytes, float]] = {}  # the latest of each unit, until it is asked again
         self._signs: dict[BusFault, tuple[float, float]] = {}  # how many, and when they were that many
         self._corrupted: dict[int, float] = {}  # by unit: the share of its latest replies
-        self._corrupted_of_all = 0.0
-        self._counted = 0
         self._reported_s: dict[tuple[EventCode, int], float] = {}
         self._news: list[BusFault] = []
 
@@ -93,7 +89,6 @@ class BusFaults:
     def note_garbled(self, unit: int, size: int, reply_size: int | None, now_s: float) -> None:
         """Judge bytes that are no frame, where a unit's reply of this size was expected."""
         self._count(unit, is_corrupted=True)
-        self._look_at_noise(now_s)
         is_often = self._corrupted[unit] >= MERGED_SHARE and not self._are_others_corrupted(unit)
         if is_often and reply_size is not None and size >= reply_size:
             self._add(BusFault(EventCode.ADDRESS_CONFLICT, unit), MERGED_REPLY, now_s)
@@ -113,31 +108,11 @@ class BusFaults:
             self._report(fault, now_s)
 
     def _count(self, unit: int, *, is_corrupted: bool) -> None:
-        self._counted += 1
         before = self._corrupted.get(unit, 0.0)
         self._corrupted[unit] = before + UNIT_MEMORY * (is_corrupted - before)
-        self._corrupted_of_all += LINE_MEMORY * (is_corrupted - self._corrupted_of_all)
 
     def _are_others_corrupted(self, unit: int) -> bool:
         return any(share >= NOISY_UNIT_SHARE for other, share in self._corrupted.items() if other != unit)
-
-    def _look_at_noise(self, now_s: float) -> None:
-        """Name noise once it corrupts the replies of several units, or of the only one now and then."""
-        corrupted = [unit for unit, share in self._corrupted.items() if share >= NOISY_UNIT_SHARE]
-        is_only = len(self._corrupted) == 1 and max(self._corrupted.values()) < MERGED_SHARE
-        if self._counted < NOISY_FROM or self._corrupted_of_all < NOISY_SHARE:
-            return
-        if len(corrupted) > 1 or is_only:
-            fault = BusFault(
-                EventCode.LINE_NOISE,
-                SOMEONE,
-                fields={
-                    "share": self._corrupted_of_all,
-                    "corrupted": len(corrupted),
-                    "addresses": len(self._corrupted),
-                },
-            )
-            self._report(fault, now_s)
 
     def _report(self, fault: BusFault, now_s: float) -> None:
         cause = (fault.code, fault.unit)

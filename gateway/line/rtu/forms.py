@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any, Self
 
 from gateway.line.rtu.outstanding import Outstanding, Shape, expected_shape
@@ -40,6 +41,7 @@ class Forms:
 
     alternates_of: Alternates
     fences: tuple[Request, ...]  # reads that are answered or refused, of different shapes
+    decisions: tuple[Request, ...] = ()  # what commands read, which may take longer than every poll
 
     @cached_property
     def fence_shapes(self) -> tuple[Shape, ...]:
@@ -89,11 +91,6 @@ class EncodedRequest:
             is_fence,
         )
 
-    @property
-    def is_own(self) -> bool:
-        """Whether this is the row's own form."""
-        return self.cut is None and not self.is_fence
-
 
 class FormChoice:
     """Chooses the forms on one line, by what is outstanding there."""
@@ -116,9 +113,8 @@ class FormChoice:
             return wanted
         found: list[Alternate | None] = [] if wanted.request.is_write else [None]  # None: as it is
         if is_poll:
-            found += [
-                each for each in forms.alternates_of(wanted.request) if self._is_open(unit, each[0], now_s)
-            ]
+            others = forms.alternates_of(wanted.request)
+            found += [each for each in others if self._given_up.get((unit, each[0]), -inf) <= now_s]
         shapes = [wanted.shape if each is None else expected_shape(each[0]) for each in found]
         at = outstanding.choose(unit, shapes, forms.fence_shapes)
         if at >= len(found):
@@ -134,6 +130,3 @@ class FormChoice:
     def retry_refused(self, unit: int) -> None:
         """Ask a unit in all forms again: another device answers there now."""
         self._given_up = {key: until_s for key, until_s in self._given_up.items() if key[0] != unit}
-
-    def _is_open(self, unit: int, request: Request, now_s: float) -> bool:
-        return now_s >= self._given_up.get((unit, request), now_s)

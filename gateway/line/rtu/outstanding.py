@@ -25,6 +25,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gateway.modbus.adu import FIXED_REPLIES
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.pdu import Request
 
@@ -32,18 +33,8 @@ EXPIRES_S = 35.0  # a reply comes up to 30 s late; the rest is for requests that
 
 Shape = bytes
 
-_WRITES = frozenset(
-    {
-        Function.WRITE_COIL,
-        Function.WRITE_REGISTER,
-        Function.WRITE_COILS,
-        Function.WRITE_REGISTERS,
-        Function.MASK_WRITE_REGISTER,
-    }
-)
 _COUNTED_SIZE = 2  # function and byte count
-_ADDRESSED_SIZE = 5  # function, address, and count or value: the reply to a write begins as its request
-_MASKED_SIZE = 7  # function, address and two masks
+_ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
 
 class Entry(NamedTuple):
@@ -55,7 +46,7 @@ class Entry(NamedTuple):
 
 def shape_of(pdu: bytes) -> Shape:
     """Return what of a normal reply distinguishes it from others of its unit."""
-    if pdu[0] in _WRITES:
+    if pdu[0] in FIXED_REPLIES:
         return pdu
     return pdu[:1] if pdu[0] == Function.ENCAPSULATED else pdu[:_COUNTED_SIZE]
 
@@ -63,9 +54,8 @@ def shape_of(pdu: bytes) -> Shape:
 def expected_shape(request: Request) -> Shape:
     """Return the shape of a request's normal reply [APP 6]."""
     function = request.function
-    if function in _WRITES:
-        is_masked = function == Function.MASK_WRITE_REGISTER
-        return request.encode()[: _MASKED_SIZE if is_masked else _ADDRESSED_SIZE]
+    if function in FIXED_REPLIES:  # the reply to a write begins as its request
+        return request.encode()[: FIXED_REPLIES[Function(function)] - _ADU_EXTRA]
     size = request.reply_size()
     return bytes((function,)) if size is None else bytes((function, size - _COUNTED_SIZE))
 
@@ -126,10 +116,6 @@ class Outstanding:
     def add(self, unit: int, shape: Shape, asked_s: float) -> None:
         """List a request that had no reply to believe in time (rule 4)."""
         self._lists.setdefault(unit, []).append(Entry(shape, asked_s))
-
-    def entries(self, unit: int) -> tuple[Entry, ...]:
-        """Return what is listed of a unit, the oldest first."""
-        return tuple(self._lists.get(unit, ()))
 
     def _replace(self, unit: int, entries: list[Entry]) -> None:
         if entries:

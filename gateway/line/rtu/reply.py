@@ -90,14 +90,6 @@ def frames(received: bytes) -> Iterator[tuple[bytes, bool]]:
         received = received[stray + len(frame) :] if frame else b""
 
 
-def whole_frame(received: bytes) -> adu.Adu | None:
-    """Return the frame that these bytes are, None when they are none."""
-    try:
-        return adu.decode(received)
-    except BadFrameError:
-        return None
-
-
 def judge(
     unit: int, request: Request, frame: adu.Adu, *, at_s: float, response_time_s: float
 ) -> Answered | Refused | str:
@@ -105,8 +97,7 @@ def judge(
     pdu = frame.pdu
     if frame.unit != unit:
         return f"reply of unit {frame.unit}"
-    code = exception_code(request, pdu)
-    if code is not None:
+    if pdu[0] & EXCEPTION_BIT and (code := exception_code(request, pdu)) is not None:
         return Refused(code, at_s)
     if pdu[0] & ~EXCEPTION_BIT != request.function:
         return f"reply of function {pdu[0]}"

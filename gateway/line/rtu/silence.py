@@ -9,7 +9,7 @@ from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Garbled
 from gateway.line.rtu.strays import Strays
 from gateway.modbus import adu
-from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
+from gateway.modbus.timing import LineTiming
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame
@@ -23,19 +23,22 @@ NoteFrame = Callable[[float, str, bytes], None]  # when, which way, and what was
 class Silence:
     """Waits for the silence before a request, and drops what comes meanwhile."""
 
-    def __init__(
-        self, port: Port, timing: LineTiming, strays: Strays, time: Callable[[], float], note_frame: NoteFrame
-    ) -> None:
-        self._port = port
+    def __init__(self, timing: LineTiming, strays: Strays, note_frame: NoteFrame) -> None:
         self._silence_s = timing.silence_s
         self._character_s = timing.character_s
         self._stop_patience_s = max(STOP_PATIENCE_S, adu.MAX_ADU_SIZE * timing.character_s)
         self._strays = strays
-        self._time = time
         self._note_frame = note_frame
-        self._own_end_s = time()  # of our latest frame; anything may have been on the wire before
-        self._listens_until_s = -inf  # no request before: a reply just too late may be under way
-        self._listens_to = adu.BROADCAST
+        self._own_end_s = self._listens_until_s = -inf  # no request before: a late reply may be under way
+        self._listens_to = 0  # the unit that was asked last
+        self._port: Port
+        self._time: Callable[[], float]
+
+    def use(self, port: Port, time: Callable[[], float]) -> None:
+        """Begin on a port that was just opened: anything may have been on the wire before."""
+        self._port, self._time = port, time
+        self._own_end_s, self._listens_until_s = time(), -inf
+        self._strays.waiting.clear()
 
     def note_sent(self, end_s: float) -> None:
         """Record when the frame is over that was written just now."""
@@ -49,20 +52,16 @@ class Silence:
         """Return when the line will have been silent for long enough, if nothing more comes."""
         return max(self._own_end_s, self._port.last_byte_s) + self._silence_s
 
-    async def hush(self, quiet_s: float) -> bool:
-        """Wait for the silence until then; False when there is more to wait for, which `settle` does."""
-        if self._strays.waiting or self._listens_until_s > quiet_s:
-            return False
-        stray = await self._port.read(until_s=quiet_s)
-        if stray:
-            self.drop(stray)
-        return not stray
-
-    async def settle(self, *, is_for_stop: Callable[[], bool] = lambda: False) -> Garbled | None:
+    async def settle(
+        self,
+        *,
+        is_for_stop: Callable[[], bool] = lambda: False,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> Garbled | None:
         """Wait until a request may be sent: the line is silent, and what came before is judged.
 
         Returns None when it may; Garbled when the line does not become quiet within about a second, or within
-        a stop's patience as soon as it is for one.
+        a stop's patience as soon as it is for one. `meanwhile` is done where it takes more than a silence.
         """
         began_s = max(self._time(), self._listens_until_s)
         while True:
@@ -70,15 +69,17 @@ class Silence:
             if self._strays.waiting and self._time() >= quiet_s:
                 self._judge_strays()
             due_s = quiet_s if self._strays.waiting else max(quiet_s, self._listens_until_s)
+            if self._strays.waiting or due_s > quiet_s:
+                meanwhile()
             chunk = await self._port.read(until_s=due_s)
-            now_s = self._time()
             if chunk:
                 self.drop(chunk)
-            elif not self._strays.waiting and now_s >= max(self.quiet_from_s(), self._listens_until_s):
+            elif not self._strays.waiting:
                 return None
+            now_s = self._time()
             limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
-                tail = self._strays.give_up(adu.MAX_ADU_SIZE)
+                tail = self._strays.give_up(adu.MAX_ADU_SIZE, now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
     async def find_gap(self, within_s: float) -> None:
@@ -93,12 +94,6 @@ class Silence:
                 return
             self.drop(await self._port.read(until_s=min(gap_s, until_s)))
 
-    async def give_turnaround(self) -> None:
-        """Give every unit the time to act on a broadcast; none answers [SERIAL 2.4.1]."""
-        end_s = self._own_end_s + BROADCAST_TURNAROUND_S
-        while self._time() < end_s:
-            self.drop(await self._port.read(until_s=end_s))
-
     def drop(self, stray: bytes) -> None:
         """Set aside bytes that were not waited for; they are judged once it is quiet."""
         if stray:
@@ -106,6 +101,6 @@ class Silence:
             self._strays.take(stray)
 
     def _judge_strays(self) -> None:
-        self._strays.judge()
+        self._strays.judge(self._time())
         if self._listens_to in self._strays.late_units:
             self._listens_until_s = -inf

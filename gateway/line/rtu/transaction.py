@@ -1,17 +1,7 @@
-"""One request and its reply on a port: in which form, when it is quiet, and how long both take at most."""
+"""How long one request and its reply take at most; pure."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable
-
-from gateway.line.port.base import DeliversLate, Port
-from gateway.line.rtu.bus_faults import BusFaults
-from gateway.line.rtu.exchange import Exchange
-from gateway.line.rtu.forms import ANYONE, EncodedRequest, FormChoice
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.rtu.silence import NoteFrame, Silence
-from gateway.line.rtu.strays import Strays
 from gateway.modbus.adu import MAX_ADU_SIZE
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -19,58 +9,6 @@ from gateway.modbus.timing import LineTiming
 ALLOWANCE_S = 0.02  # for adapters, drivers and this machine, on top of the unit's own response time
 
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
-
-
-class RtuMaster:
-    """The parts of one open port; exactly one task uses them."""
-
-    def __init__(
-        self,
-        port: Port,
-        timing: LineTiming,
-        *,
-        allowance_s: float = ALLOWANCE_S,
-        note_frame: NoteFrame,
-        forms: FormChoice | None = None,  # those of this line, if a port was open before
-        time: Callable[[], float] | None = None,  # the port's clock; None: the running loop's
-    ) -> None:
-        clock = time or asyncio.get_running_loop().time
-        self.forms = forms or FormChoice()
-        self.bus_faults = BusFaults()
-        self.strays = Strays(self.forms.outstanding, self.bus_faults, clock)
-        self.silence = Silence(port, timing, self.strays, clock, note_frame)
-        self.exchange = Exchange(
-            port,
-            timing,
-            self.silence,
-            self.strays,
-            self.bus_faults,
-            self.forms,
-            allowance_s=allowance_s,
-            note_frame=note_frame,
-            time=clock,
-        )
-        self._port = port
-        self._time = clock
-
-    def reset(self) -> bool:
-        """Let nothing that was written reach the wire later; return whether the port is closed for that."""
-        if not isinstance(self._port, DeliversLate):
-            return False
-        self._port.reset()
-        return True
-
-    async def transact(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
-        """Ask a device of which nothing is known as soon as the line allows; raises as `Exchange.send`."""
-        wanted = EncodedRequest.of(unit, request)
-        while True:
-            noise = await self.silence.settle()
-            if noise is not None:
-                return noise
-            sent = self.forms.choose(wanted, ANYONE, self._time())
-            outcome = await self.exchange.send(sent, response_time_s=response_time_s)
-            if not sent.is_fence or not isinstance(outcome, Answered | Refused):
-                return outcome
 
 
 def request_wire_s(request: Request, timing: LineTiming) -> float:

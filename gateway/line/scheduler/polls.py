@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from math import inf
 from operator import attrgetter
+from typing import Any
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.line_time import (
@@ -15,7 +16,6 @@ from gateway.line.scheduler.line_time import (
 )
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit, Visit
-from gateway.modbus.adu import BROADCAST
 
 # Of the line's time, for all silent units together: with the listening for a late reply that follows each
 # silence, and is not counted here, that makes a twentieth at most.
@@ -115,6 +115,14 @@ class PollTable:
         elif unit.queue is self.watchdogs:
             self.watchdogs.put(unit, unit.release_s, unit.release_s + (unit.limit_s or inf))
 
+    def note_late(self, number: int, now_s: float) -> None:
+        """Record that a reply of a unit came too late: it is there, and its probe need not wait for long."""
+        unit = self.unit(number)
+        unit.note_late(now_s)
+        if unit.queue is self._silent:
+            release_s = min(unit.release_s, now_s + unit.pause_s(now_s))
+            self._silent.put(unit, release_s, release_s)
+
     def forget(self, number: int) -> None:
         """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
         if not self.unit(number).polls:
@@ -125,8 +133,11 @@ class PollTable:
         polls = self._polls.values()
         return tuple([each.poll for each in polls if not each.unit.is_silent or each is each.unit.polls[0]])
 
-    def watchdog_statistics(self, now_s: float) -> dict[str, float | int]:
-        """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
+    def statistics(self, now_s: float) -> dict[str, Any]:
+        """Return the factor of the periods, what one slot of each poll takes, and how watchdogs are served.
+
+        That is what they need of the line, and the worst share lately: 1 and more is missed.
+        """
         load = 0.0
         for unit in self._units.values():
             asked_s = ASKED_AFTER * unit.limit_s
@@ -135,7 +146,11 @@ class PollTable:
                 load += unit.polls[0].cost_s / asked_s
         self._left = [each for each in self._left if each[2] > now_s - _WORST_OVER_S]
         share, worst, _ = self._left[0] if self._left else (0.0, 0, now_s)
-        return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
+        return {
+            "stretch": round(self.stretch, 3),
+            "sweep_s": float(sum(each.cost_s for each in self._polls.values())),
+            "watchdogs": {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst},
+        }
 
     def unit(self, number: int) -> Unit:
         """Return a unit, a new one when nothing was known of it."""
@@ -180,20 +195,18 @@ class PollTable:
         )
 
     def take(self, entry: ScheduledPoll, now_s: float) -> Slot:
-        """Reserve the line for a poll; `put_back` or `record` must follow."""
+        """Give the line to a poll; `record` must follow."""
         poll, since_s = entry.poll, min(max(entry.release_s, entry.deadline_s), now_s)
         entry.leave()
         entry.deadline_s = inf
         again, entry.is_repetition = entry.is_repetition, False
         return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll, is_repetition=again)
 
-    def put_back(self, slot: Slot) -> None:
+    def put_back(self, slot: Slot, entry: ScheduledPoll) -> None:
         """Have a poll wait again, before all others."""
-        entry = self.entry_of(slot.poll)
-        if entry is not None:
-            entry.is_repetition = slot.is_repetition
-            if not entry.unit.is_silent:
-                self._put(entry, slot.since_s, -inf)
+        entry.is_repetition = slot.is_repetition
+        if not entry.unit.is_silent:
+            self._put(entry, slot.since_s, -inf)
 
     def record(
         self,
@@ -213,8 +226,6 @@ class PollTable:
         unit = self.unit(slot.unit) if entry is None else entry.unit
         before, was_silent, took_s = unit.misses, unit.is_silent, min(now_s - sent_s, _LONGEST_SLOT_S)
         self._note_time(0.0 if entry is not None and not was_silent else took_s, now_s)
-        if slot.unit == BROADCAST:
-            return None
         is_answer = unit.note(outcome, now_s) if is_sure else None
         self._is_after_miss = is_answer is False
         if unit.misses != before:

@@ -9,7 +9,6 @@ from math import inf
 
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
 from gateway.line.rtu.outcome import Outcome
-from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
 
 
@@ -65,12 +64,12 @@ class Job:
     @property
     def must_not_act_late(self) -> bool:
         """Whether it may do harm when it arrives after its answer was due: every write but a stop's."""
-        return self.lane > Priority.FOLLOW_UP and self.request.is_write and self.unit != BROADCAST
+        return self.lane > Priority.FOLLOW_UP and self.request.is_write
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One request that the scheduler has chosen, a reservation until it is sent: for a poll, or for jobs."""
+    """One request that the scheduler has chosen: for a poll, or for jobs."""
 
     unit: int
     request: Request

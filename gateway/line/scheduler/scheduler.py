@@ -12,7 +12,6 @@
   wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:
   their first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
-- A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class Scheduler:
         return min(self.jobs.next_s(), self.polls.next_s())
 
     def pick(self, now_s: float) -> Slot | None:
-        """Return what has the line from now on, None when nothing is due; `record` or `put_back` must follow.
+        """Return what has the line from now on, None when nothing is due; `record` must follow.
 
         The first that there is:
 
@@ -95,10 +94,6 @@ class Scheduler:
             slot = self.polls.take(unit.polls[0], now_s)
         return slot or self.jobs.pop(Priority.FOLLOW_UP)
 
-    def put_back(self, slot: Slot) -> None:
-        """Take back a slot that was not sent."""
-        (self.jobs if slot.jobs else self.polls).put_back(slot)
-
     def record(
         self,
         slot: Slot,
@@ -126,8 +121,6 @@ class Scheduler:
         is_known = entry is not None or slot.poll is None
         is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
         is_repeated = is_known and not is_given_up and (is_open or is_retried)
-        if is_repeated:
-            self.put_back(replace(slot, is_repetition=slot.is_repetition or not is_open))
         if slot.jobs:
             self.jobs.charge(slot, now_s - self._picked_s, now_s)
         is_online = self.polls.record(
@@ -139,6 +132,9 @@ class Scheduler:
             is_repeated=is_repeated,
             is_sure=is_open or not is_repeated,
         )
+        if is_repeated:
+            again = replace(slot, is_repetition=slot.is_repetition or not is_open)
+            self.jobs.put_back(again) if entry is None else self.polls.put_back(again, entry)
         return Verdict(is_known and not is_repeated, is_online)
 
 
@@ -186,6 +182,10 @@ class JobQueue:
     def put_back(self, slot: Slot) -> None:
         """Return a slot to the head of its priority."""
         insort_left(self._waiting, slot, key=attrgetter("lane"))
+
+    def has_stop(self) -> bool:
+        """Return whether a stop's frame, repeat or read-back waits."""
+        return bool(self._waiting) and self._waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""

@@ -109,7 +109,7 @@ class Unit(Queued):
     def note_late(self, now_s: float) -> None:
         """Record that a reply came too late: for a while the unit is not taken for offline."""
         self.late_s = now_s
-        if self.is_online and now_s < self.answered_s + LATE_FOR_S:
+        if now_s < self.answered_s + LATE_FOR_S:
             self.received_s = now_s
             self.misses = min(self.misses, SILENT_AFTER)
 

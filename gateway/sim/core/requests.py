@@ -12,7 +12,6 @@ from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegis
 from gateway.modbus.server import KnownRequest
 from gateway.modbus.writes import (
     MaskWriteRegister,
-    ReadWriteRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,
@@ -45,9 +44,6 @@ class RequestHandlers:
             case MaskWriteRegister():
                 (word,) = self._read_registers(request.address, 1)
                 self._write_registers(request.address, (request.apply(word),))
-            case ReadWriteRegisters():
-                self._write_registers(request.write_address, request.words)
-                return request.encode_reply(self._read_registers(request.read_address, request.read_count))
             case ReadDeviceIdentification():
                 return self._identify(request)
         return request.encode_reply()

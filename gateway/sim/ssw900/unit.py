@@ -34,6 +34,7 @@ class Ssw900(Faults):
     delivered: ClassVar[Setup] = Setup(
         firmware="1.20", rated_current_a=105.0, response_s=(0.003, 0.015), restart_s=4.0
     )
+    functions: ClassVar[frozenset[int]] = frozenset({1, 2, 3, 5, 6, 15, 16, 22, 43})  # table 7.1, but for 23
 
     def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         super().__init__(address, setup, quirks)

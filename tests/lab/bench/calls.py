@@ -279,7 +279,7 @@ def publication_calls() -> Counts:
     """
 
     def is_usual(messages: int, counts: Counts) -> bool:
-        is_last = counts.entered("Exchange.send") == 0
+        is_last = counts.entered("RtuMaster.send") == 0
         return is_last and messages == 1 and counts.entered("StarterTelemetry.on_poll") == 1
 
     found = sorted(

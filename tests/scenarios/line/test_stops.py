@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from tests.rig import (
@@ -34,6 +36,7 @@ from tests.scenarios.line.wires import (
     chatter,
     final_text,
     repeated,
+    requests_on_wires,
     written,
 )
 
@@ -52,6 +55,13 @@ def ended(verb: str, count: int, words: str = "confirmed ok") -> Expectation:
         return "" if found == count * [f"{verb} {words}"] else str(found)
 
     return check
+
+
+def all_stops_sent(plant: RigPlant) -> str:
+    """From 8 s on stops went out over the bytes of another, the first at once, then every 0.85 s at least."""
+    sent = [at_s - 8.0 for at_s, pdu in requests_on_wires(plant, "pump", 8.0) if pdu.hex(" ") == STOP_07]
+    apart = [after - before for before, after in pairwise(sent)]
+    return "" if sent and sent[0] < 0.4 and len(sent) >= 17 and max(apart) < 0.85 else f"sent at {sent}"
 
 
 SCENARIOS = [
@@ -273,6 +283,7 @@ SCENARIOS = [
             20.0: [
                 result("stop unconfirmed not_seen"),
                 final_text("another device transmits on the line without a pause"),
+                all_stops_sent,
             ],
         },
     ),

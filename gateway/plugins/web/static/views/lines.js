@@ -1,10 +1,8 @@
-// How each line spends its time, and how each starter on it answers.
+// How busy each line is, and how each starter on it answers.
 
 import { h, table } from "../dom.js";
 import { milliseconds, number, percent } from "../format.js";
 import { store } from "../store.js";
-
-const SHARES = { requests: "requests", delays: "waiting for replies", replies: "replies", silences: "silences" };
 
 export class Lines {
   constructor() {
@@ -32,7 +30,7 @@ export class Lines {
     const byAddress = new Map(facts.starters.map((starter) => [String(store.starters[starter]?.address), starter]));
     return h("section", {}, title, where,
       line.is_open === false ? h("p", { class: "wrong" }, "The port is not open.") : null,
-      shareBars(line), promises(line), health(line),
+      utilisation(line), promises(line), health(line),
       table(`Starters on ${name}`, ["address", "starter", "asked", "answered", "silent", "garbled", "refused", "p50", "p99", "state"],
         Object.entries(line.units ?? {}).map(([unit, counts]) => [unit, starterLink(byAddress.get(unit)), counts.asked, counts.answered, counts.silent,
           counts.garbled, counts.refused, milliseconds(counts.response_time_s?.p50), milliseconds(counts.response_time_s?.p99), counts.state ?? ""])));
@@ -43,15 +41,11 @@ function starterLink(name) {
   return name ? h("a", { href: `#/starter/${encodeURIComponent(name)}` }, name) : "";
 }
 
-function shareBars(line) {
-  const shares = Object.entries(line.time_share ?? {});
-  const parts = shares.length ? shares : [["utilisation", line.utilisation]];
-  return h("div", { class: "shares", role: "group", "aria-label": "The line's time" }, parts.map(([key, share]) => {
-    const part = h("span", { class: `share ${key}` });
-    part.style.width = `${(share ?? 0) * 100}%`;
-    return h("div", { class: "share-row" }, h("span", { class: "share-name" }, SHARES[key] ?? key),
-      h("span", { class: "share-box", "aria-hidden": "true" }, part), h("span", {}, percent(share)));
-  }));
+function utilisation(line) {
+  const part = h("span", { class: "share" });
+  part.style.width = `${(line.utilisation ?? 0) * 100}%`;
+  return h("div", { class: "share-row" }, h("span", { class: "share-name" }, "utilisation"),
+    h("span", { class: "share-box", "aria-hidden": "true" }, part), h("span", {}, percent(line.utilisation)));
 }
 
 function promises(line) {
