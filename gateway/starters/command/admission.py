@@ -18,8 +18,9 @@ from gateway.contract import (
     Reason,
     ResultCode,
 )
-from gateway.families import Preparation, command, diagnosis, reading
+from gateway.families import Preparation, command, reading
 from gateway.starters.command.report import CommandReport, Final, Reporting
+from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.pipeline import CAN_WAIT
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Policy
@@ -93,21 +94,15 @@ class Admission:
         preparation = self._check_now(request, starter, load)
         expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
         guard = self._policy.guard(request, expectations)
-        more = guard.codes
-        if request.verb != READ:
-            more += diagnosis.distinctive_rows(starter.profile)
-        reads = reading.with_rows(starter.profile, preparation.reads, more)
+        reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
         return replace(preparation, reads=reads), guard
 
     def preview(self, request: CommandRequest, starter: StarterIo, load: Load) -> None:
         """Judge a command, as if it were selected, by what was read last; nothing is counted or used up."""
         preparation = self._check_now(request, starter, load)
-        points = starter.snapshot.good_values()
-        command.demand(starter.profile, preparation.requires, points)
-        self._policy.guard(request, ()).check(points)
-        rows = starter.snapshot.rows
-        if all(code in rows for read in preparation.reads for code in read.codes):
-            command.build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
+        rows = rows_for(preparation, starter.snapshot.rows)
+        guard, points = self._policy.guard(request, ()), starter.snapshot.good_values()
+        judge(request, starter, preparation, guard, rows=rows, points=points)
 
     def _check_now(self, request: CommandRequest, starter: StarterIo, load: Load) -> Preparation:
         """Demand what can be judged without reading, whether or not the command was selected."""

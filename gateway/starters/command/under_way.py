@@ -14,7 +14,7 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.contract import READ, STOP, CommandError, CommandRequest, Phase, Reason, ResultCode
-from gateway.families import Preparation, Procedure
+from gateway.families import Expect, Preparation
 from gateway.starters.command.admission import Load
 from gateway.starters.command.report import CommandReport, Final, Reporting, audit
 from gateway.starters.command.run.pipeline import CAN_WAIT, CommandRun
@@ -72,7 +72,7 @@ class UnderWay:
             guard,
             slot=None if verb == READ else slot,
             watchdogs=self._watchdogs,
-            take_back=self._take_back,
+            run_off=self._run_off,
         )
         self.spawn(_run_out(self._runs, name, run))
 
@@ -160,13 +160,11 @@ class UnderWay:
             self.spawn(_run_out(self._stops, name, stopping))
         return stopping
 
-    def _take_back(self, report: CommandReport, procedure: Procedure) -> StopOrder:
-        """Have the starter's stop take a start back that was seen not to act; the audit says that it did."""
-        assert procedure.take_back is not None  # such procedures alone are taken back
+    def _run_off(self, report: CommandReport, released: Expect) -> StopOrder:
+        """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
-        order = self._stopping(request.starter).take_back(
-            procedure.take_back.released, lambda end: self._audit(request, end)
-        )
+        take_back = self._stopping(request.starter).take_back
+        order = take_back(released, lambda end: self._audit(request, end))
         self._audit(request, Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
         return order
 

@@ -101,6 +101,21 @@ def writes_after(pdu: str, said: Answer, *, first: int = 10_000) -> Rule:
     return rule
 
 
+def lost_after(pdu: str, *, first: int = 10_000) -> Rule:
+    """Lose the replies to the first reads after this; all replies without a number."""
+    begun: list[str] = []
+    numbers = count()
+
+    def rule(found: str, _: object) -> Answer:
+        if found == pdu:
+            begun.append(pdu)
+            return None
+        is_write = found[:2] in WRITES and first < 10_000
+        return "lost" if begun and not is_write and next(numbers) < first else None
+
+    return rule
+
+
 def hides_run(pdu: str, _: object) -> Answer:
     """Refuse what shows coils 100 and above, and every read of VB03."""
     function, address, length = (
@@ -167,14 +182,71 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
         RUN_OFF,
         JOG_OFF,
     ),
+    row(
+        "a motor that starts at a reset is stopped until it stands, and the result says that it may be turning",
+        given=SITE,
+        at={
+            2.0: "pump trip E05",
+            4.0: [answers("pump", after(RESET_1, RUNS)), do("pump reset")],
+            11.0: READY,
+        },
+        then={
+            16.0: [
+                result("reset unconfirmed not_seen"),
+                msg(
+                    "result/pump/alice", text=re.compile("the motor may be turning.*run = 0 was written and")
+                ),
+                frames("pump", *WHOLE, *[RUN_OFF, JOG_OFF] * 4),
+                never("starter/pump/event", code="stop_unconfirmed"),
+            ]
+        },
+    ),
+    row(
+        "run = 0 after a reset that failed does not wait for the starter's earlier replies",
+        given=SITE,
+        at={
+            2.0: "pump trip E05",
+            4.0: [answers("pump", after(RESET_1, "pump VB01 = 0xC102")), do("pump reset")],
+            9.2: fault("lose", "pump", for_s=0.5),
+        },
+        then={
+            14.0: [
+                result("reset unconfirmed not_seen"),
+                msg("result/pump/alice", text=re.compile("run = 0 was written and read back")),
+                frames("pump", *WHOLE, RUN_OFF, JOG_OFF, RUN_OFF, JOG_OFF),
+            ]
+        },
+    ),
     reset(
-        "a motor that starts at a reset is stopped, and the result says that it may be turning",
-        after(RESET_1, RUNS),
+        "after a silence, in which another starter may have come, nothing is written, and the result says so",
+        lost_after(RESET_1),
         "unconfirmed not_seen",
         *WHOLE,
-        RUN_OFF,
-        JOG_OFF,
-        text=re.compile("the motor may be turning"),
+        text=re.compile("could not be left as it was"),
+    ),
+    row(
+        "a motor that starts at general enable is stopped by the word just read, and stays enabled",
+        given=SSW900 + ALICE,
+        at={
+            2.0: "mill S5.1.1 = 0x0100",
+            3.0: [
+                answers("mill", after("06 02 ad 00 12", "mill S5.1.1 = 0x0103")),
+                do("mill general_enable", value=True),
+            ],
+            6.6: "mill S5.1.1 = 0x0102",
+        },
+        then={
+            9.0: [
+                result("general_enable unconfirmed not_seen"),
+                frames("mill", "06 02 ad 00 10", "06 02 ad 00 12", "06 02 ad 00 12"),
+            ]
+        },
+    ),
+    row(
+        "a later write that would wait for the starter's earlier replies is handed over again",
+        given=SITE.replace("every_s = 1.0", "every_s = 0"),
+        at={2.0: "pump trip E05", 4.0: [answers("pump", lost_after(JOG_OFF, first=4)), do("pump reset")]},
+        then={8.0: [result("reset confirmed ok"), frames("pump", *WHOLE)]},
     ),
 ]
 
@@ -245,7 +317,7 @@ TAKING_BACK = [  # S2
     ),
     not_acting(
         "in local mode nothing says that run = 0 was taken, and an event says so at the end",
-        NOT_TAKEN,
+        re.compile("in local mode, where it may ignore run = 0; .*did not confirm run = 0"),
         taken_back_for(10.0),
         EVENT,
         at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
@@ -348,6 +420,16 @@ def turning_about() -> Rule:
 
 
 DECIDED = [
+    row(
+        "what is read over a silence is no value before the starter is identified again",
+        given=SITE,
+        at={3.0: [fault("lose", "pump", count=5), do("pump read", parameter="P003")]},
+        then={
+            4.1: msg(
+                "result/pump/alice", phase="confirmed", value=None, raw=[0], reason=re.compile("identif")
+            ),
+        },
+    ),
     *(
         row(
             f"a start of {name} outlasts two lost replies in a row",
@@ -433,7 +515,7 @@ DECIDED = [
         at={3.0: [answers("belt", when("06", 3)), do("belt configure", R41=60)]},
         then={
             12.0: [
-                result("configure unconfirmed illegal_data_value"),
+                result("configure failed illegal_data_value"),
                 lambda plant: "" if not plant.starter("belt").unit.is_configuring else "it is still in it",
             ]
         },

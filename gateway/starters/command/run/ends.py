@@ -7,8 +7,8 @@ here is the outlook: what may be the case at the motor once something was writte
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
@@ -19,6 +19,15 @@ MAY_ACT_LATER = Note("may_act_later")
 LOOK = Note("look")
 
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
+
+
+class RunOff(Protocol):
+    """The stop that follows a command which failed."""
+
+    is_local: bool  # the latest reading shows local mode
+
+    def is_shown(self) -> bool:
+        """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,34 +63,32 @@ class Outlook:
         """Return the end of a command whose time was over before all of it was written."""
         if not is_written:
             return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s), is_written=False)
-        if self.note is LOOK:
-            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"), is_written=True)
-        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"), is_written=True)
+        return self.cut(Reason(self._unseen, "overdue"), is_written=True)
 
     def not_seen(self, expect: Expect) -> Final:
         """Return the end of a command that was written and not seen to act in its time."""
-        point, within_s = expect.name, expect.within_s
-        if self.note is LOOK:
-            reason = Reason(ResultCode.NOT_FOLLOWED, "reading", point=point, within_s=within_s)
-            return Final(Phase.UNCONFIRMED, reason.noted(LOOK))
-        if self.is_run_cleared:
-            reason = Reason(ResultCode.NOT_SEEN, "standstill", point=point, within_s=within_s)
-            return Final(Phase.UNCONFIRMED, reason.noted(Note("run_off_again"), MAY_BE_TURNING))
-        reason = Reason(ResultCode.NOT_SEEN, "motion", point=point, within_s=within_s)
+        case = "reading" if self.note is LOOK else "standstill" if self.is_run_cleared else "motion"
+        reason = Reason(self._unseen, case, point=expect.name, within_s=expect.within_s)
         if self.refusal is not None:
             reason = self.refusal.noted(reason)
-        return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
-
-    def taken_back(self, end: Final, *, is_released: bool) -> Final:
-        """Return the end of a start that did not act, once run = 0 was written; `is_released`: and read."""
-        if not is_released:
-            return end.noted(Note("not_taken_back"))
-        phase = end.phase if self.refusal is None else Phase.FAILED
-        return Final(phase, end.reason.noted(Note("taken_back")), end.values, end.after)
+        return Final(Phase.UNCONFIRMED, reason.noted(self.note))
 
     def not_readable(self) -> Final:
         """Return the end of a command whose effect cannot be read back."""
         return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self.note))
+
+    def stopped(self, end: Final, run_off: RunOff) -> Final:
+        """Return the end of a command that did not succeed, with the outcome of run = 0 after it."""
+        at_rest = None if self.is_run_cleared else Note("at_rest")
+        if not run_off.is_shown():
+            in_local = Note("in_local") if run_off.is_local else None
+            return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
+        phase = Phase.FAILED if self.refusal is not None else end.phase
+        return replace(end.noted(at_rest, Note("taken_back")), phase=phase)
+
+    @property
+    def _unseen(self) -> ResultCode:
+        return ResultCode.NOT_FOLLOWED if self.note is LOOK else ResultCode.NOT_SEEN
 
 
 def run_not_cleared(reason: Reason, phase: Phase) -> Final:
@@ -89,11 +96,14 @@ def run_not_cleared(reason: Reason, phase: Phase) -> Final:
     return Final(phase, reason.noted(Note("nothing_else")))
 
 
-def not_left_safe(end: Final) -> Final:
-    """Return the end of a command that failed, and whose starter could not be left as it was."""
-    if end.phase is not Phase.FAILED:
-        return end
-    return Final(Phase.UNCONFIRMED, end.reason.noted(Note("not_left_safe")))
+def unsafe(end: Final) -> Final:
+    """Return the end of a command whose starter could not be left as it was."""
+    return _doubtful(end).noted(Note("not_left_safe"))
+
+
+def _doubtful(end: Final) -> Final:
+    """Return an end that has not merely failed."""
+    return replace(end, phase=Phase.UNCONFIRMED) if end.phase is Phase.FAILED else end
 
 
 def unwritten(procedure: Procedure, values: Mapping[str, Any]) -> Final:

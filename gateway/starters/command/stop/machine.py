@@ -5,9 +5,9 @@
    its own, or the first after that which the starter acknowledged. Without an acknowledgement, frames follow
    until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
-4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
-   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
-   is an event and an entry of the audit.
+4. A start or a jog that did not act is taken back by the same machine, and a starter left safe after any
+   other command that failed, with an order of the gateway's own (`take_back`): it also asks for run and jog
+   to read 0 in remote mode. A newer command ends it, its outcome is an event and an entry of the audit.
 
 Of a group each member is stopped so on its own: `group`.
 """
@@ -60,6 +60,7 @@ class StopOrder:
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
+    is_local: bool = False  # as the latest reading showed
 
     @property
     def until_s(self) -> float:
@@ -89,6 +90,7 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
+        self.is_local = values.get("remote") is False
         self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
         self.good_s = now_s if is_shown else self.good_s
         return is_shown
@@ -134,7 +136,7 @@ class Stopping:
         report.before = self._starter.snapshot.good_values()
 
     def take_back(self, released: Expect, on_end: Callable[[Final], None]) -> StopOrder:
-        """Take back a start or a jog that was seen not to act: run = 0 and jog = 0 at once."""
+        """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
         self.frames.with_jog = True
         came_s = self._time()
         order = StopOrder(self.frames.ask(), came_s, released=released, on_end=on_end)
