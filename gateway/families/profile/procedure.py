@@ -68,7 +68,7 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class TakeBack:
-    """How it shows that no run command is left, once the starter's stop has followed a command that failed."""
+    """How it shows that no run command is left, after the stop that follows a command which failed."""
 
     released: Expect  # run and jog read 0, in remote mode: in local mode a starter may ignore the write
     at_rest: Expect | None = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode, ResultRecord
 from gateway.families import command, state_of
-from gateway.starters.command.report import Reporting, audit
+from gateway.starters.command.report import Reporting
 from gateway.starters.command.run.ends import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
 from gateway.starters.view import StarterIo
 from gateway.store import Remembered
@@ -34,37 +34,35 @@ class Recovery:
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it is known now."""
-        verb, state = self._remembered.result.verb, self._state()
+        earlier, state = self._remembered.result, self._state()
+        phase, notes = Phase.REJECTED, [Note("nothing_written")]
         if self._remembered.may_be_written:
-            outlook = LOOK if verb in STILL else MAY_BE_TURNING
-            notes = [Note("may_be_written"), outlook, MAY_ACT_LATER if verb in command.TAKEN_BACK else None]
-            phase = Phase.UNCONFIRMED
-        else:
-            notes = [Note("nothing_written")]
-            phase = Phase.REJECTED
-        now = Note("state_unknown") if state == UNKNOWN else Note("state_now", state=state)
-        reason = Reason(ResultCode.CRASHED).noted(*notes, now)
-        earlier = self._remembered.result
+            phase, notes = Phase.UNCONFIRMED, [Note("may_be_written")]
+            notes.append(LOOK if earlier.verb in STILL else MAY_BE_TURNING)
+            notes += [MAY_ACT_LATER] if earlier.verb in command.TAKEN_BACK else []
+        notes.append(Note("state_unknown") if state == UNKNOWN else Note("state_now", state=state))
+        reason = Reason(ResultCode.CRASHED).noted(*notes)
         values = {} if state == UNKNOWN else {"state": state}
         now_s = self._reporting.records.clock.utc_s()
         return replace(earlier, phase=phase, code=reason.code, text=reason.text, time_s=now_s, values=values)
 
     async def publish(self) -> None:
         """Wait a while for the starter's status, then publish the result, its audit record and an event."""
-        until_s = self._reporting.records.clock.now_s() + STATUS_WITHIN_S
-        while self._state() == UNKNOWN and self._starter and self._reporting.records.clock.now_s() < until_s:
+        reporting = self._reporting
+        until_s = reporting.now_s() + STATUS_WITHIN_S
+        while self._state() == UNKNOWN and self._starter and reporting.now_s() < until_s:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._hurried.wait(), LOOK_EVERY_S)
                 break
         result = self.result()
-        if self._is_superseded():
-            self._reporting.records.put(result)
+        latest = reporting.ledger.find(result.client, result.id)
+        if latest is not None and latest.code != ResultCode.CRASHED:  # a stop that was done again
+            reporting.records.put(result)
         else:
-            self._reporting.ledger.store(result, now_s=self._reporting.records.clock.now_s())
-            self._reporting.journal.note(result, then=lambda: self._reporting.records.put(result))
+            reporting.ledger.store(result, now_s=reporting.now_s())
+            reporting.journal.note(result, then=lambda: reporting.records.put(result))
         request = CommandRequest(result.starter, result.client, result.verb, result.id)
-        records = self._reporting.records
-        audit(request, records, decision=result.phase, code=result.code, after=result.values)
+        reporting.audit(request, result.phase, result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:
             self._starter.emitter.event(
                 EventCode.COMMAND_CUT_SHORT,
@@ -73,11 +71,6 @@ class Recovery:
                 verb=result.verb,
                 outcome=result.text,
             )
-
-    def _is_superseded(self) -> bool:
-        """Return whether the id stands for something newer by now: a stop that was done again."""
-        latest = self._reporting.ledger.find(self._remembered.result.client, self._remembered.result.id)
-        return latest is not None and latest.code != ResultCode.CRASHED
 
     def _state(self) -> str:
         if self._starter is None:

@@ -183,7 +183,7 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
         JOG_OFF,
     ),
     row(
-        "a motor that starts at a reset is stopped until it stands, and the result says that it may be turning",
+        "a motor that starts at a reset is stopped until it stands; it may be turning, says the result",
         given=SITE,
         at={
             2.0: "pump trip E05",

@@ -63,12 +63,20 @@ class Outlook:
         """Return the end of a command whose time was over before all of it was written."""
         if not is_written:
             return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s), is_written=False)
-        return self.cut(Reason(self._unseen, "overdue"), is_written=True)
+        if self.note is LOOK:
+            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"), is_written=True)
+        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"), is_written=True)
 
     def not_seen(self, expect: Expect) -> Final:
         """Return the end of a command that was written and not seen to act in its time."""
-        case = "reading" if self.note is LOOK else "standstill" if self.is_run_cleared else "motion"
-        reason = Reason(self._unseen, case, point=expect.name, within_s=expect.within_s)
+        point, within_s = expect.name, expect.within_s
+        if self.note is LOOK:
+            reason = Reason(ResultCode.NOT_FOLLOWED, "reading", point=point, within_s=within_s)
+        else:
+            is_off = self.is_run_cleared
+            reason = Reason(
+                ResultCode.NOT_SEEN, "standstill" if is_off else "motion", point=point, within_s=within_s
+            )
         if self.refusal is not None:
             reason = self.refusal.noted(reason)
         return Final(Phase.UNCONFIRMED, reason.noted(self.note))
@@ -85,10 +93,6 @@ class Outlook:
             return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
         phase = Phase.FAILED if self.refusal is not None else end.phase
         return replace(end.noted(at_rest, Note("taken_back")), phase=phase)
-
-    @property
-    def _unseen(self) -> ResultCode:
-        return ResultCode.NOT_FOLLOWED if self.note is LOOK else ResultCode.NOT_SEEN
 
 
 def run_not_cleared(reason: Reason, phase: Phase) -> Final:

@@ -159,7 +159,8 @@ class CommandRun:
         await self._wire.wait_for(self.report.intend())
         if self._guard is not None:
             await self._wire.wait_for(self._guard.admit())
-        self.report.count_memory_writes(procedure.wears)
+        reporting = self.report.reporting
+        reporting.write_budget.take(self.report.request.starter, procedure.wears, now_s=reporting.now_s())
 
     # Writing
 
