@@ -8,8 +8,7 @@ from dataclasses import replace
 
 from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode, ResultRecord
 from gateway.families import command, state_of
-from gateway.starters.command.report import Reporting
-from gateway.starters.command.run.ends import LOOK, MAY_ACT_LATER, MAY_BE_TURNING
+from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Reporting
 from gateway.starters.view import StarterIo
 from gateway.store import Remembered
 

@@ -26,6 +26,11 @@ from gateway.starters.command.steps import CommandStep, Life
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.store import Journal, NoJournal
 
+# What may be the case at a motor once something was written and not seen to act
+MAY_BE_TURNING = Note("may_be_turning")
+MAY_ACT_LATER = Note("may_act_later")
+LOOK = Note("look")
+
 
 @dataclass(frozen=True, slots=True)
 class Final:

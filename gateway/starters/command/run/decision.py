@@ -21,12 +21,11 @@ from gateway.families import Preparation, Procedure, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport
 from gateway.starters.command.steps import CommandStep
-from gateway.starters.command.wire import Rows, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, Rows, Wire
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.view import StarterIo
 
-DECIDES_FOR_S = 2.0  # after that much can have happened at a motor
 WAITS_FOR_S = 10.0  # the same for what moves no motor, and may wait for the line
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
 MOST_READINGS = 4  # until two in a row agree

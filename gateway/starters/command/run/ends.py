@@ -12,11 +12,7 @@ from typing import Any, Protocol
 
 from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
-from gateway.starters.command.report import Final
-
-MAY_BE_TURNING = Note("may_be_turning")
-MAY_ACT_LATER = Note("may_act_later")
-LOOK = Note("look")
+from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
 
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
 

@@ -36,7 +36,7 @@ from gateway.families import (
 )
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
-from gateway.starters.command.report import CommandReport, Final
+from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, Final
 from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
@@ -317,7 +317,7 @@ class CommandRun:
         rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
         if values is None or self._is_another or diagnosis.contradiction(profile, values):
-            return end.noted(ends.MAY_ACT_LATER)
+            return end.noted(MAY_ACT_LATER)
         return await self._stopped(end, released)
 
     async def _left_safe(self, end: Final, *, is_stopped: bool = False) -> Final:
@@ -346,7 +346,7 @@ class CommandRun:
         self._wire.demand_not_halted()  # at shut-down nothing is written
         order = self._run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
-            await self._wire.wait_for(order.ended())
+            await self._wire.wait_for(order.over.wait())
         return self._outlook.stopped(end, order)
 
     def _run_off_alone(self, _report: CommandReport, released: Expect) -> StopOrder:
