@@ -22,7 +22,7 @@ from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, as_repetition, is_same
 from gateway.starters.command.overload import Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
-from gateway.starters.command.recovery import Recovery
+from gateway.starters.command.recovery import end_of, publish_end
 from gateway.starters.command.report import CommandReport, Final, Kept, Reporting
 from gateway.starters.command.stop.group import GroupStop
 from gateway.starters.command.under_way import UnderWay
@@ -83,7 +83,6 @@ class Dispatcher:
         )
         self._overload = Overload(self._policy.settings.limits, self._reporting)
         self._on_stop = on_stop  # called once a stop's frames are asked for
-        self._recoveries: list[Recovery] = []
         self._is_closing = False
 
     def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> None:
@@ -126,18 +125,19 @@ class Dispatcher:
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, now_s = self._reporting.ledger, self._reporting.now_s()
+        ledger, now_s, utc_s = (
+            self._reporting.ledger,
+            self._reporting.now_s(),
+            self._reporting.records.clock.utc_s(),
+        )
         for remembered in commands:
             result = remembered.result
             known = ledger.find(result.client, result.id)
             if known is not None and known.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
-                starter = self._starters.get(result.starter)
-                recovery = Recovery(remembered, starter, self._reporting)
-                result = recovery.result()
-                self._recoveries.append(recovery)
-                self._under_way.spawn(recovery.publish())
+                result = end_of(remembered, utc_s=utc_s)
+                publish_end(result, self._starters.get(result.starter), self._reporting)
             ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
@@ -160,8 +160,6 @@ class Dispatcher:
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
         self._is_closing = True
-        for recovery in self._recoveries:
-            recovery.hurry()
         await self._under_way.close()
         self._overload.close()
 
