@@ -125,20 +125,16 @@ class Dispatcher:
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, now_s, utc_s = (
-            self._reporting.ledger,
-            self._reporting.now_s(),
-            self._reporting.records.clock.utc_s(),
-        )
+        ledger, clock = self._reporting.ledger, self._reporting.records.clock
         for remembered in commands:
             result = remembered.result
             known = ledger.find(result.client, result.id)
             if known is not None and known.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
-                result = end_of(remembered, utc_s=utc_s)
+                result = end_of(remembered, utc_s=clock.utc_s())
                 publish_end(result, self._starters.get(result.starter), self._reporting)
-            ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
+            ledger.store(result, now_s=clock.now_s())  # its age begins now: no clock says it
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `apply_rights`."""
@@ -252,16 +248,10 @@ class Dispatcher:
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
         names = self._stoppable(request)
-        under_way = self._under_way.stops(names)
-        is_asked_for = len(under_way) == len(names) and all(
-            stopping.is_asked_for(request) for stopping in under_way
-        )
         most = self._policy.settings.limits.answered_stops
-        is_full = any(stopping.count >= most for stopping in under_way)
+        is_full = any(stopping.count >= most for stopping in self._under_way.stops(names))
         # Before anything is published: that takes longer than the line's silence.
         self._stop_all(names, request.received_s)
-        if is_asked_for:
-            return
         if is_full:
             self._overload.answer(self._key(request), request, is_stopped=True)
             return

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from gateway.contract import Note, Phase, Reason, ResultCode
+from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
 from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
+from gateway.starters.command.steps import Life
 
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
 
@@ -30,7 +31,8 @@ class RunOff(Protocol):
 class Outlook:
     """What a command was about to bring about."""
 
-    verb: str
+    request: CommandRequest
+    life: Life
     can_wait: bool  # its verb moves no motor
     procedure: Procedure | None = None  # once it is being written
     refusal: Reason | None = None  # of a motion that may have begun all the same
@@ -45,23 +47,24 @@ class Outlook:
         """Return what may be the case once something was written and not seen to act."""
         return MAY_BE_TURNING if self.is_run_cleared or not self.can_wait else LOOK
 
-    def cut(self, reason: Reason, *, is_written: bool) -> Final:
+    def cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
-        if is_written:
-            is_pending = reason.code in _MAY_STAND and self.verb in command.TAKEN_BACK
+        if self.life.is_written:
+            is_pending = reason.code in _MAY_STAND and self.request.verb in command.TAKEN_BACK
             later = MAY_ACT_LATER if is_pending else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self.note, later))
         if reason.code == ResultCode.INTERNAL:
             return Final(Phase.FAILED, reason)
         return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
 
-    def overdue(self, *, age_s: float, is_written: bool) -> Final:
+    def overdue(self) -> Final:
         """Return the end of a command whose time was over before all of it was written."""
-        if not is_written:
-            return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s), is_written=False)
+        if not self.life.is_written:
+            age_s = self.request.until_s - self.request.received_s
+            return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
         if self.note is LOOK:
-            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"), is_written=True)
-        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"), is_written=True)
+            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
+        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"))
 
     def not_seen(self, expect: Expect) -> Final:
         """Return the end of a command that was written and not seen to act in its time."""

@@ -98,7 +98,7 @@ class CommandRun:
         self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
         self._wire = self._new_wire(report.request.until_s)
         self._judge = Judge(report, starter, preparation, guard, wire=self._wire, lane=self._lane)
-        self._outlook = Outlook(report.request.verb, self.can_wait)
+        self._outlook = Outlook(report.request, report.life, self.can_wait)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
     @property
@@ -115,10 +115,10 @@ class CommandRun:
         try:
             end = await self._ended()
         except HaltedError as error:  # while its starter was left safe
-            end = self._cut(error.reason)
+            end = self._outlook.cut(error.reason)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
-            end = self._cut(Reason(ResultCode.INTERNAL))
+            end = self._outlook.cut(Reason(ResultCode.INTERNAL))
         self._leave_slot()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
@@ -128,13 +128,13 @@ class CommandRun:
         try:
             return await self._carried_out()
         except CommandError as error:
-            return self._cut(error.reason)
+            return self._outlook.cut(error.reason)
         except RefusedError as error:
             return Final(Phase.FAILED, error.reason)
         except OverdueError:
-            end, is_stopped = self._overdue(), False
+            end, is_stopped = self._outlook.overdue(), False
         except HaltedError as error:
-            end, is_stopped = self._cut(error.reason), error.reason.code == ResultCode.STOPPED_FIRST
+            end, is_stopped = self._outlook.cut(error.reason), error.reason.code == ResultCode.STOPPED_FIRST
             if error.reason.code == ResultCode.SHUTTING_DOWN:  # then nothing is written
                 return end
         return await self._left_safe(end, is_stopped=is_stopped)
@@ -197,7 +197,7 @@ class CommandRun:
             is_seen = await self._wire.see(step.then) is not None
             return None if is_seen else self._outlook.not_seen(step.then)
         if isinstance(outcome, Silent | Garbled) and not is_last and not step.is_silence_expected:
-            return self._cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
+            return self._outlook.cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
         return None
 
     async def _run_off_taken(self, step: WriteStep, outcome: Outcome, end: Final | None) -> Final | None:
@@ -242,7 +242,9 @@ class CommandRun:
         deadline_s = min(self._wire.until_s, self.report.request.until_s)
         until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self.can_wait))
         self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
-        outcome = await self._send(step, until_s)
+        outcome: Outcome = Silent(TOO_LATE, is_sent=False)
+        if not self._is_outdated():
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
         now_s, is_unsent = self.report.now_s(), _is_held(outcome)
         self._wire.until_s = deadline_s if is_unsent else now_s + self._seen_within_s(decision.procedure)
         if is_unsent and now_s < deadline_s:
@@ -259,16 +261,11 @@ class CommandRun:
         if not is_patient:
             decides_s = decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s, can_wait=False)
             until_s = min(until_s, decides_s)
-        while True:
-            is_old = not is_patient and self._is_outdated()
-            outcome = await self._send(step, until_s, is_old=is_old)
-            if not _is_held(outcome) or is_old or self.report.now_s() >= until_s:
+        while is_patient or not self._is_outdated():
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+            if not _is_held(outcome) or self.report.now_s() >= until_s:
                 return outcome
-
-    async def _send(self, step: WriteStep, until_s: float, *, is_old: bool | None = None) -> Outcome:
-        if self._is_outdated() if is_old is None else is_old:
-            return Silent(TOO_LATE, is_sent=False)
-        return await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+        return Silent(TOO_LATE, is_sent=False)
 
     def _is_outdated(self) -> bool:
         """Return whether the gateway stood still since what was read, or since run = 0."""
@@ -294,9 +291,9 @@ class CommandRun:
                     return None
                 return Final(Phase.FAILED, refusal)
             case Silent(is_sent=False) if _is_held(outcome):
-                return self._overdue()
+                return self._outlook.overdue()
             case Silent(is_sent=False) | Garbled(is_sent=False):
-                return self._cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
+                return self._outlook.cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
             case Silent() | Garbled():
                 self.report.write()
                 return None  # whether it acted is for the read-back to say
@@ -364,14 +361,6 @@ class CommandRun:
         wire = Wire(self._starter, read_back_lane=max(self._lane, Priority.READ_BACK))
         wire.until_s = until_s
         return wire
-
-    def _cut(self, reason: Reason) -> Final:
-        return self._outlook.cut(reason, is_written=self.report.life.is_written)
-
-    def _overdue(self) -> Final:
-        request = self.report.request
-        age_s = request.until_s - request.received_s
-        return self._outlook.overdue(age_s=age_s, is_written=self.report.life.is_written)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from gateway.contract import CommandRequest, EventCode, Note, Phase, Reason, ResultCode
+from gateway.contract import EventCode, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Read
 from gateway.line import Priority
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final
@@ -134,16 +134,6 @@ class Stopping:
         order = StopOrder(self.frames.ask(), self._time(), released=released, on_end=on_end)
         self._orders.append(order)
         return order
-
-    def is_asked_for(self, request: CommandRequest) -> bool:
-        """Return whether the same client's stop, whose answer would be the same, has joined.
-
-        Only over MQTT do both read that answer on one topic: each request to the page has its own.
-        """
-        if request.id or request.correlation or request.source:
-            return False
-        joined = (order.report.request for order in self._orders if order.report)
-        return any((each.client, each.id) == (request.client, request.id) for each in joined)
 
     @property
     def count(self) -> int:
