@@ -157,21 +157,6 @@ PROOFS = [
             ]
         },
     ),
-    row(
-        "after a stop only a token of after it starts",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            5.5: publish("command/pump/alice/stop"),
-            7.0: old_token("pump/alice/start", of_s=4.0),
-            8.0: issued(2.9),
-            9.0: command("pump/alice/start"),
-        },
-        then={
-            8.5: seen("result/pump/alice", verb="start", code="stopped_first", times=2),
-            12.0: [result("start confirmed ok"), frames("pump", "05 00 64 00 00", START)],
-        },
-    ),
 ]
 
 
@@ -200,18 +185,6 @@ NEVER = [
         given=SITE,
         at={3.0: "pump control local", 5.0: twice(), 6.0: "pump control remote", 8.0: twice()},
         then={9.0: [msg("result/pump/alice", code="in_local", duplicate=True), frames("pump")]},
-    ),
-    row(
-        "an id is known after a kill, too",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={3.0: twice(), 6.0: ["kill", "start"], 10.0: twice()},
-        then={
-            11.0: [
-                msg("result/pump/alice", id="one", phase="confirmed", duplicate=True),
-                frames("pump", START),
-            ]
-        },
     ),
     row(
         "an id that stood for another command is refused",
@@ -317,12 +290,6 @@ NEVER = [
         },
     ),
     row(
-        "a repeated stop is carried out each time",
-        given=SITE,
-        at={4.0: command("pump/alice/stop", id="one"), 6.0: command("pump/alice/stop", id="one")},
-        then={8.0: frames("pump", "05 00 64 00 00", "05 00 64 00 00")},
-    ),
-    row(
         "a retained start is refused, live or not",
         given=SITE,
         at={
@@ -344,19 +311,6 @@ NEVER = [
             6.0: "start",
         },
         then={12.0: frames("pump")},
-    ),
-    row(
-        "a start that was under way at a kill ends unconfirmed, and is not written again",
-        given=SITE,
-        at={2.0: "pump VB01 = 0x4102", 3.0: twice(), 3.5: "kill", 4.0: "start", 9.0: twice()},
-        then={
-            3.4: [result("start written ok"), frames("pump", START)],
-            10.0: [
-                seen("result/pump/alice", id="one", phase="unconfirmed", code="crashed", duplicate=False),
-                msg("result/pump/alice", id="one", phase="unconfirmed", code="crashed", duplicate=True),
-                frames("pump", START),
-            ],
-        },
     ),
 ]
 

@@ -114,13 +114,6 @@ ONCE = [
         then={5.0: [result("start written ok"), frames("pump", START)]},
     ),
     row(
-        "once its end is said the starter is free for the next command",
-        given=SITE,
-        sim=SIM,
-        at={3.0: do("pump start"), 3.08: fault("lose", "pump", for_s=4.0), 20.0: do("pump stop")},
-        then={23.0: result("stop confirmed ok")},
-    ),
-    row(
         "a corrupted acknowledgement is no reason to write again",
         given=SITE,
         sim=SIM,
@@ -188,22 +181,6 @@ ONCE = [
 
 NOT_SEEN = [
     row(
-        "a start that is seen not to act is taken back, and says so",
-        given=SITE,
-        at={2.0: f"pump {READY}", 3.0: do("pump start")},
-        then={
-            10.0: [
-                msg(
-                    "result/pump/alice",
-                    phase="unconfirmed",
-                    code="not_seen",
-                    text=re.compile("run = 0 was written"),
-                ),
-                frames("pump", START, RUN_OFF, JOG_OFF),
-            ]
-        },
-    ),
-    row(
         "a start that an SSW-06 ignores is taken back by its masked bit",
         given=SSW06 + ALICE,
         sim={"fan": {**QUICK, "settings": {230: 0}}},
@@ -224,20 +201,6 @@ NOT_SEEN = [
             11.0: [result("start unconfirmed not_seen"), frames("mill", "06 02 ad 00 13", "06 02 ad 00 12")],
             20.0: never("starter/mill/state", state="running"),
         },
-    ),
-    row(
-        "a start in the time after a stop, which the starter ignores, is not confirmed",
-        given=SITE,
-        sim={"pump": {**QUICK, "settings": {630: 60}}},
-        at={3.0: do("pump start"), 6.0: do("pump stop"), 9.0: do("pump start")},
-        then={8.0: result("stop confirmed ok"), 16.0: result("start unconfirmed not_seen")},
-    ),
-    row(
-        "a start for a command source that is not active is not confirmed",
-        given=SSW900 + ALICE,
-        sim={"mill": {**QUICK, "settings": {230: 0}}},
-        at={3.0: do("mill start")},
-        then={10.0: result("start unconfirmed not_seen")},
     ),
     row(
         "a start that a hidden fault held back does not act once the fault is reset at the starter",
@@ -349,22 +312,6 @@ STANDING = [  # S1: after a fault, a general disable or local mode a run command
             14.0: [
                 result("local_remote confirmed ok"),
                 never("starter/pump/state", since=10.0, state="running"),
-            ]
-        },
-    ),
-    row(
-        "a starter that refuses run = 0 is not reset",
-        given=SITE,
-        at={2.0: "pump trip E05", 4.0: [refuses_writes("pump", 4, 3.0), do("pump reset")]},
-        then={
-            8.0: [
-                never("result/pump/alice", phase="confirmed"),
-                never("result/pump/alice", code="ok", phase="written"),
-                lambda plant: (
-                    ""
-                    if "05 00 6b ff 00" not in [p for _, p in plant.starter("pump").writes]
-                    else "it was reset"
-                ),
             ]
         },
     ),

@@ -22,7 +22,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action
-from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB, operator
+from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB
 from tests.scenarios.commands import do
 
 SITE = SSW07 + ALICE
@@ -201,12 +201,6 @@ AUDIT = [
             )
         },
         then={8.0: msg("audit", verb="stop", client="alice", decision="confirmed", source="sparkplug")},
-    ),
-    row(
-        "a refusal is in the audit",
-        given=SITE + operator("bob", may=("stop",)),
-        at={3.0: command("pump/bob/start")},
-        then={4.0: msg("audit", client="bob", verb="start", decision="rejected", code="not_allowed")},
     ),
 ]
 

@@ -448,12 +448,6 @@ LOCKS = [
             11.0: result("start rejected too_many_starts"),
         },
     ),
-    row(
-        "a group is only ever stopped",
-        given=TWO + table("[group]", name="hall", starters=["*"]),
-        at={3.0: command("hall/alice/start")},
-        then={5.0: [result("start rejected group_only_stop"), frames("pump"), frames("fan")]},
-    ),
 ]
 
 
