@@ -15,7 +15,7 @@ from gateway.starters.policy.preconditions import STATE, Expectation, Guard, dem
 from gateway.starters.policy.rights import Rights
 from gateway.starters.view import StarterIo
 
-Check = Callable[[CommandRequest], None]
+Check = Callable[[str], None]  # of a starter
 
 
 class Admission:
@@ -67,20 +67,20 @@ class Admission:
             raise CommandError(ResultCode.LEDGER_FULL, count=len(ledger))
 
     def check(
-        self, request: CommandRequest, starter: StarterIo, check_room: Check
+        self, request: CommandRequest, starter: StarterIo, check_free: Check
     ) -> tuple[Preparation, Guard]:
         """Return what to read before the command, and what watches over it."""
         preparation = self.check_target(request, starter)
-        check_room(request)
+        check_free(request.starter)
         expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
         guard = self._policy.guard(request, expectations)
         reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
         return replace(preparation, reads=reads), guard
 
-    def preview(self, request: CommandRequest, starter: StarterIo, check_room: Check) -> None:
+    def preview(self, request: CommandRequest, starter: StarterIo, check_free: Check) -> None:
         """Judge a command, as if it were selected, by what was read last; nothing is counted or used up."""
         preparation = self.check_target(request, starter)
-        check_room(request)
+        check_free(request.starter)
         rows = rows_for(preparation, starter.snapshot.rows)
         guard, points = self._policy.guard(request, ()), starter.snapshot.good_values()
         judge(request, starter, preparation, guard, rows=rows, points=points)

@@ -170,7 +170,7 @@ class Dispatcher:
         if request.verb in OWN_VERBS:
             self._own_verbs.check(request, starter)
         else:
-            self._admission.preview(request, starter, self._under_way.demand_room)
+            self._admission.preview(request, starter, self._under_way.demand_free)
 
     def _demand_open(self) -> None:
         if self._is_closing:
@@ -226,7 +226,7 @@ class Dispatcher:
         if not self._under_way.is_busy(request.starter):  # else it is refused for that
             self._under_way.demand_decided_after_stop(request)
         starter = self._starters[request.starter]
-        preparation, guard = self._admission.check(request, starter, self._under_way.demand_room)
+        preparation, guard = self._admission.check(request, starter, self._under_way.demand_free)
         report = CommandReport(request, self._reporting)
         report.accept()
         self._under_way.begin(report, preparation, guard)

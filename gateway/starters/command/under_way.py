@@ -46,20 +46,12 @@ class UnderWay:
         """Return whether a starter is under a command or a client's stop."""
         return name in self._runs or self._is_stopped_by_client(name)
 
-    def demand_room(self, request: CommandRequest) -> None:
-        """Demand that its starter is free, and that not too many commands are under way on its line."""
-        name, limits = request.starter, self._policy.settings.limits
+    def demand_free(self, name: str) -> None:
+        """Demand that a starter is under no command, and that its configuration stays as it is."""
         if self.is_busy(name):
             raise CommandError(ResultCode.BUSY, "command")
         if name in self._leaving:
             raise CommandError(ResultCode.BUSY, "reload")
-        line = self._starters[name].setup.line
-        can_wait = [run.can_wait for run in self._runs.values() if run.line == line]
-        if len(can_wait) >= limits.under_way_on_line:
-            most = limits.under_way_on_line
-            raise CommandError(ResultCode.TOO_MANY, "line", count=len(can_wait), most=most)
-        if request.verb in CAN_WAIT and sum(can_wait) >= limits.parameters_on_line:
-            raise CommandError(ResultCode.TOO_MANY, "parameters", count=sum(can_wait))
 
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""

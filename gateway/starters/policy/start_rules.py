@@ -21,8 +21,6 @@ class RateLimits:
     client: Rate = Rate(20.0, 100)
     starter: Rate = Rate(5.0, 20)  # of one client
     everyone: Rate = Rate(200.0, 300)
-    under_way_on_line: int = 32  # so that none waits for the line longer than it is fresh
-    parameters_on_line: int = 16  # of them reads and settings, which have a share of the line only
     answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 

@@ -697,33 +697,23 @@ KILLED = [
 ]
 
 
-MANY = line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 41)) + ALICE
-
-
-def too_many(verb: str, taken: int) -> Expectation:
-    """Of as many commands as there are starters so many were taken."""
-    return lambda plant: (
-        ""
-        if plant.results().count(f"{verb} rejected too_many") == 40 - taken
-        and plant.results().count(f"{verb} accepted ok") == taken
-        else str(plant.results()[-40:])
-    )
-
-
 LIMITS = [
     row(
-        "no more commands wait for a line than it can serve while they are fresh",
-        given=MANY,
+        "of more starts than a line can serve while they are fresh the first act and the others expire",
+        given=line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 41)) + ALICE,
+        sim={f"p{n}": QUICK for n in range(1, 41)},
         at={9.0: [command(f"p{n}/alice/start") for n in range(1, 41)]},
-        then={12.0: too_many("start", 32)},
-    ),
-    row(
-        "reads beyond their share of a line are refused, a start beside them is not",
-        given=MANY,
-        at={9.0: [*(do(f"p{n} read", parameter="P003") for n in range(1, 41)), do("p40 start")]},
-        then={12.0: [too_many("read", 16), seen("result/p40/alice", verb="start", phase="accepted")]},
+        then={20.0: lambda plant: some_expired(plant.results()[-120:])},
     ),
 ]
+
+
+def some_expired(results: list[str]) -> str:
+    """Most were confirmed; what was not written in its time has expired, and all have an end."""
+    ends = [
+        results.count(f"start {end}") for end in ("confirmed ok", "rejected expired", "unconfirmed not_seen")
+    ]
+    return "" if ends[0] >= 25 and ends[1] >= 10 and sum(ends) == 40 else str(ends)
 
 
 @pytest.mark.parametrize("row", LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK + KILLED)
