@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -13,6 +14,7 @@ from gateway.contract import (
     STOP,
     CommandError,
     CommandRequest,
+    EventCode,
     Phase,
     RecordWriter,
     ResultCode,
@@ -22,8 +24,8 @@ from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, as_repetition, is_same
 from gateway.starters.command.overload import Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
-from gateway.starters.command.recovery import end_of, publish_end
 from gateway.starters.command.report import CommandReport, Final, Kept, Reporting
+from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.stop.group import GroupStop
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Policy
@@ -132,9 +134,26 @@ class Dispatcher:
             if known is not None and known.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
-                result = end_of(remembered, utc_s=clock.utc_s())
-                publish_end(result, self._starters.get(result.starter), self._reporting)
+                end = crashed(result.verb, may_be_written=remembered.may_be_written)
+                result = replace(result, phase=end.phase, code=end.code, text=end.text, values={})
+                result = replace(result, time_s=clock.utc_s())
+                self._publish_crashed(result)
             ledger.store(result, now_s=clock.now_s())  # its age begins now: no clock says it
+
+    def _publish_crashed(self, result: ResultRecord) -> None:
+        """Publish the end of a command of an earlier run, and an event where something may be written."""
+        reporting, starter = self._reporting, self._starters.get(result.starter)
+        reporting.journal.note(result, then=lambda: reporting.records.put(result))
+        request = CommandRequest(result.starter, result.client, result.verb, result.id)
+        reporting.audit(request, result.phase, result.code)
+        if starter is not None and result.phase is Phase.UNCONFIRMED:
+            starter.emitter.event(
+                EventCode.COMMAND_CUT_SHORT,
+                client=result.client,
+                id=result.id,
+                verb=result.verb,
+                outcome=result.text,
+            )
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `apply_rights`."""

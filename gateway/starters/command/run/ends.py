@@ -15,6 +15,7 @@ from gateway.families import Expect, Procedure, command
 from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
 from gateway.starters.command.steps import Life
 
+_STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
 
 
@@ -92,6 +93,16 @@ class Outlook:
             return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
         phase = Phase.FAILED if self.refusal is not None else end.phase
         return replace(end.noted(at_rest, Note("taken_back")), phase=phase)
+
+
+def crashed(verb: str, *, may_be_written: bool) -> Final:
+    """Return the end of a command that was under way when an earlier run of the gateway ended."""
+    reason = Reason(ResultCode.CRASHED)
+    if not may_be_written:
+        return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
+    outlook = LOOK if verb in _STILL else MAY_BE_TURNING
+    later = MAY_ACT_LATER if verb in command.TAKEN_BACK else None
+    return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), outlook, later))
 
 
 def run_not_cleared(reason: Reason, phase: Phase) -> Final:

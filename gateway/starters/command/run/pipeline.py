@@ -94,17 +94,12 @@ class CommandRun:
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self._run_off = run_off or self._run_off_alone
         self._stopping: asyncio.Task[None] | None = None  # where nobody else stops this starter
-        self.can_wait = report.request.verb in CAN_WAIT
-        self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
+        self._can_wait = report.request.verb in CAN_WAIT
+        self._lane = Priority.PARAMETERS if self._can_wait else Priority.COMMAND
         self._wire = self._new_wire(report.request.until_s)
         self._judge = Judge(report, starter, preparation, guard, wire=self._wire, lane=self._lane)
-        self._outlook = Outlook(report.request, report.life, self.can_wait)
+        self._outlook = Outlook(report.request, report.life, self._can_wait)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
-
-    @property
-    def line(self) -> str:
-        """The name of its starter's line."""
-        return self._starter.setup.line
 
     def halt(self, reason: Reason) -> None:
         """Let nothing more of this command go out."""
@@ -240,7 +235,7 @@ class CommandRun:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
         self.report.life.advance(CommandStep.WRITING)
         deadline_s = min(self._wire.until_s, self.report.request.until_s)
-        until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self.can_wait))
+        until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self._can_wait))
         self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self._is_outdated():
@@ -256,7 +251,7 @@ class CommandRun:
 
         One that was held, because an earlier reply of its starter may still come, is handed over again.
         """
-        is_patient = self.can_wait and not decision.procedure.is_source
+        is_patient = self._can_wait and not decision.procedure.is_source
         until_s = self._wire.until_s
         if not is_patient:
             decides_s = decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s, can_wait=False)
