@@ -120,13 +120,6 @@ RULES = [
         then={11.0: [result("start rejected too_many_starts"), frames("pump")]},
     ),
     row(
-        "the starts of an hour are known after a restart",
-        given=SITE + rules(starts_per_hour=1),
-        sim={"pump": QUICK},
-        at={3.0: do("pump start"), 6.0: do("pump stop"), 8.0: "restart", 12.0: do("pump start")},
-        then={13.0: result("start rejected too_many_starts")},
-    ),
-    row(
         "between standstill and the next start there is a pause",
         given=SITE + rules(minimum_pause_s=10),
         sim={"pump": QUICK},
