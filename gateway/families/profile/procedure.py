@@ -96,6 +96,11 @@ class Procedure:
     wears: int = 0  # how many writes go to the starter's non-volatile memory
 
     @property
+    def is_motion(self) -> bool:
+        """Return whether it starts or jogs the motor."""
+        return self.take_back is not None and self.take_back.at_rest is not None
+
+    @property
     def is_run_cleared(self) -> bool:
         """Return whether it begins with run = 0 (families/command/run_command.py)."""
         return self.take_back is not None and self.take_back.at_rest is None

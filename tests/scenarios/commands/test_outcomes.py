@@ -138,11 +138,17 @@ ONCE = [
         at={3.0: [fault("refuse", "pump", 2, for_s=0.5), do("pump read", parameter="P314")]},
         then={5.0: result("read failed illegal_data_address")},
     ),
-    row(
-        "a setting that is refused as busy has failed at once",
-        given=SITE,
-        at={3.0: [refuses_writes("pump", 6, 1.0), do("pump set", parameter="P314", value=9)]},
-        then={4.0: [result("set failed server_device_busy"), frames("pump", "06 01 3a 00 09")]},
+    *(
+        row(
+            f"{what} that is refused as busy has failed at once",
+            given=SITE,
+            at={3.0: [refuses_writes("pump", 6, 1.0), do(f"pump {verb}", **args)]},
+            then={4.0: [result(f"{verb} failed server_device_busy"), frames("pump", pdu)]},
+        )
+        for what, verb, args, pdu in (
+            ("a setting", "set", {"parameter": "P314", "value": 9}, "06 01 3a 00 09"),
+            ("the end of a jog", "jog", {"value": False}, JOG_OFF),
+        )
     ),
     row(
         "a start that is refused as busy and cannot be read then is unconfirmed",

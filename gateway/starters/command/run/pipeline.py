@@ -28,7 +28,6 @@ from gateway.families import (
     Preparation,
     Procedure,
     WriteStep,
-    command,
     decode,
     diagnosis,
     parameters,
@@ -279,8 +278,8 @@ class CommandRun:
                 self.report.write()
                 return None
             case Refused():
-                refusal = RefusedError(outcome.code).reason
-                if outcome.code in _MAY_ACT and self.report.request.verb in command.TAKEN_BACK:
+                refusal, procedure = RefusedError(outcome.code).reason, self._outlook.procedure
+                if outcome.code in _MAY_ACT and procedure is not None and procedure.is_motion:
                     self._outlook = replace(self._outlook, refusal=refusal)
                     self.report.write()
                     return None
