@@ -24,7 +24,7 @@ from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, as_repetition, is_same
 from gateway.starters.command.overload import Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
-from gateway.starters.command.report import CommandReport, Final, Kept, Reporting
+from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.stop.group import GroupStop
 from gateway.starters.command.under_way import UnderWay
@@ -220,9 +220,9 @@ class Dispatcher:
         A refused id stays so, else a copy could be carried out after its client has read the refusal.
         """
         is_known = self._reporting.known(request) is not None
-        kept = Kept.ON_DISK if is_stored else Kept.NOWHERE if error.code in UNFIT else Kept.IN_MEMORY
-        kept = Kept.NOWHERE if is_known else kept
-        report = CommandReport(request, self._reporting, is_repeat=is_known, kept=kept)
+        retention = Retention.DISK if is_stored else Retention.NONE if error.code in UNFIT else Retention.RUN
+        retention = Retention.NONE if is_known else retention
+        report = CommandReport(request, self._reporting, is_repeat=is_known, retention=retention)
         report.finish(Final(Phase.REJECTED, error.reason))
 
     # Taking

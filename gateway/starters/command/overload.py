@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
-from gateway.starters.command.report import CommandReport, Final, Kept, Reporting
+from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
 from gateway.starters.policy.start_rules import RateLimiter, RateLimits
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
 
@@ -38,10 +38,10 @@ class Overload:
             request, values = replace(request, id=None, correlation=None), {"count": count}
             reason = Reason(ResultCode.TOO_MANY, "stop_more" if is_stopped else "client_more", count=count)
         if not is_stopped:
-            report = CommandReport(request, self._reporting, kept=Kept.IN_MEMORY)
+            report = CommandReport(request, self._reporting, retention=Retention.RUN)
             report.finish(Final(Phase.REJECTED, reason, values))
             return
-        report = CommandReport(request, self._reporting, kept=Kept.NOWHERE)
+        report = CommandReport(request, self._reporting, retention=Retention.NONE)
         report.accept()
         report.write()  # rejected would mean that nothing was written
         report.finish(Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_turning")), values))

@@ -56,12 +56,12 @@ class Final:
         return replace(self, reason=self.reason.noted(*more))
 
 
-class Kept(enum.Enum):
+class Retention(enum.Enum):
     """Where a result is remembered, so that a repetition of its command gets it again."""
 
-    NOWHERE = enum.auto()  # a repetition is judged again
-    IN_MEMORY = enum.auto()  # as long as the gateway runs
-    ON_DISK = enum.auto()
+    NONE = enum.auto()  # a repetition is judged again
+    RUN = enum.auto()  # as long as the gateway runs
+    DISK = enum.auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class CommandReport:
         reporting: Reporting,
         *,
         is_repeat: bool = False,
-        kept: Kept = Kept.ON_DISK,
+        retention: Retention = Retention.DISK,
         group: Group | None = None,
     ) -> None:
         self.request = request
@@ -142,7 +142,7 @@ class CommandReport:
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._latest: ResultRecord | None = None  # as stored
         self._is_over = False  # its final result is published
-        self._kept = kept
+        self._retention = retention
         self._group = group
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
@@ -211,10 +211,10 @@ class CommandReport:
     def _report(self, end: Final) -> None:
         request, reporting = self.request, self.reporting
         ledger, now_s, result = reporting.ledger, self.now_s(), self._result(end)
-        if self._kept is not Kept.ON_DISK:
+        if self._retention is not Retention.DISK:
             if request.starter and request.client:  # else there is no topic for a result, only the audit
                 reporting.records.put(result)
-            if self._kept is Kept.IN_MEMORY:
+            if self._retention is Retention.RUN:
                 ledger.store(result, now_s=now_s)
         elif end.phase is Phase.WRITTEN or request.verb == STOP:
             # That something may be written is on the disk already; a stop waits for no disk.

@@ -95,8 +95,8 @@ class MotorHistory:
 
     def set_lock(self, starter: str, lock: LockRecord | None) -> None:
         """Set or take away the maintenance lock."""
-        kept = lock and _Lock(by=lock.by, since=lock.since_s, reason=lock.reason, operator=lock.operator)
-        self._change(starter, lock=kept)
+        stored = lock and _Lock(by=lock.by, since=lock.since_s, reason=lock.reason, operator=lock.operator)
+        self._change(starter, lock=stored)
 
     def note_start(self, starter: str, *, now_s: float) -> None:
         """Count a start that is about to be written."""

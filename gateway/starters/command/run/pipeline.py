@@ -92,7 +92,7 @@ class CommandRun:
         self._has_slot = False
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self._run_off = run_off or self._run_off_alone
-        self._stopping: asyncio.Task[None] | None = None  # where nobody else stops this starter
+        self._stopping: asyncio.Task[None] | None = None  # where no other part stops this starter
         self._can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if self._can_wait else Priority.COMMAND
         self._wire = self._new_wire(report.request.until_s)

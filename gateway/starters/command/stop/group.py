@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from gateway.contract import Note, Phase, Reason, ResultCode
-from gateway.starters.command.report import CommandReport, Final, Kept
+from gateway.starters.command.report import CommandReport, Final, Retention
 
 MOST_NAMED = 5  # of the members that are not confirmed
 
@@ -22,7 +22,7 @@ class GroupStop:
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
         request = replace(self._report.request, starter=name, correlation=None, ticket=0)
-        return CommandReport(request, self._report.reporting, kept=Kept.NOWHERE, group=self)
+        return CommandReport(request, self._report.reporting, retention=Retention.NONE, group=self)
 
     def note_written(self) -> None:
         """Record that something was written to a member."""
