@@ -202,7 +202,6 @@ class OwnVerbs:
     def _set_lock(self, starter: StarterIo, lock: LockRecord | None) -> None:
         self._motor_history.set_lock(starter.setup.name, lock)
         starter.republish_state()
-        self._document.touch()
 
     # What is compared with later devices and later starts
 

@@ -71,6 +71,7 @@ class MotorHistory:
     """The pages of all starters; a starter of an unknown history stands still since it was first seen to."""
 
     def __init__(self, starters: Iterable[str]) -> None:
+        self.on_change: Callable[[], None] = lambda: None  # what is stored differs now
         self._pages = dict.fromkeys(starters, _NEW)
         self._written_s: dict[str, float] = {}  # our last start of each, until its motor is seen to move
 
@@ -103,24 +104,21 @@ class MotorHistory:
         self._count(starter, now_s)
         self._written_s[starter] = now_s
 
-    def note_state(self, starter: str, state: str, *, now_s: float) -> bool:
-        """Record a state that was read; return whether there is something new to store.
+    def note_state(self, starter: str, state: str, *, now_s: float) -> None:
+        """Record a state that was read.
 
         What happens while the state is not known leaves no trace here: a motor that stood before and after
         counts as standing.
         """
         page = self._pages.get(starter)
-        if page is None or state not in MOVING | STANDING:
-            return False
-        was_moving, is_moving = page.moving, state in MOVING
-        if is_moving is was_moving:
-            return False
+        is_moving = state in MOVING
+        if page is None or state not in MOVING | STANDING or is_moving is page.moving:
+            return
         if is_moving:
             written_s = self._written_s.pop(starter, -inf)
-            if was_moving is False and now_s - written_s > OURS_WITHIN_S:
+            if page.moving is False and now_s - written_s > OURS_WITHIN_S:
                 self._count(starter, now_s)
         self._change(starter, moving=is_moving, standing_since=None if is_moving else now_s)
-        return True
 
     def stored(self, *, now_s: float, reading: ClockReading) -> StoredMotors:
         """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
@@ -150,3 +148,4 @@ class MotorHistory:
 
     def _change(self, starter: str, **changes: Any) -> None:
         self._pages[starter] = self._pages[starter].model_copy(update=changes)
+        self.on_change()

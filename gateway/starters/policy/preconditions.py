@@ -145,7 +145,6 @@ class Guard:
         starter = self._request.starter
         self._is_counted = True
         self._motor_history.note_start(starter, now_s=self._clock.now_s())
-        self._document.touch()
         if self._rulebook.of(starter).is_counting:
             if not await self._document.saved(within_s=SAVED_WITHIN_S):
                 raise CommandError(ResultCode.NOT_KEPT, "start")
