@@ -27,8 +27,6 @@ from tests.scenarios.commands import confirmed, issued, old_token
 
 SITE = SSW07 + ALICE
 START = "05 00 64 ff 00"
-READ = {"parameter": "P314"}
-BRIDGE = SSW07 + operator("alice", freshness="issued_at")
 
 
 def boot(path: str, *, of_s: float = 0.0, **fields: object) -> Action:
@@ -38,10 +36,6 @@ def boot(path: str, *, of_s: float = 0.0, **fields: object) -> Action:
         plant.command(path, boot=plant.messages("gateway/status", since=of_s)[0].json["boot"], **fields)
 
     return act
-
-
-def step(seconds: float) -> Action:
-    return lambda plant: setattr(plant.world, "stepped_s", plant.world.stepped_s + seconds)
 
 
 def refuses(name: str, code: str, *sent: Action, given: str = SITE, at_s: float = 9.0) -> object:
@@ -187,18 +181,6 @@ NEVER = [
                 frames("pump", START, "05 00 64 00 00"),
             ],
         },
-    ),
-    row(
-        "an id stays known over restarts however far the clock is off",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: twice(),
-            6.0: ["end", step(-2e9), "start"],
-            10.0: ["end", step(3e9), "start"],
-            14.0: twice(),
-        },
-        then={15.0: [msg("result/pump/alice", phase="confirmed", duplicate=True), frames("pump", START)]},
     ),
     row(
         "a start while a stop is under way is busy",

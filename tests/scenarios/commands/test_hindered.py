@@ -666,37 +666,6 @@ DISK = [
 ]
 
 
-def written_once_at_most(plant: RigPlant) -> str:
-    starts = [pdu for _, pdu in plant.starter("pump").writes if pdu == START]
-    ends = [
-        each
-        for each in plant.messages("result/pump/alice")
-        if each.json["phase"] not in ("accepted", "written")
-    ]
-    said = {(each.json["phase"], each.json["code"]) for each in ends}
-    return (
-        ""
-        if len(starts) <= 1 and len(said) == 1 and (not starts or said != {("rejected", "crashed")})
-        else f"{len(starts)}, {said}"
-    )
-
-
-KILLED = [
-    row(
-        f"a start goes out once at most and has one end: the gateway is killed after {1000 * after_s:.0f} ms",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: command("pump/alice/start", id="1"),
-            3.0 + after_s: ["kill", "start"],
-            20.0: command("pump/alice/start", id="1"),
-        },
-        then={30.0: written_once_at_most},
-    )
-    for after_s in (0.001, 0.015, 0.03, 0.045, 0.055, 0.065, 0.08, 0.12, 0.3, 0.7)
-]
-
-
 LIMITS = [
     row(
         "of more starts than a line can serve while they are fresh the first act and the others expire",
@@ -716,6 +685,6 @@ def some_expired(results: list[str]) -> str:
     return "" if ends[0] >= 25 and ends[1] >= 10 and sum(ends) == 40 else str(ends)
 
 
-@pytest.mark.parametrize("row", LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK + KILLED)
+@pytest.mark.parametrize("row", LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK)
 def test_a_command_that_is_hindered(row: ScenarioRow) -> None:
     play(row)

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.rig import (
-    RigPlant,
     ScenarioRow,
     fault,
     frames,
@@ -49,13 +48,6 @@ def written(starter: str, times: int) -> Expectation:
     return lambda plant: "" if len(plant.starter(starter).writes) == times else "written otherwise"
 
 
-def at_most_the_starts_written(plant: RigPlant) -> str:
-    starts = [pdu for _, pdu in plant.starter("pump").writes if pdu == START]
-    said = plant.results().count("start written ok")
-    finals = [each for each in plant.results() if each.split()[1] not in ("accepted", "written")]
-    return "" if 1 <= len(starts) <= said and len(finals) == 10 else f"{len(starts)} of {said}, {finals}"
-
-
 ONCE = [
     *(
         row(
@@ -72,17 +64,6 @@ ONCE = [
         given=FOUR + ALICE,
         at={20.0: "line pumps unplug", 30.0: "line pumps plug", 60.0: "restart", 80.0: ["kill", "start"]},
         then={100.0: [frames(name) for name in FAMILIES]},
-    ),
-    row(
-        "on a noisy line a start goes out once or not at all",
-        given=SITE,
-        sim=SIM,
-        at={
-            2.0: lambda plant: plant.do(lambda: plant.lines["pumps"].noise(0.002)),
-            **{3.0 + 20 * n: do("pump start") for n in range(5)},
-            **{13.0 + 20 * n: do("pump stop") for n in range(5)},
-        },
-        then={105.0: at_most_the_starts_written},
     ),
     row(
         "after a start that nothing answers the motor may be turning",
@@ -112,13 +93,6 @@ ONCE = [
         given=SITE,
         at={3.0: [f"pump {READY}", do("pump start")]},
         then={5.0: [result("start written ok"), frames("pump", START)]},
-    ),
-    row(
-        "a corrupted acknowledgement is no reason to write again",
-        given=SITE,
-        sim=SIM,
-        at={3.0: do("pump start"), 3.08: fault("garble", "pump", count=1)},
-        then={8.0: [result("start confirmed ok"), frames("pump", START)]},
     ),
     row(
         "a setting whose answer is lost is read back",

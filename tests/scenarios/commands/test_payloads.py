@@ -19,7 +19,6 @@ from tests.rig import (
     seen,
 )
 from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB
-from tests.scenarios.commands import do
 
 SITE = SSW07 + ALICE
 
@@ -71,34 +70,10 @@ TOPICS = [
 
 OTHERS = [
     row(
-        "a starter that there is not",
-        given=SITE,
-        at={3.0: command("fan/alice/start")},
-        then={4.0: result("start rejected unknown_starter")},
-    ),
-    row(
         "a live stop with the retain flag stops, the copy that the broker keeps does not",
         given=SITE,
         at={3.0: publish("command/pump/alice/stop", '{"id": "1"}', retain=True), 6.0: "broker drops"},
         then={12.0: [result("stop confirmed ok"), frames("pump", "05 00 64 00 00")]},
-    ),
-    row(
-        "of more than 100 commands at once from one client some are refused, a stop is carried out",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: [
-                *(command("pump/alice/read", args={"parameter": "P314"}) for _ in range(130)),
-                do("pump stop"),
-            ]
-        },
-        then={
-            6.0: [
-                seen("result/pump/alice", code="too_many"),
-                seen("result/pump/alice", verb="stop", phase="confirmed"),
-                frames("pump", "05 00 64 00 00"),
-            ]
-        },
     ),
 ]
 

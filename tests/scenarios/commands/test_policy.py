@@ -341,22 +341,6 @@ LOCKS = [
         },
     ),
     row(
-        "a lock outlives the gateway; unlocked, the starter starts",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: LOCK,
-            5.0: ["kill", "start"],
-            9.0: do("pump start"),
-            11.0: do("pump unlock"),
-            13.0: do("pump start"),
-        },
-        then={
-            10.0: result("start rejected locked"),
-            15.0: [result("start confirmed ok"), msg("starter/pump/state", locked=None)],
-        },
-    ),
-    row(
         "the owner of a lock that another client removes gets a result of it",
         given=SITE + operator("bob"),
         at={3.0: LOCK, 5.0: command("pump/bob/unlock")},
