@@ -87,12 +87,12 @@ class Outlook:
 
     def stopped(self, end: Final, run_off: RunOff) -> Final:
         """Return the end of a command that did not succeed, with the outcome of run = 0 after it."""
-        at_rest = None if self.is_run_cleared else Note("at_rest")
-        if not run_off.is_shown():
-            in_local = Note("in_local") if run_off.is_local else None
-            return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
-        phase = Phase.FAILED if self.refusal is not None else end.phase
-        return replace(end.noted(at_rest, Note("taken_back")), phase=phase)
+        if run_off.is_shown():
+            phase = Phase.FAILED if self.refusal is not None else end.phase
+            return replace(end.noted(Note("at_rest"), Note("taken_back")), phase=phase)
+        at_rest = None if self.is_run_cleared else Note("at_rest")  # a start was seen not to act before
+        in_local = Note("in_local") if run_off.is_local else None
+        return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
 
 
 def crashed(verb: str, *, may_be_written: bool) -> Final:
