@@ -429,7 +429,7 @@ def test_each_step_of_the_sst_is_seen_before_the_next_and_the_mode_is_left_when_
     assert leave.then.is_met({"COIL5": (1,)})
     assert leave.then.within_s == 5.0
     for text in ("configure", "set R41=30"):
-        assert [shown(request) for request in built("sst", text, REST_SST).abandon] == ["c1:0", "c0:0"]
+        assert [shown(request) for request in built("sst", text, REST_SST).abandon] == ["c1:0"]
 
 
 def test_the_time_of_a_timeout_is_seen_before_it_is_made_active() -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families.command.interlock import check
-from gateway.families.command.procedures import build, prepare
+from gateway.families.command.procedures import build, prepare, stop
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.procedure import Expect, Read
+from gateway.families.profile.procedure import Expect, Procedure, Read
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
 from gateway.modbus.pdu import Request, exception_code
@@ -72,9 +72,9 @@ class Actor:
             written.append(step.request.encode().hex())
             is_refused = pdu is not None and exception_code(step.request, pdu) is not None
             if is_refused and not step.may_be_refused:
-                return self._abandoned(procedure.abandon, Done("refused", written=written))
+                return self._abandoned(procedure, Done("refused", written=written))
             if step.then is not None and not self._see(step.then):
-                return self._abandoned(procedure.abandon, Done("unconfirmed", written=written))
+                return self._abandoned(procedure, Done("unconfirmed", written=written))
         if not procedure.steps:
             return Done(
                 "unchanged" if procedure.is_unchanged else "confirmed",
@@ -83,7 +83,7 @@ class Actor:
         is_seen = procedure.verify is not None and self._see(procedure.verify)
         said = "; ".join(note.text for note in procedure.notes)
         end = Done("confirmed" if is_seen else "unconfirmed", said, written)
-        return end if is_seen else self._abandoned(procedure.abandon, end)
+        return end if is_seen else self._abandoned(procedure, end)
 
     def read(self, reads: Sequence[Read]) -> Rows:
         """Return freshly read rows; CommandError when one is refused or not answered."""
@@ -115,7 +115,8 @@ class Actor:
             self.talk.wait(PAUSE_S)
         return True
 
-    def _abandoned(self, requests: Sequence[Request], done: Done) -> Done:
-        for request in requests:
+    def _abandoned(self, procedure: Procedure, done: Done) -> Done:
+        run_off = stop(self.profile, self.variant, seen=self.rows, with_jog=True).steps
+        for request in (*procedure.abandon, *(step.request for step in run_off if procedure.is_run_cleared)):
             self.talk.pdu(request)
         return done

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
-from operator import or_
 from typing import Any
 
 from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command import run_command
 from gateway.families.command.control_word import (
-    command_bit,
     command_requests,
     has_plain_word,
     is_jogging,
@@ -223,15 +220,8 @@ def _take_back(profile: Profile, variant: Variant, seen: Seen) -> TakeBack:
     names = [name for name in moving(profile) if _is_there(profile, variant, name)]
     reads = reads_for(profile, rows_of_points(profile, names))
     first, *others = (Expect(reads, name, (False,), _AT_REST_WITHIN_S) for name in names)
-    row = run_row(profile, variant)
-    bits = [command_bit(profile, name) for name in TAKEN_BACK if name in profile.commands]
-    source = local_source(profile, variant)
-    local = (source,) if source is not None and source[0] in seen else ()  # it was decided in local mode
-    shown = reads_for(profile, (row, *rows_of_points(profile, (_REMOTE,)), *(code for code, _ in local)))
-    obeys = tuple(Expect(shown, code, ((number,),), _AT_REST_WITHIN_S) for code, number in local)
-    is_remote = Expect(shown, _REMOTE, (True,), _AT_REST_WITHIN_S, or_else=obeys)
-    run_off = Expect(shown, row, ((0,),), _AT_REST_WITHIN_S, mask=reduce(or_, bits), also=(is_remote,))
-    return TakeBack(at_rest=replace(first, also=tuple(others)), released=run_off)
+    released = run_command.released(profile, variant, seen)
+    return TakeBack(released, at_rest=replace(first, also=tuple(others)))
 
 
 def _is_there(profile: Profile, variant: Variant, name: str) -> bool:

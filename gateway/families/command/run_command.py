@@ -11,16 +11,19 @@ command of every family, in this order:
 3. jog = 0 is written where there is a jog; a starter whose jog is not set up may refuse it;
 4. what was commanded is written; where it changes the command source, run = 0 once more: a starter ignores
    the commands of a source that is not active (ssw06-es 4.2.3, ssw07 4.2.2), the first run = 0 included;
-5. it is read back, and that the motor still stands; when either is not seen, run = 0 is written again.
+5. it is read back, and that the motor still stands; when either is not seen, the starter is stopped.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 
 from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command.control_word import (
+    command_bit,
     flags_of,
     has_plain_word,
     missing_since,
@@ -28,8 +31,8 @@ from gateway.families.command.control_word import (
     stop_requests,
     word_codes,
 )
-from gateway.families.command.interlock import points_needed
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
+from gateway.families.command.interlock import local_source, points_needed
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, TakeBack, WriteStep
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
@@ -81,9 +84,8 @@ def with_run_cleared(
         procedure,
         steps=(*off, *procedure.steps, *again),
         verify=_and_standing(profile, procedure.verify),
-        abandon=(*procedure.abandon, *(step.request for step in off)),
+        take_back=TakeBack(released(profile, _scope(variant, is_source=is_source), seen)),
         notes=(Note("run_cleared"), *procedure.notes),
-        is_run_cleared=True,
         is_source=is_source,
     )
 
@@ -96,6 +98,23 @@ def _scope(variant: Variant, *, is_source: bool) -> Variant:
 def _word_rows(profile: Profile, variant: Variant) -> tuple[str, ...]:
     """Return the rows whose bit 0 is the run command, as far as it can be read back."""
     return word_codes(profile, variant) or (run_row(profile, variant),)
+
+
+def released(profile: Profile, variant: Variant, seen: Seen) -> Expect:
+    """Return what shows that no motion command is left: run and jog read 0 while the starter obeys this line.
+
+    That is in remote mode, and in local mode where the row that says so (`local_source`) was among `seen`.
+    """
+    rows = _word_rows(profile, variant)
+    source = local_source(profile, variant)
+    local = (source,) if source is not None and source[0] in seen else ()  # it was decided in local mode
+    codes = tuple(code for code, _ in local)
+    reads = reads_for(profile, (*rows, *rows_of_points(profile, ("remote",)), *codes))
+    bits = reduce(or_, (command_bit(profile, name) for name in ("start", "jog") if name in profile.commands))
+    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=bits) for row in rows)
+    obeys = tuple(Expect(reads, code, ((number,),), CLEARED_WITHIN_S) for code, number in local)
+    is_remote = Expect(reads, "remote", (True,), CLEARED_WITHIN_S, or_else=obeys)
+    return replace(first, also=(*others, is_remote))
 
 
 def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -13,21 +14,23 @@ from gateway.contract import (
     STOP,
     CommandError,
     CommandRequest,
+    EventCode,
     Phase,
     RecordWriter,
     ResultCode,
     ResultRecord,
 )
-from gateway.starters.command.admission import Admission, OverloadRefusals, no_right
+from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, as_repetition, is_same
+from gateway.starters.command.overload import Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
-from gateway.starters.command.recovery import Recovery
-from gateway.starters.command.report import CommandReport, Final, Reporting, audit
+from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
+from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.stop.group import GroupStop
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.view import StarterIo
 from gateway.store import Journal, NoJournal, Remembered
 
@@ -67,7 +70,6 @@ class Dispatcher:
     ) -> None:
         journal = journal or NoJournal()
         self._starters = starters
-        self._rights = rights
         self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(
             records=records,
@@ -76,56 +78,36 @@ class Dispatcher:
             journal=journal,
             stood_still_s=stood_still_s,
         )
+        self._under_way = UnderWay(starters, self._reporting, self._policy)
         self._admission = Admission(starters, rights, policy=self._policy, reporting=self._reporting)
         self._own_verbs = OwnVerbs(
             self._admission, self._policy, clock=records.clock, set_baseline=set_baseline
         )
-        self._rate_limiter = RateLimiter(self._policy.settings.limits)
-        self._overload = OverloadRefusals(self._reporting)
-        self._under_way = UnderWay(starters, self._reporting, self._policy.watchdogs)
+        self._overload = Overload(self._policy.settings.limits, self._reporting)
         self._on_stop = on_stop  # called once a stop's frames are asked for
-        self._recoveries: list[Recovery] = []
         self._is_closing = False
 
-    def submit(self, request: CommandRequest) -> None:
-        """Judge a command at once; carry an accepted one out in a task of its own."""
-        error = _error_of(self._admission.check_sender, request)
+    def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> None:
+        """Judge a command at once; carry an accepted one out in a task of its own.
+
+        One that comes with a refusal is only answered: with that, or its repetition with its first result.
+        """
+        error = refusal or _error_of(self._admission.check_sender, request)
         is_stop = error is None and request.verb == STOP  # never limited
         if not is_stop and not self._admits(request):
-            self._overload.refuse(self._key(request), request)
+            self._overload.answer(self._key(request), request)
             return
-        earlier = self._known(request)
+        earlier = self._reporting.known(request)
         is_repeat = earlier is not None and is_same(request, earlier)
         if error is not None and not is_repeat:
             self._refuse(request, error, is_stored=False)
-            return
-        if earlier is not None and (not is_stop or (is_repeat and not earlier.phase.is_final)):
-            if is_stop:
-                self._stop_once_more(request)
+        elif earlier is not None and (not is_stop or (is_repeat and not earlier.phase.is_final)):
+            if is_stop and not self._is_closing:
+                self._stop_all(self._stoppable(request), request.received_s)
             if not is_stop or self._admits(request):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
-            return
-        try:
-            self._demand_open()
-            if is_stop:
-                self._take_stop(request, is_repeat=is_repeat)
-            elif request.verb in OWN_VERBS:
-                self._take_own(request)
-            else:
-                self._take(request)
-        except CommandError as refusal:
-            self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
-
-    def reject(self, request: CommandRequest, error: CommandError) -> None:
-        """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
-        if not self._admits(request):
-            self._overload.refuse(self._key(request), request)
-            return
-        earlier = self._known(request)
-        if earlier is not None and is_same(request, earlier):
-            self._repeat(request, earlier)
         else:
-            self._refuse(request, error, is_stored=False)
+            self._carry_out(request, is_repeat=is_repeat)
 
     def verb_error(self, starter: str, verb: str) -> CommandError | None:
         """Return what is wrong with a verb for a starter; None when nothing is."""
@@ -141,23 +123,37 @@ class Dispatcher:
     def refuse_unread(self, starter: str, client: str, verb: str) -> None:
         """Refuse a command that is one too many, of which only the topic was read."""
         request = CommandRequest(starter, client, verb)
-        self._overload.refuse(self._key(request), request)
+        self._overload.answer(self._key(request), request)
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, now_s = self._reporting.ledger, self._reporting.now_s()
+        ledger, clock = self._reporting.ledger, self._reporting.records.clock
         for remembered in commands:
             result = remembered.result
             known = ledger.find(result.client, result.id)
             if known is not None and known.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
-                starter = self._starters.get(result.starter)
-                recovery = Recovery(remembered, starter, self._reporting)
-                result = recovery.result()
-                self._recoveries.append(recovery)
-                self._under_way.spawn(recovery.publish())
-            ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
+                end = crashed(result.verb, may_be_written=remembered.may_be_written)
+                result = replace(result, phase=end.phase, code=end.code, text=end.text, values={})
+                result = replace(result, time_s=clock.utc_s())
+                self._publish_crashed(result)
+            ledger.store(result, now_s=clock.now_s())  # its age begins now: no clock says it
+
+    def _publish_crashed(self, result: ResultRecord) -> None:
+        """Publish the end of a command of an earlier run, and an event where something may be written."""
+        reporting, starter = self._reporting, self._starters.get(result.starter)
+        reporting.journal.note(result, then=lambda: reporting.records.put(result))
+        request = CommandRequest(result.starter, result.client, result.verb, result.id)
+        reporting.audit(request, result.phase, result.code)
+        if starter is not None and result.phase is Phase.UNCONFIRMED:
+            starter.emitter.event(
+                EventCode.COMMAND_CUT_SHORT,
+                client=result.client,
+                id=result.id,
+                verb=result.verb,
+                outcome=result.text,
+            )
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `apply_rights`."""
@@ -167,21 +163,18 @@ class Dispatcher:
         """Return when the latest stop of any starter came, on the steady clock."""
         return self._under_way.stopped_s()
 
-    def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
+    def freshness(self, request: CommandRequest) -> tuple[str, ...]:
         """Return the settings that say what may prove such a command fresh."""
-        return self._rights.freshness(client, verb=verb, starter=starter)
+        return self._admission.rights.freshness(request.client, verb=request.verb, starter=request.starter)
 
     def apply_rights(self, rights: Rights) -> None:
         """Judge new commands by these rights and the policy's present settings from now on."""
-        self._rights = rights
-        self._admission.apply_rights(rights)
+        self._admission.rights = rights
         self._under_way.reopen()
 
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
         self._is_closing = True
-        for recovery in self._recoveries:
-            recovery.hurry()
         await self._under_way.close()
         self._overload.close()
 
@@ -196,24 +189,19 @@ class Dispatcher:
         if request.verb in OWN_VERBS:
             self._own_verbs.check(request, starter)
         else:
-            self._admission.preview(request, starter, self._under_way.load(request.starter))
+            self._admission.preview(request, starter, self._under_way.demand_free)
 
     def _demand_open(self) -> None:
         if self._is_closing:
             raise CommandError(ResultCode.SHUTTING_DOWN)
 
-    def _known(self, request: CommandRequest) -> ResultRecord | None:
-        return self._reporting.ledger.find(request.client, request.id)
-
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
-        return request.client if self._rights.is_known(request.client) else ""
+        return request.client if self._admission.rights.is_known(request.client) else ""
 
     def _admits(self, request: CommandRequest) -> bool:
         starter = request.starter if request.starter in self._starters else ""
-        return self._rate_limiter.admits(
-            client=self._key(request), starter=starter, now_s=self._reporting.now_s()
-        )
+        return self._overload.admits(self._key(request), starter)
 
     def _repeat(self, request: CommandRequest, earlier: ResultRecord) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
@@ -224,26 +212,40 @@ class Dispatcher:
         is_published = self._reporting.ledger.is_published(request.client, request.id)
         if is_published:  # else the answer of the first is still to come
             self._reporting.records.put(as_repetition(earlier, request))
-        audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
+        self._reporting.audit(request, "duplicate", earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:
-        """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
-        is_known = self._known(request) is not None
-        report = CommandReport(request, self._reporting, is_repeat=is_known)
-        end = Final(Phase.REJECTED, error.reason)
-        if is_known or is_stored or error.code in UNFIT:
-            report.finish(end, is_stored=is_stored and not is_known)
-        else:
-            report.refuse(end)
+        """Refuse a command; under an id that has a result, as a duplicate: that result stays.
+
+        A refused id stays so, else a copy could be carried out after its client has read the refusal.
+        """
+        is_known = self._reporting.known(request) is not None
+        retention = Retention.DISK if is_stored else Retention.NONE if error.code in UNFIT else Retention.RUN
+        retention = Retention.NONE if is_known else retention
+        report = CommandReport(request, self._reporting, is_repeat=is_known, retention=retention)
+        report.finish(Final(Phase.REJECTED, error.reason))
 
     # Taking
 
+    def _carry_out(self, request: CommandRequest, *, is_repeat: bool) -> None:
+        """Take a command that is not known yet, or a stop."""
+        try:
+            self._demand_open()
+            if request.verb == STOP:
+                self._take_stop(request, is_repeat=is_repeat)
+            elif request.verb in OWN_VERBS:
+                self._take_own(request)
+            else:
+                self._take(request)
+        except CommandError as refusal:
+            self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
+
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
-        load = self._under_way.load(request.starter)
-        if not load.is_busy:  # else it is refused for that
+        if not self._under_way.is_busy(request.starter):  # else it is refused for that
             self._under_way.demand_decided_after_stop(request)
-        preparation, guard = self._admission.check(request, self._starters[request.starter], load)
+        starter = self._starters[request.starter]
+        preparation, guard = self._admission.check(request, starter, self._under_way.demand_free)
         report = CommandReport(request, self._reporting)
         report.accept()
         self._under_way.begin(report, preparation, guard)
@@ -256,51 +258,36 @@ class Dispatcher:
             self._under_way.demand_decided_after_stop(target_of(request))
         report = CommandReport(request, self._reporting)
         report.accept()
-        storing = self._own_verbs.act(report, starter)
+        rest = self._own_verbs.act(report, starter)
         if request.verb == LOCK:
             self._under_way.cut_for_lock(request.starter)
-        if storing is not None:
-            self._under_way.spawn(storing)
+        if rest is not None:
+            self._under_way.spawn(rest)
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
         names = self._stoppable(request)
-        under_way = self._under_way.stops(names)
-        is_asked_for = len(under_way) == len(names) and all(
-            stopping.is_asked_for(request) for stopping in under_way
-        )
         most = self._policy.settings.limits.answered_stops
-        is_full = any(stopping.count >= most for stopping in under_way)
+        is_full = any(stopping.count >= most for stopping in self._under_way.stops(names))
         # Before anything is published: that takes longer than the line's silence.
         self._stop_all(names, request.received_s)
-        if is_asked_for:
-            return
         if is_full:
-            self._overload.answer_untracked_stop(self._key(request), request)
+            self._overload.answer(self._key(request), request, is_stopped=True)
             return
         report = CommandReport(request, self._reporting, is_repeat=is_repeat)
         report.accept()
         if request.starter in self._starters:
             self._under_way.join(request.starter, report)
-        else:
-            self._join_all(report, names)
-
-    def _join_all(self, report: CommandReport, names: Collection[str]) -> None:
-        """Have a group's stop answered by the results of its members."""
-        members = self._members(report.request)
-        whole = GroupStop(report, members, self._reporting)
+            return
+        members = self._members(request)
+        whole = GroupStop(report, members)
         for name in members:
             member = whole.member(name)
             if name in names:
                 member.accept()
                 self._under_way.join(name, member)
             else:
-                member.finish(Final(Phase.REJECTED, no_right(member.request).reason))
-
-    def _stop_once_more(self, request: CommandRequest) -> None:
-        """Send a frame to each of these for a stop message that gets no life of its own."""
-        if not self._is_closing:
-            self._stop_all(self._stoppable(request), request.received_s)
+                member.finish(Final(Phase.REJECTED, self._admission.no_right(member.request).reason))
 
     def _stop_all(self, names: Iterable[str], came_s: float) -> None:
         for name in names:

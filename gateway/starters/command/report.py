@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,6 +25,11 @@ from gateway.starters.command.ledger import Ledger
 from gateway.starters.command.steps import CommandStep, Life
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.store import Journal, NoJournal
+
+# What may be the case at a motor once something was written and not seen to act
+MAY_BE_TURNING = Note("may_be_turning")
+MAY_ACT_LATER = Note("may_act_later")
+LOOK = Note("look")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +56,14 @@ class Final:
         return replace(self, reason=self.reason.noted(*more))
 
 
+class Retention(enum.Enum):
+    """Where a result is remembered, so that a repetition of its command gets it again."""
+
+    NONE = enum.auto()  # a repetition is judged again
+    RUN = enum.auto()  # as long as the gateway runs
+    DISK = enum.auto()
+
+
 @dataclass(frozen=True, slots=True)
 class Reporting:
     """What every command is reported with."""
@@ -63,6 +77,41 @@ class Reporting:
     def now_s(self) -> float:
         """Return the steady clock's time."""
         return self.records.clock.now_s()
+
+    def known(self, request: CommandRequest) -> ResultRecord | None:
+        """Return the latest result under a command's id."""
+        return self.ledger.find(request.client, request.id)
+
+    def audit(
+        self,
+        request: CommandRequest,
+        decision: str,
+        code: str,
+        *,
+        before: Mapping[str, Any] | None = None,
+        after: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Record one decision about a command."""
+        records = self.records
+        records.put(
+            AuditRecord(
+                starter=request.starter,
+                client=request.client,
+                operator=request.operator,
+                verb=request.verb,
+                args=request.args,
+                decision=decision,
+                code=code,
+                time_s=records.clock.utc_s(),
+                seq=next(records.sequence),
+                boot=records.boot,
+                before=before or {},
+                after=after or {},
+                id=request.id,
+                reason=request.reason,
+                source=request.source,
+            )
+        )
 
 
 class Group(Protocol):
@@ -84,78 +133,59 @@ class CommandReport:
         reporting: Reporting,
         *,
         is_repeat: bool = False,
-        is_stored: bool = True,
+        retention: Retention = Retention.DISK,
         group: Group | None = None,
     ) -> None:
         self.request = request
+        self.reporting = reporting
         self.life = Life()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
-        self._reporting = reporting
         self._latest: ResultRecord | None = None  # as stored
         self._is_over = False  # its final result is published
-        self._is_stored = is_stored  # by the ledger, under its id
+        self._retention = retention
         self._group = group
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
-        return self._reporting.now_s()
+        return self.reporting.now_s()
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
-        return seen_s < self._reporting.stood_still_s()
-
-    def count_memory_writes(self, writes: int) -> None:
-        """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
-        if not writes:
-            return
-        wait_s = self._reporting.write_budget.take(self.request.starter, writes, now_s=self.now_s())
-        if wait_s is not None:
-            raise self._reporting.write_budget.refusal(wait_s)
+        return seen_s < self.reporting.stood_still_s()
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
         self.life.advance(CommandStep.QUEUED)
-        end = Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted"))
-        self._report(end, is_stored=True)
-        self._audit(end)
+        self._decide(Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
 
     async def intend(self) -> None:
         """Store that this command is about to be written; CommandError when that fails."""
         if self._latest is not None:
-            await self._reporting.journal.intend(self._latest)
+            await self.reporting.journal.intend(self._latest)
 
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
         if self.life.is_written:
             return
         self.life.advance(CommandStep.VERIFYING)
-        self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")), is_stored=True)
+        self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")))
         if self._group is not None:
             self._group.note_written()
 
-    def finish(self, end: Final, *, is_stored: bool = True) -> None:
-        """Give the final result; without `is_stored` a repetition of the command is judged again."""
+    def finish(self, end: Final) -> None:
+        """Give the final result."""
         self.life.end(end.phase)
-        self._report(end, is_stored=is_stored)
-        self._audit(end)
+        self._decide(end)
         if self._group is not None:
             self._group.note_end(self.request.starter, end)
 
-    def refuse(self, end: Final) -> None:
-        """Refuse a command that is not stored on disk; its id stays refused as long as the gateway runs.
-
-        Else one of its copies could be carried out after its client has read that it was not.
-        """
-        self.finish(end, is_stored=False)
-        self._reporting.ledger.store(self.result(end), now_s=self.now_s())
-
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command changed for that client; a result without an id."""
-        result = self.result(end)
-        self._reporting.records.put(replace(result, client=client, id=None, correlation=None, ticket=0))
+        result = self._result(end)
+        self.reporting.records.put(replace(result, client=client, id=None, correlation=None, ticket=0))
 
-    def result(self, end: Final) -> ResultRecord:
+    def _result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
         request = self.request
         return ResultRecord(
@@ -166,32 +196,37 @@ class CommandReport:
             phase=end.phase,
             code=end.code,
             text=joined(end.text, request.remark),
-            time_s=self._reporting.records.clock.utc_s(),
+            time_s=self.reporting.records.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
             ticket=request.ticket,
         )
 
-    def _report(self, end: Final, *, is_stored: bool) -> None:
-        request, reporting = self.request, self._reporting
-        result = self.result(end)
-        if not is_stored or not self._is_stored:
+    def _decide(self, end: Final) -> None:
+        """Report what was decided, which the audit has as well."""
+        self._report(end)
+        self.reporting.audit(self.request, end.phase, end.code, before=self.before, after=end.after)
+
+    def _report(self, end: Final) -> None:
+        request, reporting = self.request, self.reporting
+        ledger, now_s, result = reporting.ledger, self.now_s(), self._result(end)
+        if self._retention is not Retention.DISK:
             if request.starter and request.client:  # else there is no topic for a result, only the audit
                 reporting.records.put(result)
-            return
-        ledger, now_s = reporting.ledger, self.now_s()
-        if end.phase is Phase.WRITTEN or request.verb == STOP:
+            if self._retention is Retention.RUN:
+                ledger.store(result, now_s=now_s)
+        elif end.phase is Phase.WRITTEN or request.verb == STOP:
             # That something may be written is on the disk already; a stop waits for no disk.
             is_under_its_id = ledger.store(result, now_s=now_s)  # else that stands for what was acted on
             self._latest = result if is_under_its_id else replace(result, id=None)
             reporting.journal.note(self._latest)
             reporting.records.put(result)
-            return
-        if self._latest is None:  # a copy of the command must be known for one from now on
-            ledger.store(result, now_s=now_s, is_published=False)
-        self._latest = result
-        reporting.journal.note(result, then=partial(self._publish_end, result))
+        else:
+            if self._latest is None:  # a copy of the command must be known for one from now on
+                ledger.store(result, now_s=now_s, is_published=False)
+            self._latest = result
+            reporting.journal.note(result, then=partial(self._publish_end, result))
 
     def _publish_end(self, result: ResultRecord) -> None:
         """Publish what is on the disk now, for repetitions too: no crash changes an end that is known.
@@ -201,40 +236,5 @@ class CommandReport:
         if self._is_over:
             return
         self._is_over = result.phase.is_final
-        self._reporting.ledger.store(result, now_s=self.now_s())
-        self._reporting.records.put(result)
-
-    def _audit(self, end: Final) -> None:
-        records, before = self._reporting.records, self.before
-        audit(self.request, records, decision=end.phase, code=end.code, before=before, after=end.after)
-
-
-def audit(
-    request: CommandRequest,
-    records: RecordWriter,
-    *,
-    decision: str,
-    code: str,
-    before: Mapping[str, Any] | None = None,
-    after: Mapping[str, Any] | None = None,
-) -> None:
-    """Record one decision about a command."""
-    records.put(
-        AuditRecord(
-            starter=request.starter,
-            client=request.client,
-            operator=request.operator,
-            verb=request.verb,
-            args=request.args,
-            decision=decision,
-            code=code,
-            time_s=records.clock.utc_s(),
-            seq=next(records.sequence),
-            boot=records.boot,
-            before=before or {},
-            after=after or {},
-            id=request.id,
-            reason=request.reason,
-            source=request.source,
-        )
-    )
+        self.reporting.ledger.store(result, now_s=self.now_s())
+        self.reporting.records.put(result)

@@ -29,10 +29,7 @@ class Results(AsyncIterator[ResultRecord]):
     def __init__(self) -> None:
         self._came: asyncio.Queue[ResultRecord] = asyncio.Queue()
         self._is_over = False
-
-    def put(self, result: ResultRecord) -> None:
-        """Take the next result."""
-        self._came.put_nowait(result)
+        self.put = self._came.put_nowait
 
     async def __anext__(self) -> ResultRecord:
         """Return the next result."""
@@ -83,14 +80,13 @@ class Commands:
         results = Results()
         request = replace(request, ticket=next(self._tickets))
         self._followed[request.ticket] = results
-        error = refusal or self._dispatcher.verb_error(request.starter, request.verb)
-        if error is None:
+        refusal = refusal or self._dispatcher.verb_error(request.starter, request.verb)
+        if refusal is None and request.verb != STOP:
             try:
-                self._dispatcher.submit(request if request.verb == STOP else self._decided(request))
+                request = self._decided(request)
             except CommandError as unproven:
-                error = unproven
-        if error is not None:
-            self._dispatcher.reject(request, error)
+                refusal = unproven
+        self._dispatcher.submit(request, refusal)
         return results
 
     def put(self, record: Record) -> None:
@@ -106,24 +102,18 @@ class Commands:
     def _decided(self, request: CommandRequest) -> CommandRequest:
         """Return a fresh command with the time at which it was decided upon; CommandError for others."""
         self.look()
-        moment = Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt())
         decision = decision_of(
             request.proof,
             verb=request.verb,
-            freshness=self._freshness_of(request),
+            # No bridge lies between this gateway and what is part of it.
+            freshness=(BY_TOKEN,) if request.source else self._dispatcher.freshness(request),
             tokens=self._tokens,
-            moment=moment,
+            moment=Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt()),
         )
         expires_s = decision.since_s + request.proof.ttl_s
         if request.expires_s is not None:
             expires_s = min(expires_s, request.expires_s)
         return replace(request, expires_s=expires_s, decided_s=decision.earliest_s, decided_by=decision.proof)
-
-    def _freshness_of(self, request: CommandRequest) -> tuple[str, ...]:
-        """Return what may prove it fresh: no bridge lies between this gateway and what is part of it."""
-        if request.source:
-            return (BY_TOKEN,)
-        return self._dispatcher.freshness(request.client, verb=request.verb, starter=request.starter)
 
     def _note_suspension(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""

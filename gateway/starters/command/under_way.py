@@ -14,14 +14,12 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.contract import READ, STOP, CommandError, CommandRequest, Phase, Reason, ResultCode
-from gateway.families import Preparation, Procedure
-from gateway.starters.command.admission import Load
-from gateway.starters.command.report import CommandReport, Final, Reporting, audit
+from gateway.families import Expect, Preparation
+from gateway.starters.command.report import CommandReport, Final, Reporting
 from gateway.starters.command.run.pipeline import CAN_WAIT, CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
-from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
-from gateway.starters.policy.policy import GATEWAY
+from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.preconditions import Guard, is_forbidden
 from gateway.starters.view import StarterIo
 
@@ -33,12 +31,10 @@ AT_ONCE = 4  # commands of a line that have not yet done their first write: all 
 class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
-    def __init__(
-        self, starters: Mapping[str, StarterIo], reporting: Reporting, watchdogs: KnownWatchdogs
-    ) -> None:
+    def __init__(self, starters: Mapping[str, StarterIo], reporting: Reporting, policy: Policy) -> None:
         self._starters = starters
         self._reporting = reporting
-        self._watchdogs = watchdogs
+        self._policy = policy
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
@@ -46,16 +42,16 @@ class UnderWay:
         self._tasks: set[asyncio.Task[None]] = set()
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def load(self, name: str) -> Load:
-        """Return what is under way for a starter and on its line."""
-        line = self._starters[name].setup.line
-        on_line = [run for run in self._runs.values() if run.line == line]
-        return Load(
-            is_busy=name in self._runs or self._is_stopped_by_client(name),
-            is_leaving=name in self._leaving,
-            on_line=len(on_line),
-            parameters_on_line=sum(run.can_wait for run in on_line),
-        )
+    def is_busy(self, name: str) -> bool:
+        """Return whether a starter is under a command or a client's stop."""
+        return name in self._runs or self._is_stopped_by_client(name)
+
+    def demand_free(self, name: str) -> None:
+        """Demand that a starter is under no command, and that its configuration stays as it is."""
+        if self.is_busy(name):
+            raise CommandError(ResultCode.BUSY, "command")
+        if name in self._leaving:
+            raise CommandError(ResultCode.BUSY, "reload")
 
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
@@ -71,8 +67,8 @@ class UnderWay:
             preparation,
             guard,
             slot=None if verb == READ else slot,
-            watchdogs=self._watchdogs,
-            take_back=self._take_back,
+            watchdogs=self._policy.watchdogs,
+            run_off=self._run_off,
         )
         self.spawn(_run_out(self._runs, name, run))
 
@@ -160,18 +156,16 @@ class UnderWay:
             self.spawn(_run_out(self._stops, name, stopping))
         return stopping
 
-    def _take_back(self, report: CommandReport, procedure: Procedure) -> StopOrder:
-        """Have the starter's stop take a start back that was seen not to act; the audit says that it did."""
-        assert procedure.take_back is not None  # such procedures alone are taken back
+    def _run_off(self, report: CommandReport, released: Expect) -> StopOrder:
+        """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
-        order = self._stopping(request.starter).take_back(
-            procedure.take_back.released, lambda end: self._audit(request, end)
-        )
+        take_back = self._stopping(request.starter).take_back
+        order = take_back(released, lambda end: self._audit(request, end))
         self._audit(request, Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
         return order
 
     def _audit(self, request: CommandRequest, end: Final) -> None:
-        audit(request, self._reporting.records, decision=end.phase, code=end.code, after=end.after)
+        self._reporting.audit(request, end.phase, end.code, after=end.after)
 
 
 async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:

@@ -22,6 +22,7 @@ import secrets
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import islice
+from operator import itemgetter
 
 from gateway.contract import MAX_TTL_S, READ, CommandError, Proof, ResultCode
 
@@ -131,54 +132,40 @@ def decision_of(
     """
     if proof.boot not in (None, tokens.boot.token):
         raise CommandError(ResultCode.WRONG_BOOT)
-    made_s = None if proof.token is None else tokens.made_s(proof.token)
-    issued_age_s = None
+    now_s, made_s, issued_s = moment.now_s, None, None  # on the steady clock
+    if proof.token is not None:
+        made_s = tokens.made_s(proof.token)
     if proof.issued_s is not None and moment.clock_doubt is None:
-        issued_age_s = moment.utc_s - proof.issued_s
-    _require_time_left(proof, made_s, issued_age_s, moment)
-    trouble = _issued_trouble(issued_age_s, tokens, moment)
-    is_proven = (
-        verb == READ
-        or (made_s is not None and BY_TOKEN in freshness)
-        or (issued_age_s is not None and trouble is None)
-    )
-    if not is_proven:
+        issued_s = now_s - (moment.utc_s - proof.issued_s)
+    found = ((made_s, BY_TOKEN), (issued_s, BY_ISSUED_AT))
+    dated = [(at_s, by) for at_s, by in found if at_s is not None]
+    for at_s, by in dated:
+        if now_s - at_s > proof.ttl_s:
+            is_token = by == BY_TOKEN
+            raise CommandError(
+                ResultCode.EXPIRED,
+                "token" if is_token else "issued_at",
+                age_s=now_s - at_s,
+                ttl_s=proof.ttl_s,
+            )
+    trouble = None if issued_s is None else _issued_trouble(issued_s, tokens, now_s)
+    is_issued = issued_s is not None and trouble is None
+    if verb != READ and not is_issued and (made_s is None or BY_TOKEN not in freshness):
         raise trouble or _unproven(proof, freshness, moment)
     if proof.is_early:
         raise before_connection()
-    starts_s = [moment.now_s]
-    starts_s += [] if made_s is None else [made_s]
-    starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]
-    return Decision(min(starts_s), *_earliest(made_s, issued_age_s, moment))
+    if not dated:
+        return Decision(now_s)
+    at_s, by = min(dated, key=itemgetter(0))
+    ahead_s = MAX_AHEAD_S if made_s is None else 0.0  # the sender's clock may run so far before ours
+    return Decision(min(at_s, now_s), at_s - ahead_s, by)
 
 
-def _earliest(made_s: float | None, issued_age_s: float | None, moment: Moment) -> tuple[float | None, str]:
-    """Return when a command was decided upon at the earliest, and what shows it."""
-    issued_s = None if issued_age_s is None else moment.now_s - issued_age_s
-    if made_s is None:
-        return (None, "") if issued_s is None else (issued_s - MAX_AHEAD_S, BY_ISSUED_AT)
-    if issued_s is None or made_s <= issued_s:
-        return made_s, BY_TOKEN
-    return issued_s, BY_ISSUED_AT
-
-
-def _require_time_left(
-    proof: Proof, made_s: float | None, issued_age_s: float | None, moment: Moment
-) -> None:
-    """Raise CommandError when a command's own time has run out, by whichever proof says so."""
-    if made_s is not None and moment.now_s - made_s > proof.ttl_s:
-        raise CommandError(ResultCode.EXPIRED, "token", age_s=moment.now_s - made_s, ttl_s=proof.ttl_s)
-    if issued_age_s is not None and issued_age_s > proof.ttl_s:
-        raise CommandError(ResultCode.EXPIRED, "issued_at", age_s=issued_age_s, ttl_s=proof.ttl_s)
-
-
-def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) -> CommandError | None:
+def _issued_trouble(issued_s: float, tokens: Tokens, now_s: float) -> CommandError | None:
     """Return why `issued_at`, read by a good clock and not expired, proves nothing."""
-    if issued_age_s is None:
-        return None
-    if issued_age_s < -MAX_AHEAD_S:
-        return CommandError(ResultCode.NOT_FRESH, "ahead", ahead_s=-issued_age_s)
-    if tokens.boot.is_before_connection(moment.now_s - issued_age_s - MAX_AHEAD_S):
+    if issued_s - now_s > MAX_AHEAD_S:
+        return CommandError(ResultCode.NOT_FRESH, "ahead", ahead_s=issued_s - now_s)
+    if tokens.boot.is_before_connection(issued_s - MAX_AHEAD_S):
         return before_connection()
     return None
 

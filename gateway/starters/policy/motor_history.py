@@ -7,7 +7,8 @@ their ages by that, and adds what has certainly passed since. No step of the wal
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from math import inf
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -23,33 +24,30 @@ MOVING = frozenset({"starting", "running", "stopping"})
 STANDING = frozenset({"ready", "not_ready", "fault"})
 
 
-@dataclass(slots=True)
-class _Page:
-    """One starter; None is what is not known."""
-
-    starts: list[float] = field(default_factory=list)
-    is_moving: bool | None = None
-    standing_since_s: float | None = None
-    written_s: float | None = None  # our last start, until the motor is seen to move
-    lock: LockRecord | None = None
-
-
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class _StoredLock(_Strict):
+class _Lock(_Strict):
     by: str
-    since: float
+    since: float  # UTC
     reason: str
     operator: str | None
 
 
-class _StoredPage(_Strict):
+class _Page(_Strict):
+    """One starter; None is what is not known."""
+
     starts: list[float] = Field(max_length=MOST_STARTS)
     moving: bool | None
     standing_since: float | None
-    lock: _StoredLock | None
+    lock: _Lock | None
+
+    def dated(self, to: Callable[[float], float]) -> _Page:
+        """Return the same page with its times on another clock."""
+        since = self.standing_since
+        since = None if since is None else to(since)
+        return self.model_copy(update={"starts": [to(at) for at in self.starts], "standing_since": since})
 
 
 class _StoredReading(_Strict):
@@ -62,21 +60,24 @@ class StoredMotors(_Strict):
     """What is stored of all motors: times are UTC, and `at` all clocks when it was."""
 
     at: _StoredReading
-    starters: dict[str, _StoredPage]
+    starters: dict[str, _Page]
 
 
 MOTORS = TypeAdapter(StoredMotors)
+_NEW = _Page(starts=[], moving=None, standing_since=None, lock=None)
 
 
 class MotorHistory:
     """The pages of all starters; a starter of an unknown history stands still since it was first seen to."""
 
     def __init__(self, starters: Iterable[str]) -> None:
-        self._pages = {name: _Page() for name in starters}
+        self.on_change: Callable[[], None] = lambda: None  # what is stored differs now
+        self._pages = dict.fromkeys(starters, _NEW)
+        self._written_s: dict[str, float] = {}  # our last start of each, until its motor is seen to move
 
     def add(self, starter: str) -> None:
         """Open a page for a starter; a page that it has had before stays."""
-        self._pages.setdefault(starter, _Page())
+        self._pages.setdefault(starter, _NEW)
 
     def starts_since(self, starter: str, since_s: float) -> list[float]:
         """Return when this starter was started from `since_s` on, by us or locally; oldest first."""
@@ -84,41 +85,40 @@ class MotorHistory:
 
     def standing_since(self, starter: str) -> float | None:
         """Return since when the motor stands still; None while it moves or was never seen to stand."""
-        return self._pages[starter].standing_since_s
+        return self._pages[starter].standing_since
 
     def lock_of(self, starter: str) -> LockRecord | None:
         """Return the maintenance lock of a starter."""
-        return self._pages[starter].lock
+        lock = self._pages[starter].lock
+        if lock is None:
+            return None
+        return LockRecord(by=lock.by, since_s=lock.since, reason=lock.reason, operator=lock.operator)
 
     def set_lock(self, starter: str, lock: LockRecord | None) -> None:
         """Set or take away the maintenance lock."""
-        self._pages[starter].lock = lock
+        stored = lock and _Lock(by=lock.by, since=lock.since_s, reason=lock.reason, operator=lock.operator)
+        self._change(starter, lock=stored)
 
     def note_start(self, starter: str, *, now_s: float) -> None:
         """Count a start that is about to be written."""
-        self._count(self._pages[starter], now_s)
-        self._pages[starter].written_s = now_s
+        self._count(starter, now_s)
+        self._written_s[starter] = now_s
 
-    def note_state(self, starter: str, state: str, *, now_s: float) -> bool:
-        """Record a state that was read; return whether there is something new to store.
+    def note_state(self, starter: str, state: str, *, now_s: float) -> None:
+        """Record a state that was read.
 
         What happens while the state is not known leaves no trace here: a motor that stood before and after
         counts as standing.
         """
         page = self._pages.get(starter)
-        if page is None or state not in MOVING | STANDING:
-            return False
-        was_moving, page.is_moving = page.is_moving, state in MOVING
-        if page.is_moving is was_moving:
-            return False
-        if not page.is_moving:
-            page.standing_since_s = now_s
-            return True
-        is_ours = page.written_s is not None and now_s - page.written_s <= OURS_WITHIN_S
-        if was_moving is False and not is_ours:
-            self._count(page, now_s)
-        page.standing_since_s = page.written_s = None
-        return True
+        is_moving = state in MOVING
+        if page is None or state not in MOVING | STANDING or is_moving is page.moving:
+            return
+        if is_moving:
+            written_s = self._written_s.pop(starter, -inf)
+            if page.moving is False and now_s - written_s > OURS_WITHIN_S:
+                self._count(starter, now_s)
+        self._change(starter, moving=is_moving, standing_since=None if is_moving else now_s)
 
     def stored(self, *, now_s: float, reading: ClockReading) -> StoredMotors:
         """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
@@ -128,7 +128,7 @@ class MotorHistory:
 
         return StoredMotors(
             at=_StoredReading(up_s=reading.up_s, utc_s=reading.utc_s, boot_id=reading.boot_id),
-            starters={name: _to_stored(page, utc_of) for name, page in self._pages.items()},
+            starters={name: page.dated(utc_of) for name, page in self._pages.items()},
         )
 
     def restore(self, stored: StoredMotors, *, now_s: float, reading: ClockReading) -> None:
@@ -139,35 +139,13 @@ class MotorHistory:
         def steady_of(utc_s: float) -> float:
             return now_s - passed_s - max(before.utc_s - utc_s, 0.0)
 
-        for name, page in stored.starters.items():
-            if name in self._pages:
-                self._pages[name] = _from_stored(page, steady_of=steady_of)
+        for name in self._pages.keys() & stored.starters.keys():
+            self._pages[name] = stored.starters[name].dated(steady_of)
 
-    def _count(self, page: _Page, now_s: float) -> None:
-        recent = [start_s for start_s in page.starts if start_s > now_s - HISTORY_S]
-        page.starts = [*recent, now_s][-MOST_STARTS:]
+    def _count(self, starter: str, now_s: float) -> None:
+        starts = [*self.starts_since(starter, now_s - HISTORY_S), now_s][-MOST_STARTS:]
+        self._change(starter, starts=starts)
 
-
-def _to_stored(page: _Page, utc_of: Callable[[float], float]) -> _StoredPage:
-    lock, since_s = page.lock, page.standing_since_s
-    return _StoredPage(
-        starts=[utc_of(start_s) for start_s in page.starts],
-        moving=page.is_moving,
-        standing_since=None if since_s is None else utc_of(since_s),
-        lock=None
-        if lock is None
-        else _StoredLock(by=lock.by, since=lock.since_s, reason=lock.reason, operator=lock.operator),
-    )
-
-
-def _from_stored(stored: _StoredPage, *, steady_of: Callable[[float], float]) -> _Page:
-    """Return a page; `steady_of` converts a stored time to one of the steady clock."""
-    lock, since = stored.lock, stored.standing_since
-    return _Page(
-        starts=[steady_of(start) for start in stored.starts],
-        is_moving=stored.moving,
-        standing_since_s=None if since is None else steady_of(since),
-        lock=None
-        if lock is None
-        else LockRecord(by=lock.by, since_s=lock.since, reason=lock.reason, operator=lock.operator),
-    )
+    def _change(self, starter: str, **changes: Any) -> None:
+        self._pages[starter] = self._pages[starter].model_copy(update=changes)
+        self.on_change()

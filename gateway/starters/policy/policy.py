@@ -67,13 +67,12 @@ class Policy:
         elif self.document.damage:  # lock each starter that somebody may unlock
             self._unsure = set(starters)
             self._lock_unsure(rights)
+        self.motor_history.on_change = self.document.touch
 
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
-        if isinstance(record, StateRecord) and self.motor_history.note_state(
-            record.starter, record.state, now_s=self._clock.now_s()
-        ):
-            self.document.touch()
+        if isinstance(record, StateRecord):
+            self.motor_history.note_state(record.starter, record.state, now_s=self._clock.now_s())
 
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
         """Judge by other settings from now on; return the starters that are locked by it.

@@ -76,6 +76,13 @@ def refusal(lock: LockRecord) -> CommandError:
     return CommandError(reason.noted(NOTICE))
 
 
+def demand_unlocked(request: CommandRequest, motor_history: MotorHistory) -> None:
+    """Raise CommandError for what the lock of its starter forbids."""
+    lock = motor_history.lock_of(request.starter)
+    if lock is not None and is_forbidden(request.verb, request.args):
+        raise refusal(lock)
+
+
 def owner_of(lock: LockRecord) -> str:
     """Return who set a lock, for people."""
     return f"{lock.by} ({lock.operator})" if lock.operator else lock.by
@@ -128,7 +135,7 @@ class Guard:
             for expectation in self._expectations:
                 expectation.check(points)
         if self._is_start and not self._is_counted:
-            self._check_rules()
+            self._rulebook.demand_start(self._request.starter, now_s=self._clock.now_s())
 
     async def admit(self) -> None:
         """Judge for the last time; a start is counted and, where a rule counts starts, stored first."""
@@ -138,7 +145,6 @@ class Guard:
         starter = self._request.starter
         self._is_counted = True
         self._motor_history.note_start(starter, now_s=self._clock.now_s())
-        self._document.touch()
         if self._rulebook.of(starter).is_counting:
             if not await self._document.saved(within_s=SAVED_WITHIN_S):
                 raise CommandError(ResultCode.NOT_KEPT, "start")
@@ -148,11 +154,4 @@ class Guard:
         request, now_s = self._request, self._clock.now_s()
         if now_s > request.until_s:
             raise CommandError(ResultCode.EXPIRED, "waiting", age_s=now_s - request.received_s)
-        lock = self._motor_history.lock_of(request.starter)
-        if lock is not None and is_forbidden(request.verb, request.args):
-            raise refusal(lock)
-
-    def _check_rules(self) -> None:
-        violation = self._rulebook.check_start(self._request.starter, now_s=self._clock.now_s())
-        if violation is not None:
-            raise violation
+        demand_unlocked(request, self._motor_history)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.contract import CommandError, ResultCode
+from gateway.contract import CommandError, CommandRequest, ResultCode
 
 VALID_S = 10.0
 
@@ -50,19 +50,17 @@ class Selections:
         """Let a selection, if there is one, count no more."""
         self._selections.pop(starter, None)
 
-    def take(
-        self, starter: str, client: str, token: str, *, verb: str, args: Mapping[str, Any], now_s: float
-    ) -> Selection:
+    def take(self, request: CommandRequest, *, now_s: float) -> Selection:
         """Use the client's selection up and return it; CommandError when it is not for this command."""
-        selection = self._selections.get(starter)
-        if selection is None or (selection.client, selection.token) != (client, token):
+        selection = self._selections.get(request.starter)
+        if selection is None or (selection.client, selection.token) != (request.client, request.select):
             raise CommandError(ResultCode.NOT_SELECTED, "token")
-        del self._selections[starter]
+        del self._selections[request.starter]
         if now_s >= selection.until_s:
             raise CommandError(ResultCode.SELECTION_EXPIRED, valid_s=VALID_S)
-        if selection.verb != verb:
+        if selection.verb != request.verb:
             raise CommandError(ResultCode.SELECTED_OTHERWISE, "verb", verb=selection.verb)
-        if selection.args != args:
+        if selection.args != request.args:
             raise CommandError(ResultCode.SELECTED_OTHERWISE, "args", verb=selection.verb)
         return selection
 

@@ -21,8 +21,6 @@ class RateLimits:
     client: Rate = Rate(20.0, 100)
     starter: Rate = Rate(5.0, 20)  # of one client
     everyone: Rate = Rate(200.0, 300)
-    under_way_on_line: int = 32  # so that none waits for the line longer than it is fresh
-    parameters_on_line: int = 16  # of them reads and settings, which have a share of the line only
     answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 
@@ -66,57 +64,31 @@ class Rulebook:
         """Return what is configured for a starter."""
         return self._rules.get(starter, NO_RULES)
 
-    def check_start(self, starter: str, *, now_s: float) -> CommandError | None:
-        """Return the first rule that forbids a start now; None when there is none."""
-        rules = self.of(starter)
-        return (
-            self._too_many(starter, rules, now_s)
-            or self._too_soon(starter, rules, now_s)
-            or self._too_close(starter, rules, now_s)
-        )
-
-    def _too_many(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
-        most = rules.starts_per_hour
-        if most is None:
-            return None
-        starts = self._motor_history.starts_since(starter, now_s - HOUR_S)
-        if len(starts) < most:
-            return None
-        wait_s = starts[-most] + HOUR_S - now_s
-        return CommandError(ResultCode.TOO_MANY_STARTS, count=len(starts), most=most, wait_s=wait_s)
-
-    def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
-        if rules.minimum_pause_s <= 0:
-            return None
-        since_s = self._motor_history.standing_since(starter)
-        if since_s is None:
-            return CommandError(ResultCode.PAUSE_TOO_SHORT, "unseen")
-        wait_s = since_s + rules.minimum_pause_s - now_s
-        if wait_s <= 0:
-            return None
-        return CommandError(
-            ResultCode.PAUSE_TOO_SHORT,
-            "pause",
-            standing_s=now_s - since_s,
-            pause_s=rules.minimum_pause_s,
-            wait_s=wait_s,
-        )
-
-    def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
-        if not rules.feeder or rules.stagger_s <= 0:
-            return None
-        others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
-        for other in others:
-            for start_s in self._motor_history.starts_since(other, now_s - rules.stagger_s):
-                wait_s = start_s + rules.stagger_s - now_s
-                return CommandError(
-                    ResultCode.FEEDER_BUSY,
-                    other=other,
-                    ago_s=now_s - start_s,
-                    feeder=rules.feeder,
-                    wait_s=wait_s,
+    def demand_start(self, starter: str, *, now_s: float) -> None:
+        """Raise CommandError for the first rule that forbids a start now."""
+        rules, history = self.of(starter), self._motor_history
+        if rules.starts_per_hour is not None:
+            most, starts = rules.starts_per_hour, history.starts_since(starter, now_s - HOUR_S)
+            if len(starts) >= most:
+                wait_s = starts[-most] + HOUR_S - now_s
+                raise CommandError(ResultCode.TOO_MANY_STARTS, count=len(starts), most=most, wait_s=wait_s)
+        pause_s = rules.minimum_pause_s
+        if pause_s > 0:
+            since_s = history.standing_since(starter)
+            if since_s is None:
+                raise CommandError(ResultCode.PAUSE_TOO_SHORT, "unseen")
+            standing_s, wait_s = now_s - since_s, since_s + pause_s - now_s
+            if wait_s > 0:
+                raise CommandError(
+                    ResultCode.PAUSE_TOO_SHORT, "pause", standing_s=standing_s, pause_s=pause_s, wait_s=wait_s
                 )
-        return None
+        others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
+        for other in others if rules.feeder and rules.stagger_s > 0 else ():
+            for start_s in history.starts_since(other, now_s - rules.stagger_s):
+                ago_s, wait_s = now_s - start_s, start_s + rules.stagger_s - now_s
+                raise CommandError(
+                    ResultCode.FEEDER_BUSY, other=other, ago_s=ago_s, feeder=rules.feeder, wait_s=wait_s
+                )
 
 
 @dataclass(frozen=True, slots=True)

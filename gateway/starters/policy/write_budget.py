@@ -34,23 +34,23 @@ class WriteBudget:
         self._times: dict[str, deque[float]] = {}
         self._totals: dict[str, int] = {}
 
-    def take(self, starter: str, writes: int, *, now_s: float) -> float | None:
-        """Count so many writes as done now; or return, and count nothing, in how many seconds they may be.
-
-        Infinity when they are too many for any hour.
-        """
+    def take(self, starter: str, writes: int, *, now_s: float) -> None:
+        """Count so many writes as done now; CommandError, and nothing is counted, when they are too many."""
+        if not writes:
+            return
         times = self._times.setdefault(starter, deque())
         while times and times[0] <= now_s - HOUR_S:
             times.popleft()
         excess = len(times) + writes - self.most_per_hour
-        if excess > 0 and writes:
-            return times[excess - 1] + HOUR_S - now_s if excess <= len(times) else math.inf
+        if excess > len(times):
+            raise CommandError(ResultCode.WEAR_LIMIT, "never", most=self.most_per_hour)
+        if excess > 0:
+            minutes = math.ceil((times[excess - 1] + HOUR_S - now_s) / 60)
+            raise CommandError(ResultCode.WEAR_LIMIT, "wait", most=self.most_per_hour, minutes=minutes)
         times.extend([now_s] * writes)
-        if writes:
-            self._totals[starter] = self.total(starter) + writes
-            if self._on_count is not None:
-                self._on_count(starter, writes)
-        return None
+        self._totals[starter] = self.total(starter) + writes
+        if self._on_count is not None:
+            self._on_count(starter, writes)
 
     def total(self, starter: str) -> int:
         """Return how many writes this starter has had, as far back as is known."""
@@ -67,10 +67,3 @@ class WriteBudget:
     def restore(self, totals: Mapping[str, int]) -> None:
         """Go on from what an earlier run has stored."""
         self._totals = dict(totals)
-
-    def refusal(self, wait_s: float) -> CommandError:
-        """Return why a command must wait so long."""
-        if math.isinf(wait_s):
-            return CommandError(ResultCode.WEAR_LIMIT, "never", most=self.most_per_hour)
-        minutes = math.ceil(wait_s / 60)
-        return CommandError(ResultCode.WEAR_LIMIT, "wait", most=self.most_per_hour, minutes=minutes)

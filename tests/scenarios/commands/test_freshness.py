@@ -10,7 +10,6 @@ from tests.rig import (
     RigPlant,
     ScenarioRow,
     command,
-    event,
     frames,
     msg,
     never,
@@ -28,8 +27,6 @@ from tests.scenarios.commands import confirmed, issued, old_token
 
 SITE = SSW07 + ALICE
 START = "05 00 64 ff 00"
-READ = {"parameter": "P314"}
-BRIDGE = SSW07 + operator("alice", freshness="issued_at")
 
 
 def boot(path: str, *, of_s: float = 0.0, **fields: object) -> Action:
@@ -39,10 +36,6 @@ def boot(path: str, *, of_s: float = 0.0, **fields: object) -> Action:
         plant.command(path, boot=plant.messages("gateway/status", since=of_s)[0].json["boot"], **fields)
 
     return act
-
-
-def step(seconds: float) -> Action:
-    return lambda plant: setattr(plant.world, "stepped_s", plant.world.stepped_s + seconds)
 
 
 def refuses(name: str, code: str, *sent: Action, given: str = SITE, at_s: float = 9.0) -> object:
@@ -65,65 +58,13 @@ def acts(name: str, *sent: Action, given: str = SITE, at_s: float = 9.0) -> obje
 
 
 PROOFS = [
-    refuses("a start that nothing dates is refused", "not_fresh", command("pump/alice/start", fresh=False)),
-    refuses("a made-up token proves nothing", "not_fresh", command("pump/alice/start", token="made-up")),
-    refuses("a token older than 5 s is expired", "expired", old_token("pump/alice/start", of_s=2.0)),
-    acts(
-        "an older token counts for as long as the ttl says", old_token("pump/alice/start", of_s=2.0, ttl_s=10)
-    ),
     refuses(
         "a token is older than a shorter ttl", "expired", old_token("pump/alice/start", of_s=5.0, ttl_s=2)
     ),
-    acts("a start by issued_at alone acts on a synchronised clock", issued(3.0)),
-    refuses("an issued_at older than 5 s is expired", "expired", issued(6.0)),
-    refuses(
-        "an issued_at before the gateway's connection is refused", "before_connection", issued(20.0, ttl_s=60)
-    ),
-    refuses("an issued_at of the far future is refused", "not_fresh", issued(-60.0)),
     refuses("boot alone proves nothing", "not_fresh", boot("pump/alice/start", fresh=False)),
     acts("the present boot does no harm beside a token", boot("pump/alice/start")),
     refuses(
         "another boot is refused whatever is beside it", "wrong_boot", command("pump/alice/start", boot="b-1")
-    ),
-    refuses("of two proofs an expired one is saved by no other", "expired", issued(8.0, token="x")),
-    refuses(
-        "an operator by issued_at is not believed a token",
-        "not_fresh",
-        command("pump/alice/start"),
-        given=BRIDGE,
-    ),
-    acts("an operator by issued_at starts with it", issued(1.0), given=BRIDGE),
-    refuses(
-        "without a synchronised clock issued_at proves nothing",
-        "not_fresh",
-        issued(1.0),
-        given='[gateway]\nname = "plant"\nstate_dir = "state"\nclock = "untrusted"\n' + SITE,
-    ),
-    row(
-        "a read needs no proof, but an id",
-        given=SITE,
-        at={
-            3.0: command("pump/alice/read", fresh=False, args=READ),
-            4.0: command("pump/alice/read", fresh=False, id=None, args=READ),
-        },
-        then={5.0: results("read accepted ok", "read confirmed ok", "read rejected no_id")},
-    ),
-    row(
-        "after a step of the clock issued_at does not count for 60 s, a token does",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            5.0: step(2.0),
-            9.0: issued(0.5),
-            10.0: command("pump/alice/start"),
-            14.0: command("pump/alice/stop"),
-            80.0: issued(0.5),
-        },
-        then={
-            9.5: [event("clock_stepped"), result("start rejected not_fresh")],
-            13.0: result("start confirmed ok"),
-            84.0: [event("clock_trusted"), result("start confirmed ok")],
-        },
     ),
     row(
         "after a reconnect a token of the old connection proves nothing, a new one does",
@@ -135,42 +76,6 @@ PROOFS = [
             9.0: command("pump/alice/start"),
         },
         then={8.5: [result("start rejected not_fresh"), frames("pump")], 12.0: result("start confirmed ok")},
-    ),
-    row(
-        "after a restart a token of the run before proves nothing",
-        given=SITE,
-        at={5.0: "restart", 8.0: old_token("pump/alice/start", of_s=4.0)},
-        then={9.0: [result("start rejected not_fresh"), frames("pump")]},
-    ),
-    row(
-        "after the machine has slept no earlier token counts, but a stop that waited stops",
-        given=SITE,
-        at={
-            5.0: lambda plant: setattr(plant.world, "slept_s", plant.world.slept_s + 30.0),
-            5.1: [old_token("pump/alice/start", of_s=4.0), publish("command/pump/alice/stop")],
-        },
-        then={
-            8.0: [
-                seen("result/pump/alice", verb="start", phase="rejected"),
-                seen("result/pump/alice", verb="stop", phase="confirmed"),
-                frames("pump", "05 00 64 00 00"),
-            ]
-        },
-    ),
-    row(
-        "after a stop only a token of after it starts",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            5.5: publish("command/pump/alice/stop"),
-            7.0: old_token("pump/alice/start", of_s=4.0),
-            8.0: issued(2.9),
-            9.0: command("pump/alice/start"),
-        },
-        then={
-            8.5: seen("result/pump/alice", verb="start", code="stopped_first", times=2),
-            12.0: [result("start confirmed ok"), frames("pump", "05 00 64 00 00", START)],
-        },
     ),
 ]
 
@@ -200,18 +105,6 @@ NEVER = [
         given=SITE,
         at={3.0: "pump control local", 5.0: twice(), 6.0: "pump control remote", 8.0: twice()},
         then={9.0: [msg("result/pump/alice", code="in_local", duplicate=True), frames("pump")]},
-    ),
-    row(
-        "an id is known after a kill, too",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={3.0: twice(), 6.0: ["kill", "start"], 10.0: twice()},
-        then={
-            11.0: [
-                msg("result/pump/alice", id="one", phase="confirmed", duplicate=True),
-                frames("pump", START),
-            ]
-        },
     ),
     row(
         "an id that stood for another command is refused",
@@ -290,18 +183,6 @@ NEVER = [
         },
     ),
     row(
-        "an id stays known over restarts however far the clock is off",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: twice(),
-            6.0: ["end", step(-2e9), "start"],
-            10.0: ["end", step(3e9), "start"],
-            14.0: twice(),
-        },
-        then={15.0: [msg("result/pump/alice", phase="confirmed", duplicate=True), frames("pump", START)]},
-    ),
-    row(
         "a start while a stop is under way is busy",
         given=SITE,
         at={
@@ -315,12 +196,6 @@ NEVER = [
                 never("audit", verb="start", code="ok"),
             ]
         },
-    ),
-    row(
-        "a repeated stop is carried out each time",
-        given=SITE,
-        at={4.0: command("pump/alice/stop", id="one"), 6.0: command("pump/alice/stop", id="one")},
-        then={8.0: frames("pump", "05 00 64 00 00", "05 00 64 00 00")},
     ),
     row(
         "a retained start is refused, live or not",
@@ -344,19 +219,6 @@ NEVER = [
             6.0: "start",
         },
         then={12.0: frames("pump")},
-    ),
-    row(
-        "a start that was under way at a kill ends unconfirmed, and is not written again",
-        given=SITE,
-        at={2.0: "pump VB01 = 0x4102", 3.0: twice(), 3.5: "kill", 4.0: "start", 9.0: twice()},
-        then={
-            3.4: [result("start written ok"), frames("pump", START)],
-            10.0: [
-                seen("result/pump/alice", id="one", phase="unconfirmed", code="crashed", duplicate=False),
-                msg("result/pump/alice", id="one", phase="unconfirmed", code="crashed", duplicate=True),
-                frames("pump", START),
-            ],
-        },
     ),
 ]
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.rig import (
-    RigPlant,
     ScenarioRow,
     fault,
     frames,
@@ -49,13 +48,6 @@ def written(starter: str, times: int) -> Expectation:
     return lambda plant: "" if len(plant.starter(starter).writes) == times else "written otherwise"
 
 
-def at_most_the_starts_written(plant: RigPlant) -> str:
-    starts = [pdu for _, pdu in plant.starter("pump").writes if pdu == START]
-    said = plant.results().count("start written ok")
-    finals = [each for each in plant.results() if each.split()[1] not in ("accepted", "written")]
-    return "" if 1 <= len(starts) <= said and len(finals) == 10 else f"{len(starts)} of {said}, {finals}"
-
-
 ONCE = [
     *(
         row(
@@ -72,17 +64,6 @@ ONCE = [
         given=FOUR + ALICE,
         at={20.0: "line pumps unplug", 30.0: "line pumps plug", 60.0: "restart", 80.0: ["kill", "start"]},
         then={100.0: [frames(name) for name in FAMILIES]},
-    ),
-    row(
-        "on a noisy line a start goes out once or not at all",
-        given=SITE,
-        sim=SIM,
-        at={
-            2.0: lambda plant: plant.do(lambda: plant.lines["pumps"].noise(0.002)),
-            **{3.0 + 20 * n: do("pump start") for n in range(5)},
-            **{13.0 + 20 * n: do("pump stop") for n in range(5)},
-        },
-        then={105.0: at_most_the_starts_written},
     ),
     row(
         "after a start that nothing answers the motor may be turning",
@@ -114,20 +95,6 @@ ONCE = [
         then={5.0: [result("start written ok"), frames("pump", START)]},
     ),
     row(
-        "once its end is said the starter is free for the next command",
-        given=SITE,
-        sim=SIM,
-        at={3.0: do("pump start"), 3.08: fault("lose", "pump", for_s=4.0), 20.0: do("pump stop")},
-        then={23.0: result("stop confirmed ok")},
-    ),
-    row(
-        "a corrupted acknowledgement is no reason to write again",
-        given=SITE,
-        sim=SIM,
-        at={3.0: do("pump start"), 3.08: fault("garble", "pump", count=1)},
-        then={8.0: [result("start confirmed ok"), frames("pump", START)]},
-    ),
-    row(
         "a setting whose answer is lost is read back",
         given=SITE,
         at={3.0: do("pump set", parameter="P314", value=9), 3.12: fault("lose", "pump", count=1)},
@@ -145,11 +112,17 @@ ONCE = [
         at={3.0: [fault("refuse", "pump", 2, for_s=0.5), do("pump read", parameter="P314")]},
         then={5.0: result("read failed illegal_data_address")},
     ),
-    row(
-        "a setting that is refused as busy has failed at once",
-        given=SITE,
-        at={3.0: [refuses_writes("pump", 6, 1.0), do("pump set", parameter="P314", value=9)]},
-        then={4.0: [result("set failed server_device_busy"), frames("pump", "06 01 3a 00 09")]},
+    *(
+        row(
+            f"{what} that is refused as busy has failed at once",
+            given=SITE,
+            at={3.0: [refuses_writes("pump", 6, 1.0), do(f"pump {verb}", **args)]},
+            then={4.0: [result(f"{verb} failed server_device_busy"), frames("pump", pdu)]},
+        )
+        for what, verb, args, pdu in (
+            ("a setting", "set", {"parameter": "P314", "value": 9}, "06 01 3a 00 09"),
+            ("the end of a jog", "jog", {"value": False}, JOG_OFF),
+        )
     ),
     row(
         "a start that is refused as busy and cannot be read then is unconfirmed",
@@ -203,22 +176,6 @@ NOT_SEEN = [
         )
     ],
     row(
-        "a start that is seen not to act is taken back, and says so",
-        given=SITE,
-        at={2.0: f"pump {READY}", 3.0: do("pump start")},
-        then={
-            10.0: [
-                msg(
-                    "result/pump/alice",
-                    phase="unconfirmed",
-                    code="not_seen",
-                    text=re.compile("run = 0 was written"),
-                ),
-                frames("pump", START, RUN_OFF, JOG_OFF),
-            ]
-        },
-    ),
-    row(
         "a start that an SSW-06 ignores is taken back by its masked bit",
         given=SSW06 + ALICE,
         sim={"fan": {**QUICK, "settings": {230: 0}}},
@@ -251,20 +208,6 @@ NOT_SEEN = [
             11.0: [result("start unconfirmed not_seen"), frames("mill", "06 02 ad 00 13", "06 02 ad 00 12")],
             20.0: never("starter/mill/state", state="running"),
         },
-    ),
-    row(
-        "a start in the time after a stop, which the starter ignores, is not confirmed",
-        given=SITE,
-        sim={"pump": {**QUICK, "settings": {630: 60}}},
-        at={3.0: do("pump start"), 6.0: do("pump stop"), 9.0: do("pump start")},
-        then={8.0: result("stop confirmed ok"), 16.0: result("start unconfirmed not_seen")},
-    ),
-    row(
-        "a start for a command source that is not active is not confirmed",
-        given=SSW900 + ALICE,
-        sim={"mill": {**QUICK, "settings": {230: 0}}},
-        at={3.0: do("mill start")},
-        then={10.0: result("start unconfirmed not_seen")},
     ),
     row(
         "a start that a hidden fault held back does not act once the fault is reset at the starter",
@@ -376,22 +319,6 @@ STANDING = [  # S1: after a fault, a general disable or local mode a run command
             14.0: [
                 result("local_remote confirmed ok"),
                 never("starter/pump/state", since=10.0, state="running"),
-            ]
-        },
-    ),
-    row(
-        "a starter that refuses run = 0 is not reset",
-        given=SITE,
-        at={2.0: "pump trip E05", 4.0: [refuses_writes("pump", 4, 3.0), do("pump reset")]},
-        then={
-            8.0: [
-                never("result/pump/alice", phase="confirmed"),
-                never("result/pump/alice", code="ok", phase="written"),
-                lambda plant: (
-                    ""
-                    if "05 00 6b ff 00" not in [p for _, p in plant.starter("pump").writes]
-                    else "it was reset"
-                ),
             ]
         },
     ),

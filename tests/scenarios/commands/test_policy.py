@@ -120,13 +120,6 @@ RULES = [
         then={11.0: [result("start rejected too_many_starts"), frames("pump")]},
     ),
     row(
-        "the starts of an hour are known after a restart",
-        given=SITE + rules(starts_per_hour=1),
-        sim={"pump": QUICK},
-        at={3.0: do("pump start"), 6.0: do("pump stop"), 8.0: "restart", 12.0: do("pump start")},
-        then={13.0: result("start rejected too_many_starts")},
-    ),
-    row(
         "between standstill and the next start there is a pause",
         given=SITE + rules(minimum_pause_s=10),
         sim={"pump": QUICK},
@@ -355,22 +348,6 @@ LOCKS = [
         },
     ),
     row(
-        "a lock outlives the gateway; unlocked, the starter starts",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={
-            3.0: LOCK,
-            5.0: ["kill", "start"],
-            9.0: do("pump start"),
-            11.0: do("pump unlock"),
-            13.0: do("pump start"),
-        },
-        then={
-            10.0: result("start rejected locked"),
-            15.0: [result("start confirmed ok"), msg("starter/pump/state", locked=None)],
-        },
-    ),
-    row(
         "the owner of a lock that another client removes gets a result of it",
         given=SITE + operator("bob"),
         at={3.0: LOCK, 5.0: command("pump/bob/unlock")},
@@ -454,12 +431,6 @@ LOCKS = [
             9.0: seen("result/pump/alice", verb="read", code="not_allowed"),
             11.0: result("start rejected too_many_starts"),
         },
-    ),
-    row(
-        "a group is only ever stopped",
-        given=TWO + table("[group]", name="hall", starters=["*"]),
-        at={3.0: command("hall/alice/start")},
-        then={5.0: [result("start rejected group_only_stop"), frames("pump"), frames("fan")]},
     ),
 ]
 

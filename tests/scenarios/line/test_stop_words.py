@@ -15,6 +15,7 @@ MILL_1 = line() + starter("mill", 3, "ssw900", slot=1)
 MILL_2 = line() + starter("mill", 3, "ssw900", slot=2)
 MASK_1, MASK_2 = "16 02 ad ff fa 00 00", "16 02 ae ff fa 00 00"  # 685, 686: run and jog to 0, nothing else
 OWN = {"ssw06": ["06 13 8b 01 00"], "ssw07": [STOP_07], "ssw900": [MASK_1, MASK_2]}
+FAMILY_NAMES = (*OWN, "sst")
 SILENT_READS = without(1, 2, 3, 4)
 
 
@@ -44,6 +45,14 @@ def stands(name: str, *, is_enabled: bool = True, is_remote: bool = True) -> Exp
         return "" if is_right else f"driven {unit.motor.is_turned_on}, {unit.is_enabled}, {unit.is_remote}"
 
     return check
+
+
+def is_not_driven(name: str) -> Expectation:
+    return lambda plant: "it is driven" if plant.starter(name).unit.motor.is_turned_on else ""
+
+
+def swapped(name: str, family: str) -> Action:
+    return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family))
 
 
 FAMILIES = [
@@ -136,37 +145,63 @@ SCENARIOS = [
         },
     ),
 ]
-WRONG = [
-    row(
-        f"an {found} in the place of an {family} is stopped in its own words, and the result says so",
-        given=line() + starter("pump", 1, family) + ALICE,
-        sim={"pump": {"family": found, **QUICK}},
-        at={5.0: stop("pump")},
-        then={
-            9.0: [
-                result("stop confirmed ok"),
-                final_text(f"proved to be {found}, not {family}"),
-                frames("pump", *OWN[found]),
-            ]
-        },
-    )
-    for family in OWN
-    for found in OWN
-    if found != family
-] + [
-    row(
-        f"an {found} in the place of an {family} does not name itself: no stop of it is confirmed",
-        given=line() + starter("pump", 1, family) + ALICE,
-        sim={"pump": {"family": found}},
-        at={5.0: stop("pump")},
-        then={
-            17.0: [
-                never("result/pump/alice", phase="confirmed"),
-            ]
-        },
-    )
-    for family, found in (("ssw06", "sst"), ("ssw07", "sst"), ("ssw900", "sst"), ("sst", "ssw07"))
-]
+WRONG = (
+    [
+        row(
+            f"an {found} in the place of an {family} is stopped in its own words, and the result says so",
+            given=line() + starter("pump", 1, family) + ALICE,
+            sim={"pump": {"family": found, **QUICK}},
+            at={5.0: stop("pump")},
+            then={
+                9.0: [
+                    result("stop confirmed ok"),
+                    final_text(f"proved to be {found}, not {family}"),
+                    frames("pump", *OWN[found]),
+                ]
+            },
+        )
+        for family in OWN
+        for found in OWN
+        if found != family
+    ]
+    + [
+        row(
+            f"an {found} in the place of an {family} does not name itself: no stop of it is confirmed",
+            given=line() + starter("pump", 1, family) + ALICE,
+            sim={"pump": {"family": found}},
+            at={5.0: stop("pump")},
+            then={
+                17.0: [
+                    never("result/pump/alice", phase="confirmed"),
+                ]
+            },
+        )
+        for family, found in (("ssw06", "sst"), ("ssw07", "sst"), ("ssw900", "sst"), ("sst", "ssw07"))
+    ]
+    + [
+        row(
+            f"no word of a stop for an {family} drives the motor of an {found} that is not named yet",
+            given=line() + starter("pump", 1, family) + ALICE,
+            sim={"pump": {"family": found, **QUICK}},
+            at={0.01: stop("pump")},
+            then={4.0: [is_not_driven("pump"), lambda plant: "" if _written(plant, "pump") else "no stop"]},
+        )
+        for family in FAMILY_NAMES
+        for found in FAMILY_NAMES
+        if found != family
+    ]
+    + [
+        row(
+            "what a device proved to be is of no account once its port was lost",
+            given=SSW07 + ALICE,
+            sim={"pump": {"family": "ssw06"}},
+            at={
+                5.0: ["line pumps unplug", swapped("pump", "ssw07"), "line pumps plug", stop("pump")],
+            },
+            then={8.0: [result("stop confirmed ok"), frames("pump", STOP_07, since=5.0)]},
+        )
+    ]
+)
 
 
 def _written(plant: RigPlant, name: str) -> list[str]:

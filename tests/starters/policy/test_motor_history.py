@@ -64,13 +64,6 @@ def test_what_is_seen_of_a_motor_and_our_own_starts_are_its_history(
     assert motor_history.standing_since("a") == standing_since
 
 
-def test_a_state_that_is_not_known_is_no_change() -> None:
-    motor_history = seen((5.0, "ready"))
-
-    assert not motor_history.note_state("a", "unknown", now_s=7.0)
-    assert not motor_history.note_state("a", "ready", now_s=8.0)
-
-
 def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_stored() -> None:
     motor_history = MotorHistory(["a"])
     motor_history.note_start("a", now_s=0.0)
@@ -145,11 +138,7 @@ AT = {"up_s": 1.0, "utc_s": 2.0, "boot_id": "b"}
 @pytest.mark.parametrize(
     "document",
     [
-        {},
-        {"starters": {}},
-        {"at": AT, "starters": []},
         {"at": AT, "starters": {"a": {}}},
-        {"at": AT, "starters": {"a": {**PAGE, "starts": ["x"]}}},
         {"at": AT, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
         {"at": AT, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
         {"at": AT, "starters": {"a": {**PAGE, "more": 1}}},

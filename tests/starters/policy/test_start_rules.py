@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.contract import CommandError
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.start_rules import Rulebook, RuleSet, is_release, is_start
 
@@ -40,6 +41,14 @@ ASKED = [  # rules, what happened when, who would start when, the refusal: its c
 ]
 
 
+def refusal_of(rulebook: Rulebook, starter: str, now_s: float) -> CommandError | None:
+    try:
+        rulebook.demand_start(starter, now_s=now_s)
+    except CommandError as error:
+        return error
+    return None
+
+
 @pytest.mark.parametrize(("rules", "lived", "asked", "refused"), ASKED)
 def test_a_start_is_refused_for_what_was_before(
     rules: dict[str, RuleSet], lived: tuple[str, ...], asked: str, refused: tuple[str, str, str] | None
@@ -52,7 +61,7 @@ def test_a_start_is_refused_for_what_was_before(
             motor_history.note_state(name, what, now_s=float(at_s))
     name, now_s = asked.split()
 
-    violation = Rulebook(rules, motor_history).check_start(name, now_s=float(now_s))
+    violation = refusal_of(Rulebook(rules, motor_history), name, float(now_s))
 
     if refused is None:
         assert violation is None

@@ -2,56 +2,37 @@
 
 from __future__ import annotations
 
-import math
+from contextlib import nullcontext
 
+import pytest
+
+from gateway.contract import CommandError
 from gateway.starters.policy.write_budget import HOUR_S, WriteBudget
 
-P313, P314 = 313, 314
+ASKED = [  # of a limit of three an hour: what was written when, what is asked for when, the end of a refusal
+    ([], (1, 0.0), ""),
+    ([(1, 0.0), (1, 600.0), (1, 1200.0)], (1, 1800.0), "try again in 30 min"),
+    ([(1, 0.0), (1, 600.0), (1, 1200.0)], (1, HOUR_S), ""),  # the first does not count any more
+    ([(1, 0.0), (1, 100.0)], (3, 200.0), "try again in 59 min"),  # there must be room for all
+    ([], (4, 0.0), "this command has more"),
+    ([(3, 0.0)], (0, 0.0), ""),  # what writes nothing that is stored is never refused
+]
 
 
-def test_as_many_writes_as_the_limit_go_within_an_hour_and_the_next_must_wait_for_the_first_to_age() -> None:
+@pytest.mark.parametrize(("written", "asked", "refusal"), ASKED)
+def test_so_many_writes_an_hour_wear_no_memory_out(
+    written: list[tuple[int, float]], asked: tuple[int, float], refusal: str
+) -> None:
     wear = WriteBudget(3)
+    for writes, now_s in written:
+        wear.take("pump", writes, now_s=now_s)
+    total = wear.total("pump")
 
-    waits = [wear.take("pump", 1, now_s=now_s) for now_s in (0.0, 600.0, 1200.0, 1800.0)]
+    with pytest.raises(CommandError, match=refusal) if refusal else nullcontext():
+        wear.take("pump", asked[0], now_s=asked[1])
 
-    assert waits == [None, None, None, HOUR_S - 1800.0]
-    assert wear.take("pump", 1, now_s=HOUR_S) is None
-    assert wear.total("pump") == 4
-
-
-def test_several_writes_wait_until_there_is_room_for_all() -> None:
-    wear = WriteBudget(3)
-    wear.take("pump", 1, now_s=0.0)
-    wear.take("pump", 1, now_s=100.0)
-
-    assert wear.take("pump", 3, now_s=200.0) == HOUR_S - 100.0
-    assert wear.total("pump") == 2
-
-
-def test_more_writes_than_the_limit_never_go() -> None:
-    wait_s = WriteBudget(3).take("pump", 4, now_s=0.0)
-
-    assert wait_s == math.inf
-    assert WriteBudget(3).refusal(math.inf).text.endswith("this command has more")
-
-
-def test_each_starter_has_its_own_count() -> None:
-    wear = WriteBudget(1)
-
-    assert wear.take("pump", 1, now_s=0.0) is None
-    assert wear.take("fan", 1, now_s=0.0) is None
-    assert wear.total("mixer") == 0
-
-
-def test_what_writes_nothing_that_is_stored_is_never_refused() -> None:
-    wear = WriteBudget(1)
-    wear.take("pump", 1, now_s=0.0)
-
-    assert wear.take("pump", 0, now_s=0.0) is None
-
-
-def test_a_refusal_says_when_to_try_again() -> None:
-    assert WriteBudget(3).refusal(61.0).text.endswith("try again in 2 min")
+    assert wear.total("pump") == total + (0 if refusal else asked[0])
+    wear.take("fan", 3, now_s=asked[1])  # each starter has its own count
 
 
 def test_each_count_is_reported_with_the_hour_and_the_total() -> None:

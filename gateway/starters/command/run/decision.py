@@ -11,28 +11,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any, TypeVar
+from typing import Any
 
-from gateway.contract import READ, CommandError, ResultCode
+from gateway.contract import READ, CommandError, CommandRequest, ResultCode
 from gateway.families import Preparation, Procedure, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport
 from gateway.starters.command.steps import CommandStep
-from gateway.starters.command.wire import Rows, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, Rows, Wire
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.view import StarterIo
 
-T = TypeVar("T")
-
-DECIDES_FOR_S = 2.0  # after that much can have happened at a motor
 WAITS_FOR_S = 10.0  # the same for what moves no motor, and may wait for the line
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
 MOST_READINGS = 4  # until two in a row agree
 ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
+
+
+def judge(
+    request: CommandRequest,
+    starter: StarterIo,
+    preparation: Preparation,
+    guard: Guard | None,
+    *,
+    rows: Rows,
+    points: Mapping[str, Any],
+) -> Procedure | None:
+    """Return the writes that follow from these rows, None when some are missing.
+
+    CommandError when a rule forbids them. `guard` is what the gateway itself demands.
+    """
+    if request.verb != READ:  # which does no harm, in whatever words
+        demand_identity(starter, rows)
+    known = {**rows, **points}  # a rule may hang on a raw row
+    command.demand(starter.profile, preparation.requires, known, variant=starter.variant)
+    if guard is not None:
+        guard.check(points)
+    if not rows.keys() >= _codes(preparation):
+        return None
+    return command.build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
+
+
+def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> Rows:
+    """Return those of the known rows that a preparation reads."""
+    return {code: known[code] for code in _codes(preparation) & known.keys()}
+
+
+def _codes(preparation: Preparation) -> set[str]:
+    return {code for read in preparation.reads for code in read.codes}
+
+
+def demand_identity(starter: StarterIo, rows: Rows) -> None:
+    """Demand that the configured device answers, and that none of these rows denies it."""
+    if not starter.is_answering:
+        raise CommandError(ResultCode.OFFLINE, "starter")
+    status = starter.identity_standing
+    if status is not IdentityStatus.MATCHING:
+        raise not_matching(status, starter.identity_reason)
+    if why := diagnosis.contradiction(starter.profile, rows):
+        raise not_matching(IdentityStatus.MISMATCHED, why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +93,7 @@ class CommandDecision:
 
 
 class Judge:
-    """Reads and decides for one command."""
+    """Reads and decides for one command; what is read distinguishes its family as well."""
 
     def __init__(
         self,
@@ -67,77 +108,54 @@ class Judge:
         self._report = report
         self._starter = starter
         self._preparation = preparation
-        self._guard = guard  # what the gateway itself demands
+        self._guard = guard
         self._wire = wire
         self._lane = lane
+        is_read = report.request.verb == READ
+        whole = preparation if is_read else diagnosis.with_distinctive_rows(starter.profile, preparation)
+        self._reads = whole.reads
 
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
         self._report.life.advance(CommandStep.READING)
         earlier = self._judge_polls()
         for _ in range(MOST_READINGS):
-            rows = await self._insist(lambda: self._wire.read(self._preparation.reads, lane=self._lane))
+            rows = await self._read()
             self._report.before = self._points(rows)
-            procedure = self.judge(rows)
-            is_enough = not self._preparation.reads or _only_reads(procedure)
+            procedure = self._judge(rows, self._guard)
+            assert procedure is not None  # all rows were read
+            is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
                 self._report.life.advance(CommandStep.DECIDED)
                 return CommandDecision(procedure, rows)
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
-    def judge(self, rows: Rows) -> Procedure:
-        """Return the writes that follow from these rows; CommandError when a rule forbids them."""
-        profile, request = self._starter.profile, self._report.request
-        points = self._points(rows)
-        if request.verb != READ:  # which does no harm, in whatever words
-            self._demand_identity(rows)
-        self._demand_rules(rows)
-        if self._guard is not None:
-            self._guard.check(points)
-        return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
-
-    def _demand_identity(self, rows: Rows) -> None:
-        """Demand that the configured device answers, and that none of these rows denies it."""
-        if not self._starter.is_answering:
-            raise CommandError(ResultCode.OFFLINE, "starter")
-        status = self._starter.identity_standing
-        if status is not IdentityStatus.MATCHING:
-            raise not_matching(status, self._starter.identity_reason)
-        if why := diagnosis.contradiction(self._starter.profile, rows):
-            raise not_matching(IdentityStatus.MISMATCHED, why)
-
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
-        rows = await self._wire.read(self._preparation.reads, lane=self._lane)
-        self._demand_identity(rows)
-        self._demand_rules(rows)
+        self._judge(await self._wire.read(self._reads, lane=self._lane), None)
 
-    def _demand_rules(self, rows: Rows) -> None:
-        starter = self._starter
-        values = self._wire.values(rows)
-        command.demand(starter.profile, self._preparation.requires, values, variant=starter.variant)
+    def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
+        points = self._points(rows)
+        request, starter = self._report.request, self._starter
+        return judge(request, starter, self._preparation, guard, rows=rows, points=points)
 
     def _judge_polls(self) -> Procedure | None:
         """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""
         since_s = self._report.now_s() - DECIDES_FOR_S
         if self._report.is_outdated(since_s):
             return None  # some of it may have been read before the gateway stood still
-        recent = self._starter.snapshot.rows_since(since_s)
-        codes = {code for read in self._preparation.reads for code in read.codes}
-        codes -= set(diagnosis.distinctive_rows(self._starter.profile))  # they are in the second reading
-        if not codes <= recent.keys():
-            return None
         try:
-            return self.judge({code: recent[code] for code in codes})
+            recent = self._starter.snapshot.rows_since(since_s)
+            return self._judge(rows_for(self._preparation, recent), self._guard)
         except CommandError:
             return None
 
-    async def _insist(self, ask: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """Ask until that is answered, as long as the starter is online."""
+    async def _read(self) -> Rows:
+        """Read until that is answered, as long as the starter is online."""
         while True:
             try:
-                return await ask()
+                return await self._wire.read(self._reads, lane=self._lane)
             except CommandError as error:
                 if error.code != ResultCode.NO_ANSWER or not self._starter.is_answering:
                     raise
@@ -145,7 +163,3 @@ class Judge:
 
     def _points(self, rows: Rows) -> dict[str, Any]:
         return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
-
-
-def _only_reads(procedure: Procedure) -> bool:
-    return not procedure.steps and not procedure.is_unchanged

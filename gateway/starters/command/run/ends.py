@@ -7,25 +7,33 @@ here is the outlook: what may be the case at the motor once something was writte
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
-from gateway.contract import Note, Phase, Reason, ResultCode
+from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
-from gateway.starters.command.report import Final
+from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
+from gateway.starters.command.steps import Life
 
-MAY_BE_TURNING = Note("may_be_turning")
-MAY_ACT_LATER = Note("may_act_later")
-LOOK = Note("look")
-
+_STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
+
+
+class RunOff(Protocol):
+    """The stop that follows a command which failed."""
+
+    is_local: bool  # the latest reading shows local mode
+
+    def is_shown(self) -> bool:
+        """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
     """What a command was about to bring about."""
 
-    verb: str
+    request: CommandRequest
+    life: Life
     can_wait: bool  # its verb moves no motor
     procedure: Procedure | None = None  # once it is being written
     refusal: Reason | None = None  # of a motion that may have begun all the same
@@ -40,48 +48,61 @@ class Outlook:
         """Return what may be the case once something was written and not seen to act."""
         return MAY_BE_TURNING if self.is_run_cleared or not self.can_wait else LOOK
 
-    def cut(self, reason: Reason, *, is_written: bool) -> Final:
+    def cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
-        if is_written:
-            is_pending = reason.code in _MAY_STAND and self.verb in command.TAKEN_BACK
+        if self.life.is_written:
+            is_pending = reason.code in _MAY_STAND and self.request.verb in command.TAKEN_BACK
             later = MAY_ACT_LATER if is_pending else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self.note, later))
         if reason.code == ResultCode.INTERNAL:
             return Final(Phase.FAILED, reason)
         return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
 
-    def overdue(self, *, age_s: float, is_written: bool) -> Final:
+    def overdue(self) -> Final:
         """Return the end of a command whose time was over before all of it was written."""
-        if not is_written:
-            return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s), is_written=False)
+        if not self.life.is_written:
+            age_s = self.request.until_s - self.request.received_s
+            return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
         if self.note is LOOK:
-            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"), is_written=True)
-        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"), is_written=True)
+            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
+        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"))
 
     def not_seen(self, expect: Expect) -> Final:
         """Return the end of a command that was written and not seen to act in its time."""
         point, within_s = expect.name, expect.within_s
         if self.note is LOOK:
             reason = Reason(ResultCode.NOT_FOLLOWED, "reading", point=point, within_s=within_s)
-            return Final(Phase.UNCONFIRMED, reason.noted(LOOK))
-        if self.is_run_cleared:
-            reason = Reason(ResultCode.NOT_SEEN, "standstill", point=point, within_s=within_s)
-            return Final(Phase.UNCONFIRMED, reason.noted(Note("run_off_again"), MAY_BE_TURNING))
-        reason = Reason(ResultCode.NOT_SEEN, "motion", point=point, within_s=within_s)
+        else:
+            is_off = self.is_run_cleared
+            reason = Reason(
+                ResultCode.NOT_SEEN, "standstill" if is_off else "motion", point=point, within_s=within_s
+            )
         if self.refusal is not None:
             reason = self.refusal.noted(reason)
-        return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
-
-    def taken_back(self, end: Final, *, is_released: bool) -> Final:
-        """Return the end of a start that did not act, once run = 0 was written; `is_released`: and read."""
-        if not is_released:
-            return end.noted(Note("not_taken_back"))
-        phase = end.phase if self.refusal is None else Phase.FAILED
-        return Final(phase, end.reason.noted(Note("taken_back")), end.values, end.after)
+        return Final(Phase.UNCONFIRMED, reason.noted(self.note))
 
     def not_readable(self) -> Final:
         """Return the end of a command whose effect cannot be read back."""
         return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self.note))
+
+    def stopped(self, end: Final, run_off: RunOff) -> Final:
+        """Return the end of a command that did not succeed, with the outcome of run = 0 after it."""
+        if run_off.is_shown():
+            phase = Phase.FAILED if self.refusal is not None else end.phase
+            return replace(end.noted(Note("at_rest"), Note("taken_back")), phase=phase)
+        at_rest = None if self.is_run_cleared else Note("at_rest")  # a start was seen not to act before
+        in_local = Note("in_local") if run_off.is_local else None
+        return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
+
+
+def crashed(verb: str, *, may_be_written: bool) -> Final:
+    """Return the end of a command that was under way when an earlier run of the gateway ended."""
+    reason = Reason(ResultCode.CRASHED)
+    if not may_be_written:
+        return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
+    outlook = LOOK if verb in _STILL else MAY_BE_TURNING
+    later = MAY_ACT_LATER if verb in command.TAKEN_BACK else None
+    return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), outlook, later))
 
 
 def run_not_cleared(reason: Reason, phase: Phase) -> Final:
@@ -89,11 +110,14 @@ def run_not_cleared(reason: Reason, phase: Phase) -> Final:
     return Final(phase, reason.noted(Note("nothing_else")))
 
 
-def not_left_safe(end: Final) -> Final:
-    """Return the end of a command that failed, and whose starter could not be left as it was."""
-    if end.phase is not Phase.FAILED:
-        return end
-    return Final(Phase.UNCONFIRMED, end.reason.noted(Note("not_left_safe")))
+def unsafe(end: Final) -> Final:
+    """Return the end of a command whose starter could not be left as it was."""
+    return _doubtful(end).noted(Note("not_left_safe"))
+
+
+def _doubtful(end: Final) -> Final:
+    """Return an end that has not merely failed."""
+    return replace(end, phase=Phase.UNCONFIRMED) if end.phase is Phase.FAILED else end
 
 
 def unwritten(procedure: Procedure, values: Mapping[str, Any]) -> Final:

@@ -1,4 +1,4 @@
-"""Carries out one command other than a stop: read, decide, write each step once, verify, take back.
+"""Carries out one command other than a stop: read, decide, write each step once, verify, leave it safe.
 
 1. Its slot on the line, then `decision`. That it will be written is on the disk before its first write.
 2. Each write goes out once, and only while what was read still decides. Before the first one it may be
@@ -6,9 +6,10 @@
    half done.
 3. A write is followed by the next only once what it brings about is seen; run = 0 must be taken.
 4. Confirmed is what two readings in a row show that were asked for after the last write.
-5. A start or a jog that is seen not to act is taken back by its starter's stop (`take_back`), within
-   `TAKEN_BACK_WITHIN_S`; where the motor cannot be seen to stand it is left alone.
-6. Any other command that fails after its first write leaves the starter as its procedure says (`abandon`).
+5. A start or a jog that is seen not to act is taken back by its starter's stop (`run_off`), within
+   `LEFT_SAFE_WITHIN_S`; where the motor cannot be seen to stand it is left alone.
+6. Any other command that fails after its first write is ended as its procedure says, and its starter is
+   stopped likewise: a stop's writes wait for no earlier reply, and its words are of a fresh reading.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from math import inf
-from typing import Any, Protocol, assert_never
+from typing import Any, assert_never
 
 from gateway.contract import CommandError, Phase, Reason, ResultCode
 from gateway.families import (
+    Expect,
     Preparation,
     Procedure,
     WriteStep,
@@ -33,11 +35,12 @@ from gateway.families import (
 )
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
-from gateway.starters.command.report import CommandReport, Final
+from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, Final
 from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
 from gateway.starters.command.steps import CommandStep
+from gateway.starters.command.stop.machine import StopOrder, Stopping
 from gateway.starters.command.wire import LAST_READING_S, HaltedError, OverdueError, RefusedError, Wire
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs
@@ -48,7 +51,7 @@ logger = logging.getLogger(__name__)
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
-TAKEN_BACK_WITHIN_S = 3.0  # after its deadline a start is taken back, or the starter left safe
+LEFT_SAFE_WITHIN_S = 3.0  # after its end is known, a starter is left safe
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
     ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -59,19 +62,9 @@ _MAY_ACT = (  # a motion that is refused so may begin all the same
     ExceptionCode.GATEWAY_PATH_UNAVAILABLE,
     ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND,
 )
+_READABLE = (IdentityStatus.MATCHING, IdentityStatus.OTHER_SLOT)  # whose words mean what they say
 
-
-class TakingBack(Protocol):
-    """A start or jog that the starter's stop takes back."""
-
-    async def ended(self) -> None:
-        """Return once both commands were read as 0 after an acknowledged frame, or the stop gave up."""
-
-    def is_shown(self) -> bool:
-        """Return whether the latest two readings show them as 0 in remote mode, with the motor at rest."""
-
-
-TakeBackBy = Callable[[CommandReport, Procedure], TakingBack]
+RunOffBy = Callable[[CommandReport, Expect], StopOrder]  # has a starter stopped until this is seen
 
 
 class _OutdatedError(Exception):
@@ -90,7 +83,7 @@ class CommandRun:
         *,
         slot: asyncio.Semaphore | None = None,
         watchdogs: KnownWatchdogs | None = None,
-        take_back: TakeBackBy | None = None,
+        run_off: RunOffBy | None = None,
     ) -> None:
         self.report = report
         self._starter = starter
@@ -98,20 +91,14 @@ class CommandRun:
         self._slot = slot  # among the commands of its line, until its first write; None: it does not wait
         self._has_slot = False
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
-        self._take_back = take_back  # None: a start is left alone
-        self.can_wait = report.request.verb in CAN_WAIT
-        self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
-        back = Priority.PARAMETERS if self.can_wait else Priority.READ_BACK
-        self._wire = Wire(starter, read_back_lane=back)
-        self._wire.until_s = report.request.until_s
+        self._run_off = run_off or self._run_off_alone
+        self._stopping: asyncio.Task[None] | None = None  # where no other part stops this starter
+        self._can_wait = report.request.verb in CAN_WAIT
+        self._lane = Priority.PARAMETERS if self._can_wait else Priority.COMMAND
+        self._wire = self._new_wire(report.request.until_s)
         self._judge = Judge(report, starter, preparation, guard, wire=self._wire, lane=self._lane)
-        self._outlook = Outlook(report.request.verb, self.can_wait)
+        self._outlook = Outlook(report.request, report.life, self._can_wait)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
-
-    @property
-    def line(self) -> str:
-        """The name of its starter's line."""
-        return self._starter.setup.line
 
     def halt(self, reason: Reason) -> None:
         """Let nothing more of this command go out."""
@@ -121,28 +108,30 @@ class CommandRun:
         """Carry the command out; never raises."""
         try:
             end = await self._ended()
+        except HaltedError as error:  # while its starter was left safe
+            end = self._outlook.cut(error.reason)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
-            end = self._cut(Reason(ResultCode.INTERNAL))
+            end = self._outlook.cut(Reason(ResultCode.INTERNAL))
         self._leave_slot()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
-        """Return how the command ended, whatever came in its way."""
+        """Return how the command ended, whatever came in its way; HaltedError while it leaves it safe."""
         try:
             return await self._carried_out()
         except CommandError as error:
-            return self._cut(error.reason)
+            return self._outlook.cut(error.reason)
         except RefusedError as error:
             return Final(Phase.FAILED, error.reason)
         except OverdueError:
-            await self._leave_safe()
-            return self._overdue()
+            end, is_stopped = self._outlook.overdue(), False
         except HaltedError as error:
-            if error.reason.code != ResultCode.SHUTTING_DOWN:  # nothing is written at shut-down
-                await self._leave_safe()
-            return self._cut(error.reason)
+            end, is_stopped = self._outlook.cut(error.reason), error.reason.code == ResultCode.STOPPED_FIRST
+            if error.reason.code == ResultCode.SHUTTING_DOWN:  # then nothing is written
+                return end
+        return await self._left_safe(end, is_stopped=is_stopped)
 
     async def _carried_out(self) -> Final:
         if self._slot is not None:
@@ -164,7 +153,8 @@ class CommandRun:
         await self._wire.wait_for(self.report.intend())
         if self._guard is not None:
             await self._wire.wait_for(self._guard.admit())
-        self.report.count_memory_writes(procedure.wears)
+        reporting = self.report.reporting
+        reporting.write_budget.take(self.report.request.starter, procedure.wears, now_s=reporting.now_s())
 
     # Writing
 
@@ -177,17 +167,16 @@ class CommandRun:
             end = await self._take_step(decision, step, is_last=is_last)
             if end is not None:
                 # After run = 0 that was not taken, and after a start, nothing is to be undone.
-                is_left = step.is_run_off or procedure.take_back is not None
-                return end if is_left else await self._abandoned(end)
+                return end if step.is_run_off else await self._left_safe(end)
         if procedure.verify is None:
             return self._outlook.not_readable()
         values = await self._wire.see(procedure.verify)
         if values is not None:
             return ends.confirmed(procedure, self._subject(procedure, values), values)
         end = self._outlook.not_seen(procedure.verify)
-        if procedure.take_back is not None:
-            return await self._taken_back(end, procedure)
-        return await self._abandoned(end.noted(*procedure.notes))
+        if procedure.take_back is not None and procedure.take_back.at_rest is not None:
+            return await self._taken_back(end, procedure.take_back.at_rest, procedure.take_back.released)
+        return await self._left_safe(end.noted(*procedure.notes))
 
     async def _take_step(self, decision: CommandDecision, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
@@ -195,30 +184,28 @@ class CommandRun:
         is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
         end = None if is_excused else self._taken(outcome)
         if step.is_run_off:
-            return await self._run_off(step, outcome, end, is_excused=is_excused)
+            return await self._run_off_taken(step, outcome, end)
         if end is not None:
             return end
         if step.then is not None:
             is_seen = await self._wire.see(step.then) is not None
             return None if is_seen else self._outlook.not_seen(step.then)
-        if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
-            return None
-        return self._cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
+        if isinstance(outcome, Silent | Garbled) and not is_last and not step.is_silence_expected:
+            return self._outlook.cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
+        return None
 
-    async def _run_off(
-        self, step: WriteStep, outcome: Outcome, end: Final | None, *, is_excused: bool
-    ) -> Final | None:
+    async def _run_off_taken(self, step: WriteStep, outcome: Outcome, end: Final | None) -> Final | None:
         """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
-        if isinstance(outcome, Refused) and end is not None:
+        if end is not None:
+            if not isinstance(outcome, Refused):
+                return end
             exception = exception_name(outcome.code)
             reason = Reason(ResultCode.RUN_NOT_CLEARED, "refused", exception=exception)
             return ends.run_not_cleared(reason, Phase.FAILED)
-        if end is not None:
-            return end
-        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
-        if not is_excused and not isinstance(outcome, (Answered, Refused)):
+        if isinstance(outcome, Silent | Garbled):
             reason = Reason(ResultCode.NO_ANSWER, "run_off", reason=outcome.reason)
             return ends.run_not_cleared(reason, Phase.UNCONFIRMED)
+        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
         if step.then is None or await self._wire.see(step.then) is not None:
             return None
         if isinstance(outcome, Answered) and await self._wire.is_refused(step.then.reads, _NOT_SET_UP):
@@ -247,27 +234,36 @@ class CommandRun:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
         self.report.life.advance(CommandStep.WRITING)
         deadline_s = min(self._wire.until_s, self.report.request.until_s)
-        until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self.can_wait))
+        until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self._can_wait))
         self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
-        outcome = await self._send(step, until_s)
-        is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
-        now_s = self.report.now_s()
+        outcome: Outcome = Silent(TOO_LATE, is_sent=False)
+        if not self._is_outdated():
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+        now_s, is_unsent = self.report.now_s(), _is_held(outcome)
         self._wire.until_s = deadline_s if is_unsent else now_s + self._seen_within_s(decision.procedure)
         if is_unsent and now_s < deadline_s:
             raise _OutdatedError
         return outcome
 
     async def _send_later(self, decision: CommandDecision, step: WriteStep) -> Outcome:
-        """Send a write after the first; one that chooses who commands the motor only while that is safe."""
-        if self.can_wait and not decision.procedure.is_source:
-            return await self._wire.write(step.request, lane=self._lane)
-        until_s = decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s, can_wait=self.can_wait)
-        return await self._send(step, min(until_s, self._wire.until_s))
+        """Send a write after the first; one that chooses who commands the motor only while that is safe.
 
-    async def _send(self, step: WriteStep, until_s: float) -> Outcome:
-        if self.report.is_outdated(min(self._wire.seen_s, self._cleared_s)):
-            return Silent(TOO_LATE, is_sent=False)
-        return await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+        One that was held, because an earlier reply of its starter may still come, is handed over again.
+        """
+        is_patient = self._can_wait and not decision.procedure.is_source
+        until_s = self._wire.until_s
+        if not is_patient:
+            decides_s = decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s, can_wait=False)
+            until_s = min(until_s, decides_s)
+        while is_patient or not self._is_outdated():
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+            if not _is_held(outcome) or self.report.now_s() >= until_s:
+                return outcome
+        return Silent(TOO_LATE, is_sent=False)
+
+    def _is_outdated(self) -> bool:
+        """Return whether the gateway stood still since what was read, or since run = 0."""
+        return self.report.is_outdated(min(self._wire.seen_s, self._cleared_s))
 
     def _seen_within_s(self, procedure: Procedure) -> float:
         """Return how long after its first write the whole command is to be seen: the family's times."""
@@ -284,15 +280,15 @@ class CommandRun:
             case Refused():
                 refusal = RefusedError(self._starter.profile, outcome.code).reason
                 procedure = self._outlook.procedure
-                if outcome.code in _MAY_ACT and procedure and procedure.take_back:
+                if outcome.code in _MAY_ACT and procedure is not None and procedure.is_motion:
                     self._outlook = replace(self._outlook, refusal=refusal)
                     self.report.write()
                     return None
                 return Final(Phase.FAILED, refusal)
-            case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._overdue()
+            case Silent(is_sent=False) if _is_held(outcome):
+                return self._outlook.overdue()
             case Silent(is_sent=False) | Garbled(is_sent=False):
-                return self._cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
+                return self._outlook.cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
             case Silent() | Garbled():
                 self.report.write()
                 return None  # whether it acted is for the read-back to say
@@ -306,58 +302,60 @@ class CommandRun:
 
     # Ending
 
-    async def _taken_back(self, end: Final, procedure: Procedure) -> Final:
+    async def _taken_back(self, end: Final, at_rest: Expect, released: Expect) -> Final:
         """Have a start taken back that is seen not to have acted; else it might act later."""
-        self._wire.until_s = self.report.now_s() + TAKEN_BACK_WITHIN_S
-        if self._take_back is None or not await self._is_seen_at_rest(procedure):
-            return end.noted(ends.MAY_ACT_LATER)
-        self._wire.demand_not_halted()  # at shut-down nothing is written
-        taking_back = self._take_back(self.report, procedure)
-        with suppress(OverdueError):  # the stop goes on; the command's time is over
-            await self._wire.wait_for(taking_back.ended())
-        return self._outlook.taken_back(end, is_released=taking_back.is_shown())
-
-    async def _is_seen_at_rest(self, procedure: Procedure) -> bool:
-        """Return whether two readings, made like those that decided, show the motor at rest."""
+        self._wire.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
         profile = self._starter.profile
-        if procedure.take_back is None:
-            return False
-        at_rest = procedure.take_back.at_rest
         rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
-        return values is not None and not self._is_another and not diagnosis.contradiction(profile, values)
+        if values is None or self._is_another or diagnosis.contradiction(profile, values):
+            return end.noted(MAY_ACT_LATER)
+        return await self._stopped(end, released)
+
+    async def _left_safe(self, end: Final, *, is_stopped: bool = False) -> Final:
+        """Return the end of any other command that failed after its first write, its starter left safe.
+
+        `is_stopped`: a client's stop is under way, which does the rest.
+        """
+        procedure = self._outlook.procedure
+        if procedure is None or not self.report.life.is_written or not procedure.is_run_cleared:
+            return end
+        if self._is_another:
+            return ends.unsafe(end)
+        self._wire = self._new_wire(self.report.now_s() + LEFT_SAFE_WITHIN_S)  # the other may be halted
+        try:
+            for request in procedure.abandon:
+                outcome = await self._wire.write(request, lane=Priority.FOLLOW_UP)
+                end = end if isinstance(outcome, Answered) else ends.unsafe(end)
+        except OverdueError:
+            return ends.unsafe(end)
+        if is_stopped or procedure.take_back is None:
+            return end
+        return await self._stopped(end, procedure.take_back.released)
+
+    async def _stopped(self, end: Final, released: Expect) -> Final:
+        """Return the end of a command after which the starter is stopped: it never waits for its step."""
+        self._wire.demand_not_halted()  # at shut-down nothing is written
+        order = self._run_off(self.report, released)
+        with suppress(OverdueError):  # the stop goes on; the command's time is over
+            await self._wire.wait_for(order.over.wait())
+        return self._outlook.stopped(end, order)
+
+    def _run_off_alone(self, _report: CommandReport, released: Expect) -> StopOrder:
+        stopping = Stopping(self._starter)
+        order = stopping.take_back(released, lambda _: None)
+        self._stopping = asyncio.get_running_loop().create_task(stopping.run())
+        return order
 
     @property
     def _is_another(self) -> bool:
         """Return whether another device may answer since a silence: the procedure is not in its words."""
         return self._starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
 
-    async def _abandoned(self, end: Final) -> Final:
-        """Return the end of a command that failed after its first write, once the starter is left safe."""
-        return end if await self._leave_safe() else ends.not_left_safe(end)
-
-    async def _leave_safe(self) -> bool:
-        """Write what the procedure names for this case, if it was begun; return whether that was taken."""
-        procedure = self._outlook.procedure
-        if procedure is None or not self.report.life.is_written:
-            return True
-        if procedure.abandon and self._is_another:
-            return False
-        wire = Wire(self._starter)  # what halts the command does not halt this
-        wire.until_s = self.report.now_s() + TAKEN_BACK_WITHIN_S
-        try:
-            outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in procedure.abandon]
-        except OverdueError:
-            return False
-        return all(isinstance(outcome, Answered) for outcome in outcomes)
-
-    def _cut(self, reason: Reason) -> Final:
-        return self._outlook.cut(reason, is_written=self.report.life.is_written)
-
-    def _overdue(self) -> Final:
-        request = self.report.request
-        age_s = request.until_s - request.received_s
-        return self._outlook.overdue(age_s=age_s, is_written=self.report.life.is_written)
+    def _new_wire(self, until_s: float) -> Wire:
+        wire = Wire(self._starter, read_back_lane=max(self._lane, Priority.READ_BACK))
+        wire.until_s = until_s
+        return wire
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""
@@ -368,10 +366,16 @@ class CommandRun:
         return {"parameter": procedure.subject, **self._value(procedure.subject, rows[procedure.subject])}
 
     def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
-        """Return a row's value; of a device that contradicts the configuration only its raw words."""
-        why = self._starter.contradiction
-        if why:
+        """Return a row's value; only its raw words when another device than configured may have answered."""
+        starter = self._starter
+        if starter.contradiction or starter.identity_standing not in _READABLE:
+            why = starter.contradiction or starter.identity_reason
             return {"value": None, "unit": "", "raw": list(words), "reason": why}
-        row = parameters.find(self._starter.profile, code)
-        said = decode.decode_row(self._starter.profile, self._starter.variant, row, words)
+        row = parameters.find(starter.profile, code)
+        said = decode.decode_row(starter.profile, starter.variant, row, words)
         return {"value": said.value, "unit": said.unit, "label": said.label, "raw": list(said.raw)}
+
+
+def _is_held(outcome: Outcome) -> bool:
+    """Return whether a request was not sent, because of its time or its starter's earlier replies."""
+    return isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent

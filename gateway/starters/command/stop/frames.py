@@ -20,9 +20,8 @@ from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, Function
 from gateway.modbus.writes import MaskWriteRegister
-from gateway.starters.command.run.decision import DECIDES_FOR_S
 from gateway.starters.command.stop.addressee import StopAddressee
-from gateway.starters.command.wire import RefusedError, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
 from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)
@@ -148,55 +147,41 @@ class Frames:
         self._timer = asyncio.get_running_loop().call_at(due_s, self.send_if_due)
 
     async def _follow(self, number: int, steps: Sequence[WriteStep], asked: Asked) -> None:
-        """Record what came of a frame."""
+        """Record what came of a frame; what was cut short may have been on its way."""
         await asyncio.wait(asked)
-        self.facts.note([each.result() for each in asked if not each.cancelled()])
-        counting = [each for step, each in zip(steps, asked, strict=True) if not _is_excused(step, each)]
+        outcomes = [None if each.cancelled() else each.result() for each in asked]
+        self.facts.note([outcome for outcome in outcomes if outcome is not None])
+        # A jog = 0 may be refused where no jog is set up.
+        pairs = list(zip(steps, outcomes, strict=True))
+        counting = [each for step, each in pairs if not (step.may_be_refused and isinstance(each, Refused))]
         for each in counting:
-            if not each.cancelled() and isinstance(outcome := each.result(), Refused):
-                self.facts.refusal = RefusedError(self._starter.profile, outcome.code).reason
-        self._note_mask_refused(steps, asked)
+            if isinstance(each, Refused):
+                self.facts.refusal = RefusedError(self._starter.profile, each.code).reason
+        if not self._is_mask_refused and any(_is_mask_refused(*pair) for pair in pairs):
+            self._is_mask_refused = True
+            if self.procedure().steps != steps:  # the word read last goes out at once, where there is one
+                self._plan(self._time())
         if self._is_mask_refused or any(_may_have_left(each) for each in counting):
-            self._on_left(number, is_acknowledged=all(map(_is_acknowledged, counting)))
+            is_acknowledged = all(isinstance(each, Answered) for each in counting)
+            self._on_left(number, is_acknowledged=is_acknowledged)
         self.news.set()
         asyncio.get_running_loop().call_soon(self.send_if_due)  # once this frame is no longer under way
 
-    def _note_mask_refused(self, steps: Sequence[WriteStep], asked: Asked) -> None:
-        """Send the word read last at once, where there is one, to a starter without function 22."""
-        if self._is_mask_refused:
-            return
-        self._is_mask_refused = any(map(_is_mask_refused, steps, asked))
-        if self._is_mask_refused and self.procedure().steps != steps:
-            self._plan(self._time())
 
-
-def _is_excused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
-    """Return whether a write was refused that may be: a jog = 0 where no jog is set up."""
-    return step.may_be_refused and not asked.cancelled() and isinstance(asked.result(), Refused)
-
-
-def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
-    """Return whether a request may have reached its starter; what was cut short may have been on its way."""
-    if asked.cancelled():
-        return True
-    match asked.result():
+def _may_have_left(outcome: Outcome | None) -> bool:
+    """Return whether a request may have reached its starter."""
+    match outcome:
         case Refused():
             return False
-        case Answered():
+        case Answered() | None:
             return True
         case Silent(is_sent=is_sent) | Garbled(is_sent=is_sent):
             return is_sent
-        case _ as outcome:
+        case _:
             assert_never(outcome)
 
 
-def _is_mask_refused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
+def _is_mask_refused(step: WriteStep, outcome: Outcome | None) -> bool:
     """Return whether a starter does not know the function that clears single bits."""
-    if asked.cancelled() or not isinstance(step.request, MaskWriteRegister):
-        return False
-    outcome = asked.result()
-    return isinstance(outcome, Refused) and outcome.code == ExceptionCode.ILLEGAL_FUNCTION
-
-
-def _is_acknowledged(asked: asyncio.Future[Outcome]) -> bool:
-    return not asked.cancelled() and isinstance(asked.result(), Answered)
+    is_refused = isinstance(outcome, Refused) and outcome.code == ExceptionCode.ILLEGAL_FUNCTION
+    return is_refused and isinstance(step.request, MaskWriteRegister)

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from gateway.contract import Note, Phase, Reason, ResultCode
-from gateway.starters.command.report import CommandReport, Final, Reporting
+from gateway.starters.command.report import CommandReport, Final, Retention
 
 MOST_NAMED = 5  # of the members that are not confirmed
 
@@ -14,16 +14,15 @@ MOST_NAMED = 5  # of the members that are not confirmed
 class GroupStop:
     """Gathers the members' results into the group's: confirmed only when all members are."""
 
-    def __init__(self, report: CommandReport, members: Collection[str], reporting: Reporting) -> None:
+    def __init__(self, report: CommandReport, members: Collection[str]) -> None:
         self._report = report
         self._missing = set(members)
         self._ends: dict[str, Final] = {}
-        self._reporting = reporting
 
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
         request = replace(self._report.request, starter=name, correlation=None, ticket=0)
-        return CommandReport(request, self._reporting, is_stored=False, group=self)
+        return CommandReport(request, self._report.reporting, retention=Retention.NONE, group=self)
 
     def note_written(self) -> None:
         """Record that something was written to a member."""

@@ -5,9 +5,9 @@
    its own, or the first after that which the starter acknowledged. Without an acknowledgement, frames follow
    until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
-4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
-   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
-   is an event and an entry of the audit.
+4. A start or a jog that did not act is taken back by the same machine, and a starter left safe after any
+   other command that failed, with an order of the gateway's own (`take_back`): it also asks for run and jog
+   to read 0 in remote mode. A newer command ends it, its outcome is an event and an entry of the audit.
 
 Of a group each member is stopped so on its own: `group`.
 """
@@ -17,15 +17,15 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from gateway.contract import CommandError, CommandRequest, EventCode, Note, Phase, Reason, ResultCode
+from gateway.contract import EventCode, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Read
 from gateway.line import Priority
-from gateway.starters.command.report import CommandReport, Final
-from gateway.starters.command.run.ends import MAY_BE_TURNING
+from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final
 from gateway.starters.command.stop.addressee import StopAddressee
 from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
@@ -60,6 +60,7 @@ class StopOrder:
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
+    is_local: bool = False  # as the latest reading showed
 
     @property
     def until_s(self) -> float:
@@ -89,6 +90,7 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
+        self.is_local = values.get("remote") is False
         self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
         self.good_s = now_s if is_shown else self.good_s
         return is_shown
@@ -102,10 +104,6 @@ class StopOrder:
         """Return whether it is seen now."""
         return self.is_seen(asyncio.get_running_loop().time())
 
-    async def ended(self) -> None:
-        """Return once it has its end."""
-        await self.over.wait()
-
 
 class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
@@ -115,51 +113,37 @@ class Stopping:
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self._wire, next_lane=self._next_lane, on_left=self._note_written)
         self._time = asyncio.get_running_loop().time
-        self._orders: list[StopOrder] = []
-        self._unanswered: StopOrder | None = None  # the latest message without an answer: it stands for all
+        self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
         self._shown: dict[str, Any] = {}  # by the latest of them
 
     def ask(self) -> None:
-        """Have a frame sent for one more message, and see it through; it may then join with its command."""
-        came_s = self._time()
-        self._unanswered = StopOrder(self.frames.ask(), came_s)
+        """Have a frame sent for one more message, and see it through; `join` gives it an answer."""
+        self._orders = [order for order in self._orders if order.report or order.is_own]
+        self._orders.append(StopOrder(self.frames.ask(), self._time()))
 
     def join(self, report: CommandReport) -> None:
-        """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
-        came_s = self._time() if self._unanswered is None else self._unanswered.came_s
-        self._unanswered = None  # which stood for this message, and for those before that get no answer
-        self._orders.append(StopOrder(self.frames.wanted, came_s, report))
+        """Report the end of the stop command, already accepted, for which `ask` was just called."""
+        self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
 
     def take_back(self, released: Expect, on_end: Callable[[Final], None]) -> StopOrder:
-        """Take back a start or a jog that was seen not to act: run = 0 and jog = 0 at once."""
+        """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
         self.frames.with_jog = True
-        came_s = self._time()
-        order = StopOrder(self.frames.ask(), came_s, released=released, on_end=on_end)
+        order = StopOrder(self.frames.ask(), self._time(), released=released, on_end=on_end)
         self._orders.append(order)
         return order
-
-    def is_asked_for(self, request: CommandRequest) -> bool:
-        """Return whether the same client's stop, whose answer would be the same, has joined.
-
-        Only over MQTT do both read that answer on one topic: each request to the page has its own.
-        """
-        if request.id or request.correlation or request.source:
-            return False
-        joined = (order.report.request for order in self._orders if order.report)
-        return any((each.client, each.id) == (request.client, request.id) for each in joined)
 
     @property
     def count(self) -> int:
         """Return how many stop commands have joined."""
-        return sum(not order.is_own for order in self._orders)
+        return sum(order.report is not None for order in self._orders)
 
     @property
     def is_own(self) -> bool:
         """Return whether it only takes a start back: a newer command may end it."""
-        return all(order.is_own for order in self._all())
+        return all(order.is_own for order in self._orders)
 
     def halt(self, reason: Reason) -> None:
         """Let nothing more go out."""
@@ -185,21 +169,15 @@ class Stopping:
             self._wire.halt(Reason(ResultCode.SHUTTING_DOWN))
             self.frames.close()
 
-    def _all(self) -> list[StopOrder]:
-        return self._orders if self._unanswered is None else [*self._orders, self._unanswered]
-
     def _next_lane(self) -> Priority | None:
         """Return how soon the next frame is to be sent; None: none is needed."""
-        orders = self._all()
-        if not orders:
+        if all(order.good and order.is_taken for order in self._orders):
             return None
-        if self.frames.wanted > self.frames.handed or any(not order.is_written for order in orders):
-            return Priority.STOP
-        is_enough = all(order.good and order.is_taken for order in orders)
-        return None if is_enough else Priority.FOLLOW_UP
+        is_first = self.frames.wanted > self.frames.handed or not all(o.is_written for o in self._orders)
+        return Priority.STOP if is_first else Priority.FOLLOW_UP
 
     def _note_written(self, number: int, *, is_acknowledged: bool) -> None:
-        for order in self._all():
+        for order in self._orders:
             if order.frame <= number:
                 order.note_written(is_acknowledged=is_acknowledged, next_reading=self._readings + 1)
 
@@ -207,31 +185,27 @@ class Stopping:
 
     async def _read_on(self) -> None:
         """Read the starter back until every message has its end."""
-        while self._all():
-            if any(order.is_written for order in self._all()):
+        while self._orders:
+            if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
                 self._end_what_is_over(shown)
                 self.frames.send_if_due()
-                await self._pause(READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S)
+                if self._orders:
+                    is_read = self._unread < EQUAL_READINGS
+                    await self._wire.pause(READ_BACK_PAUSE_S if is_read else UNREAD_PAUSE_S)
             else:
                 await self._wait_for_a_frame()
                 self.frames.procedure()  # what cannot be built cannot be sent
                 self._end_what_is_over(())
 
-    async def _pause(self, seconds: float) -> None:
-        if self._all():
-            await self._wire.pause(seconds)
-
     async def _wait_for_a_frame(self) -> None:
         self.frames.news.clear()
-        over_s = min(order.until_s for order in self._all())
-        timer = asyncio.get_running_loop().call_at(over_s, self.frames.news.set)
-        try:
-            await self._wire.wait_for(_until(self.frames.news))
-        finally:
-            timer.cancel()
+        self._wire.until_s = min(order.until_s for order in self._orders)
+        with suppress(OverdueError):
+            await self._wire.wait_for(self.frames.news.wait())
+        self._wire.until_s = inf
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
@@ -241,19 +215,19 @@ class Stopping:
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
-        released = [order.released for order in self._all() if order.released and not self._starter.is_other]
+        released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
             rows |= await self._read_in_time(each.reads) or {}
         self.frames.facts.is_answered, now_s = True, self._time()
         self._shown = self._wire.values(rows)
-        return [order for order in self._all() if order.note_reading(number, expect, self._shown, now_s)]
+        return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
 
     async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
         """Return what is read back; None when the first of the messages is over for too long."""
-        self._wire.until_s = min(order.until_s for order in self._all()) + LAST_READING_S
+        self._wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
         try:
             return await self._wire.read_back(reads)
-        except (OverdueError, CommandError):  # a row that the family does not have: it is another one now
+        except OverdueError:
             return None
         finally:
             self._wire.until_s = inf
@@ -264,7 +238,7 @@ class Stopping:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[StopOrder, Final]] = []
         now_s = self._time()
-        for order in self._all():
+        for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
                 reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
@@ -283,10 +257,7 @@ class Stopping:
             )
         for order, end in ends:
             order.over.set()
-            if order is self._unanswered:
-                self._unanswered = None
-            else:
-                self._orders.remove(order)
+            self._orders.remove(order)
             if order.report is not None:
                 order.report.finish(end)
             if order.on_end is not None:
@@ -294,7 +265,7 @@ class Stopping:
 
     def _cut_all(self, reason: Reason) -> None:
         self.frames.close()
-        self._end([(order, self._cut(order, reason)) for order in self._all()])
+        self._end([(order, self._cut(order, reason)) for order in self._orders])
 
     def _unseen(self, order: StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
@@ -319,7 +290,3 @@ class Stopping:
 
 def _points(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if not isinstance(value, tuple)}
-
-
-async def _until(event: asyncio.Event) -> None:
-    await event.wait()
