@@ -3,6 +3,10 @@
 A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4),
 so it must be known before the line has come round once. FC43 comes last: a device that does not know it may
 be silent for a while after it, so its tries are counted on over such a silence.
+
+A device of another family is asked again soon, then ever less often: its answers may have been spoilt, or
+the right one may be back without a silence. FC43 is put again only if it was answered. Such a device stays
+what it is until an answer says otherwise, so that a stop does not change its words for a lost reply.
 """
 
 from __future__ import annotations
@@ -35,7 +39,8 @@ from gateway.system.supervised import SupervisedTask
 
 PAUSES_S = (0.0, 2.0, 4.0)  # before the rounds: two misses in a row would make a unit count as silent
 UNSENT_PAUSE_S = 2.0
-AGAIN_S, NAME_AGAIN_S = 60.0, 3600.0  # of a device that is not identified; of one that is read without a name
+FIRST_DOUBT_S, AGAIN_S = 2.0, 60.0  # after which another family is asked again: at first, and at the latest
+NAME_AGAIN_S = 3600.0  # of a device that is read without a name
 FROM_NAME_S = 60.0  # a silence within so long after FC43 may be its effect
 
 Rows = Mapping[str, tuple[int, ...]]
@@ -101,17 +106,26 @@ class Contact:
         with suppress(CommandError, PortLostError):  # it is read again with the other settings
             asked = partial(ask, self._line, self._setup, lane=lane)
             self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)
+        doubt_s = FIRST_DOUBT_S
         while True:
             async for answers in interview(profile, self._answers, self._put):
                 self._answers = answers
+            before = self.standing
             self._judge()
             self._announce()
-            self._on_judged()
-            if self.standing.status not in (IdentityStatus.UNKNOWN, IdentityStatus.MISMATCHED):
+            if self.standing != before:
+                self._on_judged()
+            if self.standing.status is IdentityStatus.MISMATCHED:
+                await asyncio.sleep(doubt_s)
+                doubt_s = min(2 * doubt_s, AGAIN_S)
+                self._answers = self._answers.unnamed()
+            elif self.standing.status is IdentityStatus.UNKNOWN:
+                # One that was of another family before may have a name, for which it was not asked.
+                if before.status is not IdentityStatus.MISMATCHED:
+                    await asyncio.sleep(NAME_AGAIN_S if self.standing.is_readable else AGAIN_S)
+                self._answers = Answers()
+            else:
                 return
-            is_read = self.standing.status is IdentityStatus.UNKNOWN and self.standing.is_readable
-            await asyncio.sleep(NAME_AGAIN_S if is_read else AGAIN_S)
-            self._answers = Answers()
 
     async def _put(self, question: Question) -> Outcome:
         self._is_naming = question.tag == NAME
@@ -125,7 +139,10 @@ class Contact:
         profile, identity = self._setup.profile, identity_of(self._setup.profile, self._answers)
         is_family = diagnosis.matches(profile, identity)
         mismatch = self._registry.judge(self._setup, identity) if is_family else None
-        self.standing = judged(self.standing, self._setup, self._answers, mismatch)
+        after = judged(self.standing, self._setup, self._answers, mismatch)
+        is_open = after.status is IdentityStatus.UNKNOWN and not after.is_readable
+        if not is_open or self.standing.status is not IdentityStatus.MISMATCHED:
+            self.standing = after
 
     def _announce(self) -> None:
         """Publish what holds the commands, unless the latest event was about the same."""
