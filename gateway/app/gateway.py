@@ -54,7 +54,6 @@ class App:
         parts.state.start(__version__, on_recalled=parts.dispatcher.recall)
         self._history = asyncio.create_task(parts.history.run())
         await parts.plant.start()
-        parts.services.start()
         self._is_up.set()
         try:
             await self._end(await ending)

@@ -19,7 +19,7 @@ from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.services.parameter_monitor import LONGEST_BLOCK
+from gateway.starters.services.settings import LONGEST_BLOCK
 from gateway.starters.view import StarterIo
 from gateway.system.supervised import SupervisedTask
 
