@@ -139,10 +139,7 @@ class Contact:
         profile, identity = self._setup.profile, identity_of(self._setup.profile, self._answers)
         is_family = diagnosis.matches(profile, identity)
         mismatch = self._registry.judge(self._setup, identity) if is_family else None
-        after = judged(self.standing, self._setup, self._answers, mismatch)
-        is_open = after.status is IdentityStatus.UNKNOWN and not after.is_readable
-        if not is_open or self.standing.status is not IdentityStatus.MISMATCHED:
-            self.standing = after
+        self.standing = judged(self.standing, self._setup, self._answers, mismatch)
 
     def _announce(self) -> None:
         """Publish what holds the commands, unless the latest event was about the same."""
