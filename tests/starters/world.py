@@ -42,7 +42,6 @@ from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
-from tests.starters.fakes import RUN_COIL
 from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
@@ -52,8 +51,8 @@ PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
 READS = (1, 2, 3, 4)  # function codes
-SILENCE_S = 70.0  # four polls in a row are lost in it, though they may be 16 s apart
-START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
+SILENCE_S = 12.0  # so many polls are lost in it that a starter is offline
+START_PDU, STOP_PDU = WriteCoil(100, True).encode(), WriteCoil(100, False).encode()  # ssw07 4.2.2
 
 
 class TimedSink:
