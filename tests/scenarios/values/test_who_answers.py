@@ -182,20 +182,6 @@ ROWS = [
     *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
     *(
         row(
-            f"an {family} that names itself as no known starter is none, whatever its registers say",
-            given=SITES[family][1],
-            at={0: names_itself(SITES[family][0], "CFW-11")},
-            then={
-                30: [
-                    msg(f"starter/{SITES[family][0]}/state", state="unknown", reason=re.compile("CFW-11")),
-                    never("starter/+/value/+", quality="good", unit="A"),
-                ]
-            },
-        )
-        for family in ("ssw06", "ssw07")
-    ),
-    *(
-        row(
             f"a device with the registers of an SSW-08 that {said} is read, but takes no command but a stop",
             given=SSW07 + ALICE,
             at={0: habit, 20: command("pump/alice/start"), 30: command("pump/alice/stop")},
@@ -230,12 +216,6 @@ ROWS = [
             },
         )
         for configured, there in (("ssw07", "ssw06"), ("ssw900", "ssw07"))
-    ),
-    row(
-        "an SSW900 is known by its slots, whatever it calls itself",
-        given=SSW900,
-        at={0: names_itself("mill", "CFW-11")},
-        then={10: msg("starter/mill/state", state="ready", quality="good")},
     ),
     row(
         "an SSW-06 in an SSW-07's place that says its name only after a while is one event",
@@ -421,12 +401,6 @@ ROWS = [
                 msg("starter/pump/availability", state="online"),
             ]
         },
-    ),
-    row(
-        "one that does not answer and is known by its registers is asked three times",
-        given=SSW06,
-        at={0: is_silent_to_fc43("fan")},
-        then={50: [asked_its_name("fan", 0.1, 2.2, 6.3), msg("starter/fan/state", quality="good")]},
     ),
     row(
         "one whose name was spoilt once is asked again 2 s later: its values are good, a start acts",
