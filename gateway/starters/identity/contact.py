@@ -98,6 +98,7 @@ class Contact:
         if self.standing.status is IdentityStatus.CHANGED:
             self._judge()
             self._announce()
+            self._on_judged()
 
     async def _meet(self, lane: Priority) -> None:
         """Read the watchdog, then ask until the device is identified."""
