@@ -119,12 +119,14 @@ class SettingsWatch:
         now_s = asyncio.get_running_loop().time
         watched = watched_codes(self._starter.profile)
         vital = diagnosis.watchdog_codes(self._starter.profile)
-        while True:
+        while watched:
             if now_s() - hour_began_s >= HOUR_S:
                 hour_began_s = now_s()
                 self._refusals.clear()
             codes = [code for code in watched if self._refusals[code] < REFUSALS or code in vital]
             reads = deque(_planned(self._starter.profile, codes))
+            if not reads:  # each row was refused
+                await asyncio.sleep(HOUR_S)
             while reads:
                 await asyncio.sleep(every_s)
                 while self._changed:  # a command that has set one of them has ended by now
@@ -161,6 +163,8 @@ class SettingsWatch:
 
     def _publish_change(self, code: str, before: Words) -> None:
         starter = self._starter
+        if before == self._known[code]:
+            return  # it was changed back
         old, new = (
             entries_of(starter.profile, starter.variant, {code: words})[code]
             for words in (before, self._known[code])
