@@ -17,9 +17,9 @@ from contextlib import suppress
 from functools import partial
 from math import inf
 
-from gateway.contract import CommandError, EventCode, RecordWriter
+from gateway.contract import CommandError, EventCode, RecordWriter, ResultCode
 from gateway.errors import PortLostError
-from gateway.families import Profile, Question, diagnosis, reading
+from gateway.families import Identity, Profile, Question, diagnosis, reading
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.registry import IdentityRegistry
@@ -32,6 +32,7 @@ from gateway.starters.identity.standing import (
     judged,
     met,
     next_question,
+    not_matching,
     silenced,
 )
 from gateway.starters.setup import StarterSetup, ask
@@ -183,3 +184,16 @@ async def interview(
             yield answers
             if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:
                 await asyncio.sleep(UNSENT_PAUSE_S)
+
+
+async def identified(setup: StarterSetup, put: Callable[[Question], Awaitable[Outcome]]) -> Identity:
+    """Return what a device says about itself; CommandError when none answers, or another than configured."""
+    answers = Answers()
+    async for said in interview(setup.profile, answers, put):
+        answers = said
+    if not answers.is_there:
+        raise CommandError(ResultCode.OFFLINE, "address", starter=setup.name, address=setup.address)
+    standing = judged(met(Standing()), setup, answers, None)
+    if standing.status is not IdentityStatus.MATCHING:
+        raise not_matching(standing.status, standing.reason)
+    return standing.identity

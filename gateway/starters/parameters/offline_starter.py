@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from math import inf
 
-from gateway.contract import CommandError, Record, RecordWriter, ResultCode
+from gateway.contract import Record, RecordWriter
 from gateway.families import Identity, Profile, Question, Read, Variant
 from gateway.line import LineClient, Outcome, Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.identity import Answers, IdentityStatus, Standing, interview, judged, met, not_matching
+from gateway.starters.identity import IdentityStatus, identified
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import Emitter, Snapshot
@@ -35,7 +35,8 @@ class OfflineStarter:
         self.variant: Variant = setup.variant
         self.snapshot = Snapshot({})
         self.emitter = Emitter(setup.name, RecordWriter(_NoRecords(), clock))
-        self._standing = Standing()
+        self._identity = Identity()
+        self.identity_standing, self.identity_reason = IdentityStatus.UNKNOWN, "not yet asked"
         self._watchdogs = watchdogs or KnownWatchdogs()
         self.is_answering = False
 
@@ -47,31 +48,13 @@ class OfflineStarter:
     @property
     def identity(self) -> Identity:
         """Return what the device said about itself."""
-        return self._standing.identity
-
-    @property
-    def identity_standing(self) -> IdentityStatus:
-        """Return whether the device has proved to be the configured family."""
-        return self._standing.status
-
-    @property
-    def identity_reason(self) -> str:
-        """Return in words why the identity is not matching; empty when it is."""
-        return self._standing.reason
+        return self._identity
 
     async def identify(self) -> None:
         """Identify the device; CommandError when none answers, or another than the configured one."""
-        answers = Answers()
-        async for said in interview(self.profile, answers, self._put):
-            answers = said
-        self.is_answering = answers.is_there
-        if not self.is_answering:
-            name, address = self.setup.name, self.setup.address
-            raise CommandError(ResultCode.OFFLINE, "address", starter=name, address=address)
-        self._standing = judged(met(self._standing), self.setup, answers, None)
-        if self.identity_standing is not IdentityStatus.MATCHING:
-            raise not_matching(self.identity_standing, self.identity_reason)
-        self.variant = merged(self.setup.variant, self.identity)
+        self._identity = await identified(self.setup, self._put)
+        self.is_answering, self.identity_standing = True, IdentityStatus.MATCHING
+        self.variant = merged(self.setup.variant, self._identity)
 
     async def _put(self, question: Question) -> Outcome:
         return await self.ask(question.request)
