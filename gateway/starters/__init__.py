@@ -1,8 +1,8 @@
 """One starter: what it says, who it is, what it is told, and who may tell it.
 
-Start at `starter`, the loop around `state` and `identity`; `command` carries commands out, `policy` says which
-may be. `services` reads in the background what no poll reads. Nothing outside reaches past this door, but for
-the namespace `parameters`, sets of settings for the command line.
+Start at `starter`, the loop around `state` and `identity`; `command` carries commands out, and `policy` says
+which may be. `services` reads in the background what no poll reads. Nothing outside reaches past this door,
+but for the namespace `parameters`: sets of settings, for the command line.
 """
 
 from gateway.starters import parameters
@@ -10,7 +10,8 @@ from gateway.starters.bulk_read import Ask, read_in_bulk
 from gateway.starters.command import Commands, Dispatcher, Results
 from gateway.starters.identity import FINGERPRINTS, KNOWN, identified, mismatch_in
 from gateway.starters.known_watchdogs import KnownWatchdogs
-from gateway.starters.own_points import OWN_POINT_NAMES, PublicationPace, own_points
+from gateway.starters.own_points import OWN_POINT_NAMES, PublicationPace
+from gateway.starters.own_points import own_points as own_points_of
 from gateway.starters.policy.freshness import (
     BY_ISSUED_AT,
     MAX_AHEAD_S,
@@ -19,8 +20,7 @@ from gateway.starters.policy.freshness import (
     dated_alone,
 )
 from gateway.starters.policy.freshness import EVERY_S as TOKEN_EVERY_S
-from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.restored import lock_restored
+from gateway.starters.policy.policy import Policy, lock_restored
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import NO_RULES, PolicySettings, RuleSet
 from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE

@@ -20,7 +20,7 @@ from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, NoReply, Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.starters.setup import StarterSetup, polls_of
+from gateway.starters import StarterSetup, polls_of
 from tests.local_host import local_events
 from tests.virtual_time import run_virtually
 

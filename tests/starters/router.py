@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
-from gateway.starters.starter import StarterTelemetry
+from gateway.starters import StarterTelemetry
 
 
 class Router:

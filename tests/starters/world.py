@@ -29,13 +29,20 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.command import Commands, Dispatcher
-from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
-from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.starters.setup import StarterSetup, polls_of
-from gateway.starters.starter import StarterTelemetry
+from gateway.starters import TOKEN_EVERY_S as EVERY_S
+from gateway.starters import (
+    Commands,
+    Dispatcher,
+    Policy,
+    PolicySettings,
+    Rights,
+    RuleSet,
+    RunToken,
+    StarterSetup,
+    StarterTelemetry,
+    Tokens,
+    polls_of,
+)
 from gateway.store import Documents, Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading

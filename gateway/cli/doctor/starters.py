@@ -15,8 +15,8 @@ from gateway.contract import CommandError
 from gateway.errors import BrokerError, PortError, PortLostError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
 from gateway.line import LineClient, PortOpener, exclusive_line
+from gateway.starters import StarterSetup, merged
 from gateway.starters.parameters.offline_starter import OfflineStarter
-from gateway.starters.setup import StarterSetup, merged
 from gateway.system.clock import Clock
 from gateway.system.instance_lock import may_use
 

@@ -18,11 +18,11 @@ from gateway.errors import PortError
 from gateway.families import Read, reading
 from gateway.line import PortOpener, exclusive_line, new_precise_loop, request_wire_s
 from gateway.modbus.timing import LineTiming
+from gateway.starters import KnownWatchdogs, StarterSetup
 from gateway.starters.bulk_read import BulkReading
-from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.parameters.model import ParameterSet, entries_of
 from gateway.starters.parameters.offline_starter import OfflineStarter
-from gateway.starters.setup import StarterSetup, forms_of
+from gateway.starters.setup import forms_of
 from gateway.system.clock import Clock, SystemClock
 from gateway.system.instance_lock import may_use
 

@@ -26,16 +26,14 @@ from gateway.contract import CommandError, Note, ResultCode
 from gateway.errors import StoreError, UsageError
 from gateway.families import Identity, reading
 from gateway.line import new_precise_loop
-from gateway.starters.identity import FINGERPRINTS, KNOWN, mismatch_in
-from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownWatchdogs
+from gateway.starters import FINGERPRINTS, KNOWN, WRITES, KnownWatchdogs, StarterSetup, mismatch_in
+from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd
 from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, plan_restore, restore_codes
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.starters.policy.preconditions import refusal
-from gateway.starters.policy.write_budget import WRITES
-from gateway.starters.setup import StarterSetup
 from gateway.store import STATE_FILE, Documents, backup, read_document, write_document
 from gateway.system.clock import read_clocks
 

@@ -34,7 +34,7 @@ from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_o
 from gateway.errors import GatewayError, StoreError
 from gateway.families import LANGUAGES, load_profile
 from gateway.mqtt import Incoming, connected
-from gateway.starters.identity import FINGERPRINTS, KNOWN
+from gateway.starters import FINGERPRINTS, KNOWN
 from gateway.store import STATE_FILE, Head, read_audit, read_document, read_history
 
 ASKED_WITHIN_S = 2.0  # retained messages come at once

@@ -23,8 +23,7 @@ from gateway.contract import MAX_TTL_S
 from gateway.errors import DamagedError
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
-from gateway.starters.policy.freshness import MAX_AHEAD_S
-from gateway.starters.policy.restored import lock_restored
+from gateway.starters import MAX_AHEAD_S, lock_restored
 from gateway.store import STATE_FILE, append_note, mark_restored, read_document, write_document
 from gateway.system.clock_steps import ClockReading
 

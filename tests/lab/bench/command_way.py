@@ -12,8 +12,7 @@ from gateway.contract import Record, StatusRecord, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.starters.command import Commands
-from gateway.starters.policy.freshness import RunToken, Tokens
+from gateway.starters import Commands, RunToken, Tokens
 from gateway.system.clock import ClockWatch
 from gateway.system.stalls import SuspendWatch
 from tests.lab.bench.calls import Counts, counted

@@ -14,10 +14,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.starters.command import Dispatcher
-from gateway.starters.policy.rights import Rights
-from gateway.starters.setup import StarterSetup
-from gateway.starters.starter import StarterTelemetry
+from gateway.starters import Dispatcher, Rights, StarterSetup, StarterTelemetry
 from tests.virtual_time import VirtualClock
 
 TRANSACTION_S = 0.02
