@@ -11,7 +11,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, starter
+from tests.rig.sites import SST, SSW06, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, refuse_rows
 
 PUMP = "starter/pump/"
@@ -75,41 +75,6 @@ PRESENCE = [
                 _every_value_is("stale"),
                 _times_are_older_than(5.1),
                 clean_line,
-            ]
-        },
-    ),
-    row(
-        "one that returns is online and good again, and says so once",
-        given=SSW07,
-        at={5: fault("silent", "pump", for_s=60)},
-        then={
-            125: [
-                msg(PUMP + "availability", state="online"),
-                msg(PUMP + "state", state="ready", quality="good"),
-                seen(PUMP + "event", times=1, code="answers_again"),
-                _every_value_is("good"),
-            ]
-        },
-    ),
-    row(
-        "one that is away is asked ever less often, but at least every 16 s",
-        given=SSW07,
-        at={5: fault("lose", "pump")},
-        then={
-            120: lambda plant: (
-                "" if 1.5 < _longest_gap(plant, since=60) <= 16.1 else f"{_longest_gap(plant, since=60)} s"
-            )
-        },
-    ),
-    row(
-        "the loss of one starter changes no other",
-        given=FOUR,
-        at={5: fault("silent", "fan", for_s=60)},
-        then={
-            30: [
-                msg("starter/fan/availability", state="offline"),
-                *(msg(f"starter/{name}/availability", state="online") for name in ("pump", "mill", "belt")),
-                *(never(f"starter/{name}/state", quality="stale") for name in ("pump", "mill", "belt")),
             ]
         },
     ),
