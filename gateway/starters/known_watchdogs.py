@@ -52,7 +52,8 @@ class KnownWatchdogs:
 
     def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
         self._in_thread = in_thread
-        self._starters: dict[str, tuple[StarterSetup, LineClient | None]] = {}  # configured, in their order
+        self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
+        self._lines: dict[str, LineClient | None] = {}  # by starter
         self._document = (documents or Documents()).open(
             WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
         )
@@ -60,11 +61,12 @@ class KnownWatchdogs:
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
-        self._starters[setup.name] = setup, line
+        self._setups[setup.name], self._lines[setup.name] = setup, line
 
     def remove(self, name: str) -> None:
         """Know nothing more of a starter than what is stored of it."""
-        self._starters.pop(name, None)
+        self._setups.pop(name, None)
+        self._lines.pop(name, None)
 
     def known(self) -> dict[str, KnownRows]:
         """Return what must outlive the gateway, by starter."""
@@ -89,7 +91,7 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        found = self._watchdog_rows(name, rows) if name in self._starters else {}
+        found = self._watchdog_rows(name, rows) if name in self._setups else {}
         if found:
             self._take(name, {**self.rows(name), **found})
 
@@ -98,8 +100,8 @@ class KnownWatchdogs:
 
         CommandError, with both times, when it cannot.
         """
-        if name in self._starters:
-            profile = self._starters[name][0].profile
+        if name in self._setups:
+            profile = self._setups[name].profile
             await self._reserve(name, diagnosis.written_rows(profile, (s.request for s in procedure.steps)))
 
     async def check(self, name: str, rows: Rows) -> None:
@@ -116,14 +118,14 @@ class KnownWatchdogs:
         return missed
 
     def _watchdog_rows(self, name: str, rows: Rows) -> Rows:
-        codes = setting_codes(self._starters[name][0].profile)
+        codes = setting_codes(self._setups[name].profile)
         return {code: words for code, words in rows.items() if code in codes}
 
     def _take(self, name: str, rows: Rows) -> None:
         """Let these be a starter's rows, for its line and for the next run."""
         if name in self._known and rows == self._known[name].rows:
             return
-        setup, line = self._starters[name]
+        setup, line = self._setups[name], self._lines[name]
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
         if line is not None and setup.is_enabled:
@@ -131,13 +133,13 @@ class KnownWatchdogs:
 
     async def _reserve(self, name: str, written: Rows) -> None:
         """Reserve the line's time for a shorter watchdog before it is written, or give it back and refuse."""
-        setup, before = self._starters[name][0], self.rows(name)
+        setup, before = self._setups[name], self.rows(name)
         rows, before_s = {**before, **written}, self._limits_s(setup.line)
         limit_s, earlier_s = _limit_s(setup, rows), before_s.get(setup.address)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return
         self._take(name, rows)  # at once: another `set` on this line must see it
-        on_line = [each for each, _ in self._starters.values() if each.line == setup.line]
+        on_line = [each for each in self._setups.values() if each.line == setup.line]
         after_s = self._limits_s(setup.line)
         error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
         if error is not None:
@@ -145,7 +147,7 @@ class KnownWatchdogs:
             raise error
 
     def _limits_s(self, line: str) -> dict[int, float | None]:
-        on_line = (setup for setup, _ in self._starters.values() if setup.line == line and setup.is_enabled)
+        on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
         return {setup.address: self.limit_s(setup) for setup in on_line}
 
 

@@ -1,4 +1,7 @@
-"""The background services of each starter: the watch over its settings, and its past."""
+"""The background services of each starter: the watch over its settings, and its past.
+
+Both begin once the starter is identified. They ask for what no poll reads, when nothing else is to be asked.
+"""
 
 from __future__ import annotations
 

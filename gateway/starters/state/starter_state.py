@@ -105,46 +105,6 @@ class StarterState(NamedTuple):
         return tuple(known.alarm.code for known in active_faults(self.alarms)) if self.trip else ()
 
 
-class Snapshot:
-    """`state` is replaced whole with each reading; raw words stay, by the manual's code, however old."""
-
-    def __init__(self, points: Points) -> None:
-        self.state = StarterState(points)
-        self._rows: dict[str, tuple[int, ...]] = {}
-        self._rows_at_s: dict[str, float] = {}
-
-    @property
-    def readings(self) -> Points:
-        """Return the newest reading of each point."""
-        return self.state.points
-
-    @property
-    def rows(self) -> Mapping[str, tuple[int, ...]]:
-        """Return the raw words read last, however old."""
-        return self._rows
-
-    def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
-        """Record raw words that have just been read; older ones than those known are ignored."""
-        for code, words in rows.items():
-            if self._rows_at_s.get(code, -inf) <= at_s:
-                self._rows[code] = words
-                self._rows_at_s[code] = at_s
-
-    def outdate_rows(self) -> None:
-        """Let no row count as recent: another device may answer next."""
-        self._rows_at_s.clear()
-
-    def rows_since(self, since_s: float) -> dict[str, tuple[int, ...]]:
-        """Return the raw words of all rows that were read at `since_s` or later."""
-        return {
-            code: words for code, words in self._rows.items() if self._rows_at_s.get(code, -inf) >= since_s
-        }
-
-    def good_values(self) -> dict[str, Value]:
-        """Return the values that were just read, by point."""
-        return good_values(self.state.points)
-
-
 def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState:
     """Return the state of a starter before its first reply: every point is bad."""
     points = {name: Reading(None, unit, Quality.BAD) for name, unit in units_of(profile).items()}

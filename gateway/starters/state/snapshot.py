@@ -1,0 +1,53 @@
+"""The newest of one starter: its state, and the raw words from which commands are judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from gateway.starters.state.readings import Points, Value, good_values
+from gateway.starters.state.starter_state import StarterState
+
+Words = tuple[int, ...]
+
+
+class Snapshot:
+    """`state` is replaced whole with each reading; raw words stay, by the manual's code, however old."""
+
+    def __init__(self, points: Points) -> None:
+        self.state = StarterState(points)
+        self._rows: dict[str, Words] = {}
+        self._rows_at_s: dict[str, float] = {}
+
+    @property
+    def readings(self) -> Points:
+        """Return the newest reading of each point."""
+        return self.state.points
+
+    @property
+    def rows(self) -> Mapping[str, Words]:
+        """Return the raw words read last, however old."""
+        return self._rows
+
+    def keep_rows(self, rows: Mapping[str, Words], *, at_s: float) -> None:
+        """Record raw words that have just been read; older ones than those known are ignored."""
+        for code, words in rows.items():
+            if self._rows_at_s.get(code, -math.inf) <= at_s:
+                self._rows[code] = words
+                self._rows_at_s[code] = at_s
+
+    def outdate_rows(self) -> None:
+        """Let no row count as recent: another device may answer next."""
+        self._rows_at_s.clear()
+
+    def rows_since(self, since_s: float) -> dict[str, Words]:
+        """Return the raw words of all rows that were read at `since_s` or later."""
+        return {
+            code: words
+            for code, words in self._rows.items()
+            if self._rows_at_s.get(code, -math.inf) >= since_s
+        }
+
+    def good_values(self) -> dict[str, Value]:
+        """Return the values that were just read, by point."""
+        return good_values(self.state.points)
