@@ -108,7 +108,7 @@ class SettingsWatch:
                 logger.info("starter=%s readiness is not known: %s", starter.setup.name, error)
                 continue
             self._note_reading(found.rows)
-            self._publish_readiness(found.rows)
+            self._publish_readiness(found.rows, starter.status_period_s or None)
             trouble = _watchdog_trouble(starter.profile, found.refused)
             starter.set_trouble(WATCHDOG_TOPIC, trouble)
             if not trouble:
@@ -179,13 +179,13 @@ class SettingsWatch:
             new=new.shown,
         )
 
-    def _publish_readiness(self, rows: Mapping[str, Words]) -> None:
+    def _publish_readiness(self, rows: Mapping[str, Words], gap_s: float | None) -> None:
         starter, setup = self._starter, self._starter.setup
         findings = diagnosis.readiness(
             starter.profile,
             starter.variant,
             rows,
-            gap_s=starter.status_period_s or None,
+            gap_s=gap_s,
             watchdog_s=setup.watchdog_s,
             slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.identity),
         )
