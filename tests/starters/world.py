@@ -8,6 +8,7 @@ import random
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,6 +18,7 @@ from gateway.contract import CommandAddress, Operator, Record, RecordBus, Record
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
@@ -49,7 +51,6 @@ from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
-from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -147,6 +148,18 @@ def _note_requests(unit: SimulatedUnit, clock: VirtualClock) -> list[tuple[float
     return asked
 
 
+def _hand_over(starters: dict[int, StarterTelemetry], event: LineEvent) -> None:
+    """Hand what happens on the line to its starters, as the plant does."""
+    match event:
+        case PollResult():
+            starters[event.unit].on_poll(event.key, event.outcome)
+        case UnitChanged():
+            starters[event.unit].on_unit(is_answering=event.is_answering, reason=event.reason)
+        case PortChanged(is_open=False):
+            for starter in starters.values():
+                starter.on_unit(is_answering=False, reason=event.reason)
+
+
 class GatewayWorld:
     """The starters on their line, the gateway of the moment, and the broker's connection to it."""
 
@@ -171,7 +184,7 @@ class GatewayWorld:
         self._runs += 1
         self._instance = ExitStack()
         self._instance.enter_context(instance_lock(Path(self._folder.name)))
-        rights, router = Rights(OPERATORS), Router()
+        rights, by_address = Rights(OPERATORS), dict[int, StarterTelemetry]()
         self.boot = RunToken(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run
@@ -192,7 +205,11 @@ class GatewayWorld:
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
         scheduler = Line(
-            name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
+            name="x",
+            opener=self.bus.opener(),
+            timing=TIMING,
+            polls=polls,
+            events=local_events(partial(_hand_over, by_address)),
         )
         self.telemetries = {
             setup.name: StarterTelemetry(
@@ -212,7 +229,7 @@ class GatewayWorld:
         )
         self.dispatcher.recall(list(self.journal.stored.values()))
         for telemetry in self.telemetries.values():
-            router.add(telemetry)
+            by_address[telemetry.setup.address] = telemetry
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
         self._commands = Commands(
