@@ -40,17 +40,6 @@ def stored(plant: RigPlant) -> str:
 
 ROWS = [
     row(
-        "a watchdog of 3 s is served in time although every_s is 10",
-        given=line() + starter("pump", 1, "ssw07", every_s=10.0),
-        sim={"pump": {"settings": {313: 1, 314: 3}}},
-        then={
-            40.0: [
-                never("starter/pump/alarm/e28", active=True),
-                never("gateway/event", code="watchdog_unkept"),
-            ]
-        },
-    ),
-    row(
         "a watchdog that the line can keep is set, and stored for the next run",
         given=SSW07 + ALICE,
         at={6.0: SET_3, 15.0: "kill", 16.0: "start"},

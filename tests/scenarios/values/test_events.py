@@ -140,21 +140,6 @@ TRIPS = [
         },
     ),
     row(
-        "a fault that stands at the first reading is an event, but not in the next run again",
-        given=SSW07,
-        at={0: [TRIPPED, "pump P014 = 5"], 8: "restart"},
-        then={
-            7: of("pump", "fault", data={"alarm": "e05"}),
-            16: [of("pump", "fault"), msg("starter/pump/alarm/e05", active=True)],
-        },
-    ),
-    row(
-        "an alarm that an earlier run left retained and that is over is cleared at the broker",
-        given=SSW07,
-        at={0: [TRIPPED, "pump P014 = 5"], 5: "end", 5.1: [READY, "start"]},
-        then={4: retained("starter/pump/alarm/e05", active=True), 30: retained("starter/pump/alarm/e05")},
-    ),
-    row(
         "a further fault during a fault is an event of its own",
         given=SSW07,
         at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"], 12: "pump P014 = 42"},

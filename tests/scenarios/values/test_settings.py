@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, event, msg, never, play, result, row, seen
+from tests.rig import RigPlant, ScenarioRow, command, event, never, play, result, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
@@ -60,12 +60,6 @@ ROWS = [
                 "" if plant.last("gateway/line/pumps")["watchdogs"]["longest_share"] > 0 else "not counted"
             ),
         },
-    ),
-    row(
-        "a starter is asked in time for its watchdog, however long its period is",
-        given=SSW07.replace("every_s = 1.0", "every_s = 60.0"),
-        sim={"pump": {"settings": {314: 2, 313: 2}}},
-        then={300: [msg("starter/pump/state", state="ready"), never("starter/pump/event", code="fault")]},
     ),
     row(
         "a starter that does not take its commands from the line is an event with its remedy",
