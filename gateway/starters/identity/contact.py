@@ -114,6 +114,10 @@ class Contact:
                 self._answers = answers
             before = self.standing
             self._judge()
+            if (before.status, self.standing.status) == (IdentityStatus.MISMATCHED, IdentityStatus.UNKNOWN):
+                # Its registers are the family's now: another device, which was not asked for its name yet.
+                self.standing, self._answers = met(self.standing), Answers()
+                continue
             self._announce()
             if self.standing != before:
                 self._on_judged()
@@ -122,9 +126,7 @@ class Contact:
                 doubt_s = min(2 * doubt_s, AGAIN_S)
                 self._answers = self._answers.unnamed()
             elif self.standing.status is IdentityStatus.UNKNOWN:
-                # One that was of another family before may have a name, for which it was not asked.
-                if before.status is not IdentityStatus.MISMATCHED:
-                    await asyncio.sleep(NAME_AGAIN_S if self.standing.is_readable else AGAIN_S)
+                await asyncio.sleep(NAME_AGAIN_S if self.standing.is_readable else AGAIN_S)
                 self._answers = Answers()
             else:
                 return

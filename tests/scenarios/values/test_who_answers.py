@@ -433,6 +433,20 @@ ROWS = [
         )
     ),
     row(
+        "one that comes back after a device without FC43 is asked its name before its values are good",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw900"}},
+        at={0: fault("refuse", "pump", 1, (43,), for_s=25), 25: swap("pump", "ssw07", **QUICK)},
+        then={
+            24: event("identity_mismatch", "starter/pump/event"),
+            60: [
+                msg("starter/pump/state", quality="good"),
+                msg("starter/pump/info", model=re.compile("SSW-07")),
+                never("starter/pump/event", code="identity_unknown"),
+            ],
+        },
+    ),
+    row(
         "one that is known for another family by its registers is asked its name once, though asked again",
         given=SSW07,
         sim={"pump": {"family": "ssw06"}},
