@@ -1,4 +1,4 @@
-"""One starter: what it says, who it is, what it is told, and who may tell it.
+"""One starter: its values, its identity, its commands, and the rules for them.
 
 Start at `starter`, the loop around `state` and `identity`; `command` carries commands out, and `policy` says
 which may be. `services` reads in the background what no poll reads. Nothing outside reaches past this door,

@@ -4,7 +4,7 @@ A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.
 so it must be known before the line has come round once. FC43 comes last: a device that does not know it may
 be silent for a while after it, so its tries are counted on over such a silence.
 
-A device of another family is asked again soon, then ever less often: its answers may have been spoilt, or
+A device of another family is asked again soon, then ever less often: its answers may have been corrupted, or
 the right one may be back without a silence. FC43 is put again only if it was answered. Such a device stays
 what it is until an answer says otherwise, so that a stop does not change its words for a lost reply.
 """

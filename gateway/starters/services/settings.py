@@ -56,7 +56,7 @@ class SettingsWatch:
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._changed: dict[str, Words] = {}  # from what, until that is published
         self._refusals: Counter[str] = Counter()  # by row, in laps since the hour began
-        self._told = ChangeDetector()  # what the last event `readiness` was made of
+        self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
         self._is_walking = False
@@ -190,7 +190,7 @@ class SettingsWatch:
             slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.identity),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
-        if not findings or not self._told.is_new(said):
+        if not findings or not self._published.is_new(said):
             return
         problems = "; ".join(each.text for each in findings if each.weight is not Weight.NOTE)
         starter.emitter.event(

@@ -403,7 +403,7 @@ ROWS = [
         },
     ),
     row(
-        "one whose name was spoilt once is asked again 2 s later: its values are good, a start acts",
+        "one whose name was corrupted once is asked again 2 s later: its values are good, a start acts",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={0: names_itself("pump", "CFW-11", for_s=1.0), 5: command("pump/alice/start")},
