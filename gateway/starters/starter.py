@@ -28,7 +28,6 @@ from gateway.starters.state import (
     AnswerCache,
     Availability,
     DecodedPoints,
-    Emitter,
     LockOf,
     NewReadings,
     Points,
@@ -72,20 +71,20 @@ class StarterTelemetry:
         self.variant = setup.variant
         self.snapshot = Snapshot({})
         self.snapshot.state = unread(setup.profile, faults.of(setup.name))
-        self.emitter = Emitter(setup.name, records, lock_of=lock_of)
+        self.emitter = self._publisher = StatePublisher(
+            setup.name,
+            records,
+            setup.profile,
+            faults=faults,
+            lock_of=lock_of,
+            refresh_s=refresh_s,
+            look=self._look,
+        )
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._clock = records.clock
         self._answers = AnswerCache(setup.profile)
         self._polling = Polling(setup, line)
-        self._publisher = StatePublisher(
-            self.emitter,
-            setup.profile,
-            clock=records.clock,
-            faults=faults,
-            refresh_s=refresh_s,
-            look=self._look,
-        )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
