@@ -40,6 +40,7 @@ LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so 
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 VERBS = ("set", "configure")  # that set settings
 
+IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
 Words = tuple[int, ...]
@@ -99,7 +100,7 @@ class SettingsWatch:
         starter = self._starter
         for pause_s in itertools.chain(PAUSES_S, itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
-            if not starter.is_answering:
+            if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
             codes = diagnosis.readiness_codes(starter.profile)
             try:
