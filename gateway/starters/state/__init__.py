@@ -18,4 +18,4 @@ from gateway.starters.state.publication import REFRESH_S, SOONEST_S
 from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
 from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
 from gateway.starters.state.snapshot import Snapshot
-from gateway.starters.state.starter_state import UNKNOWN, NewReadings, StarterState, advance, unread
+from gateway.starters.state.starter_state import UNKNOWN, NewReadings, advance, unread
