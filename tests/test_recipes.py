@@ -14,7 +14,8 @@ import pytest
 
 from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
-from gateway.starters.policy.freshness import Moment, RunToken, Tokens, decision_of
+from gateway.starters import RunToken, Tokens
+from gateway.starters.policy.freshness import Moment, decision_of
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
 TOKEN = "token-1"  # made when everything arrives

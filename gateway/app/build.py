@@ -25,12 +25,17 @@ from gateway.mqtt import Inbox, IncomingCommands
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
-from gateway.starters.command import Commands, Dispatcher
-from gateway.starters.known_watchdogs import KnownWatchdogs
-from gateway.starters.policy.freshness import MAX_AHEAD_S, RunToken, Tokens
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.services import StarterServices
-from gateway.starters.state import PublishedFaults
+from gateway.starters import (
+    MAX_AHEAD_S,
+    Commands,
+    Dispatcher,
+    KnownWatchdogs,
+    Policy,
+    PublishedFaults,
+    RunToken,
+    StarterServices,
+    Tokens,
+)
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, import_late
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch

@@ -14,7 +14,7 @@ from gateway.config.schema import Baud, Config, LineTable, StarterTable
 from gateway.families import diagnosis
 from gateway.line import Poll, capacity
 from gateway.modbus.timing import LineTiming
-from gateway.starters.setup import StarterSetup, polls_of
+from gateway.starters import StarterSetup, polls_of
 
 LONGEST_EVERY_S = 3600.0
 

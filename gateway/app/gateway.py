@@ -27,9 +27,7 @@ from gateway.contract import EventCode, RecordWriter
 from gateway.errors import ConfigError
 from gateway.line import LineHost
 from gateway.plugins.history.plugin import History
-from gateway.starters.command import Commands, Dispatcher
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.services import StarterServices
+from gateway.starters import Commands, Dispatcher, Policy, StarterServices
 from gateway.store import StateStore
 from gateway.system.clock import ClockWatch
 from gateway.system.supervised import keep_running
@@ -88,7 +86,6 @@ class App:
         parts.state.start(__version__, on_recalled=parts.dispatcher.recall)
         self._history = asyncio.create_task(parts.history.run())
         await parts.plant.start()
-        parts.services.start()
         self._is_up.set()
         try:
             await self._end(await ending)

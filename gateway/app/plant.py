@@ -26,11 +26,7 @@ from gateway.line import (
     PortOpener,
     UnitChanged,
 )
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.services import StarterServices
-from gateway.starters.setup import StarterSetup
-from gateway.starters.starter import StarterTelemetry
-from gateway.starters.state import REFRESH_S, Readings
+from gateway.starters import REFRESH_S, Policy, Readings, StarterServices, StarterSetup, StarterTelemetry
 
 
 def _ignore(_name: str, _readings: Readings) -> None:

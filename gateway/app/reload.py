@@ -12,7 +12,7 @@ from gateway.config.convert import setups_of
 from gateway.config.schema import Config
 from gateway.contract import EventCode, event_of
 from gateway.errors import ConfigError, Problem
-from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters import KnownWatchdogs
 from gateway.system.gc_tuning import spare_what_lives
 from gateway.system.systemd import Notifier
 

@@ -15,7 +15,7 @@ from gateway.app.site import Site
 from gateway.config.convert import setups_of
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.line import capacity
-from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters import KnownWatchdogs
 from gateway.store import STATE_FILE, Documents
 
 STOP_S = 4.0  # from the lines' end to the process's: the farewell may take 3 s

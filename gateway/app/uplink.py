@@ -43,7 +43,7 @@ from gateway.mqtt import (
     Version,
     message_of,
 )
-from gateway.starters.policy.freshness import Tokens
+from gateway.starters import Tokens
 from gateway.store import OutboxTable, Store, Work
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped

@@ -11,9 +11,7 @@ from gateway.families import ENGLISH, Variant, load_profile
 from gateway.line import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt import BrokerSettings, TlsSettings, Version
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.starters.setup import StarterSetup
+from gateway.starters import PolicySettings, Rights, RuleSet, StarterSetup
 
 
 def timing_of(line: LineTable) -> LineTiming:

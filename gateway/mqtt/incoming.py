@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from gateway.contract import CommandAddress, EventCode, Malformed, PublishEvent, shortened
 from gateway.mqtt.commands import Incoming, command_in
-from gateway.starters.command import Commands, Dispatcher
+from gateway.starters import Commands, Dispatcher
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 

@@ -33,7 +33,7 @@ from gateway.contract import (
     read_object,
 )
 from gateway.mqtt.commands import Incoming
-from gateway.starters.policy.freshness import Tokens
+from gateway.starters import Tokens
 from gateway.system.rate_limits import HoldOff
 from gateway.system.supervised import is_set_within
 

@@ -17,7 +17,7 @@ from gateway.contract import (
 )
 from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.starters.policy.freshness import RunToken
+from gateway.starters import RunToken
 from gateway.system.clock import Clock
 
 EVERY_S = 30.0  # gateway/outbox

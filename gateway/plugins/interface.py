@@ -11,10 +11,7 @@ from gateway.config.schema import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
 from gateway.line import LineClient
 from gateway.mqtt import Message
-from gateway.starters.command import Commands, Dispatcher
-from gateway.starters.policy.freshness import Tokens
-from gateway.starters.policy.policy import Policy
-from gateway.starters.view import StarterIo
+from gateway.starters import Commands, Dispatcher, Policy, StarterIo, Tokens
 from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter

@@ -1,8 +1,8 @@
-"""The communication watchdogs of all starters as last known: read, being written, or from an earlier run.
+"""The communication watchdogs of all starters as last known: read, from an earlier run, or admitted.
 
-The line keeps a starter from the shortest of: the watchdog that the configuration states, the one last read
-from the starter, and the one that a command of ours is writing. What is not known shortens nothing; what was
-read in an earlier run counts until it is read again.
+The line keeps a starter from the shorter of two: the watchdog that the configuration states, and the one by
+its rows. A `set` that makes it shorter is admitted only if the line can keep it, and counts from then on:
+its read-back, or the look at the starter's readiness that follows each `set`, says what was written.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from gateway.store import Documents
 from gateway.system.supervised import InThread
 
 WATCHDOGS = "watchdogs"  # the document
-SAVED_WITHIN_S = 1.0
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
@@ -39,9 +38,7 @@ async def _at_once(work: Callable[[], T]) -> T:
 class KnownRows:
     """What is known of one starter, whether it is configured at present or not."""
 
-    rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)  # as last read
-    written: dict[str, tuple[Word, ...]] = field(default_factory=dict)  # by us, and not read since
-    is_being_written: Annotated[bool, Field(exclude=True)] = False
+    rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)
 
 
 KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
@@ -57,8 +54,6 @@ class KnownWatchdogs:
         self._in_thread = in_thread
         self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
         self._lines: dict[str, LineClient | None] = {}  # by starter
-        self._codes: dict[str, frozenset[str]] = {}  # by starter: the rows that say what its watchdog is
-        self._given_s: dict[str, float | None] = {}  # by starter: what its line was given
         self._document = (documents or Documents()).open(
             WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
         )
@@ -67,18 +62,19 @@ class KnownWatchdogs:
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
         self._setups[setup.name], self._lines[setup.name] = setup, line
-        self._codes[setup.name] = setting_codes(setup.profile)
-        self._given_s.pop(setup.name, None)
 
     def remove(self, name: str) -> None:
         """Know nothing more of a starter than what is stored of it."""
         self._setups.pop(name, None)
         self._lines.pop(name, None)
 
+    def known(self) -> dict[str, KnownRows]:
+        """Return what must outlive the gateway, by starter."""
+        return self._known
+
     def rows(self, name: str) -> Rows:
-        """Return the settings as last read, in this run or an earlier one, without what we wrote since."""
-        known = self._known.get(name, KnownRows())
-        return {code: words for code, words in known.rows.items() if code not in known.written}
+        """Return the settings as last known, in this run or an earlier one."""
+        return self._known.get(name, KnownRows()).rows
 
     def is_known(self, setup: StarterSetup) -> bool:
         """Return whether something is known of a starter's watchdog, if only that it is off."""
@@ -86,11 +82,7 @@ class KnownWatchdogs:
 
     def limit_s(self, setup: StarterSetup) -> float | None:
         """Return the time of the watchdog that must not act in a starter; None when none is known."""
-        known = self._known.get(setup.name)
-        if known is None:
-            return setup.watchdog_s or None
-        rows = [known.rows, {**known.rows, **known.written}]
-        return _least(setup.watchdog_s, *(_shortest_s(setup, each) for each in rows))
+        return _limit_s(setup, self.rows(setup.name))
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
@@ -99,61 +91,24 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        setup = self._setups.get(name)
-        if setup is None or self._codes[name].isdisjoint(rows):
-            return
-        codes = self._codes[name] & rows.keys()
-        known = self._known.setdefault(name, KnownRows())
-        changed = any(known.rows.get(code) != rows[code] for code in codes)
-        known.rows |= {code: rows[code] for code in codes}
-        if not known.is_being_written and not codes.isdisjoint(known.written):
-            known.written = {code: words for code, words in known.written.items() if code not in codes}
-            changed = True
-        if changed:
-            self._document.touch()
-        self._keep(setup)
+        found = self._watchdog_rows(name, rows) if name in self._setups else {}
+        if found:
+            self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
-        """Demand that the line can keep the watchdog that a procedure sets; it counts from now on.
+        """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
-        CommandError, with both times, when it cannot; `end` must follow in any case.
+        CommandError, with both times, when it cannot.
         """
-        setup = self._setups.get(name)
-        written = (
-            {}
-            if setup is None
-            else diagnosis.written_rows(setup.profile, (s.request for s in procedure.steps))
-        )
-        if setup is None or not written:
-            return
-        await self._check(setup, written)
-        self._keep(setup)
-        self._document.touch()
-        await self._document.saved(within_s=SAVED_WITHIN_S)
+        if name in self._setups:
+            profile = self._setups[name].profile
+            await self._reserve(name, diagnosis.written_rows(profile, (s.request for s in procedure.steps)))
 
     async def check(self, name: str, rows: Rows) -> None:
         """Demand that the line could keep a starter whose settings were these; CommandError."""
-        setup = self._setups.get(name)
-        written = {code: words for code, words in rows.items() if code in self._codes.get(name, ())}
-        if setup is None or not written:
-            return
-        try:
-            await self._check(setup, written)
-        finally:
-            self._known[name].written, self._known[name].is_being_written = {}, False
-
-    def end(self, name: str) -> None:
-        """Record that a command is over; what it wrote and was not read yet counts until it is read."""
-        known = self._known.get(name)
-        if known is None or not known.is_being_written:
-            return
-        known.is_being_written = False
-        known.written = {
-            code: words for code, words in known.written.items() if known.rows.get(code) != words
-        }
-        self._document.touch()
-        if name in self._setups:
-            self._keep(self._setups[name])
+        before = self.rows(name)
+        await self._reserve(name, self._watchdog_rows(name, rows))
+        self._take(name, before)
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
@@ -170,35 +125,38 @@ class KnownWatchdogs:
         missed: dict[str, str] = await self._in_thread(partial(_missed_on, found, limits_s))
         return missed
 
-    def known(self) -> dict[str, KnownRows]:
-        """Return what must outlive the gateway, by starter."""
-        return self._known
+    def _watchdog_rows(self, name: str, rows: Rows) -> Rows:
+        codes = setting_codes(self._setups[name].profile)
+        return {code: words for code, words in rows.items() if code in codes}
 
-    async def _check(self, setup: StarterSetup, written: Rows) -> None:
-        """Reserve the line's time for what is to be written, or give it back and refuse."""
-        known = self._known.setdefault(setup.name, KnownRows())
-        before_s = self._limits_s(setup.line)
-        earlier = dict(known.written)
-        known.written, known.is_being_written = {**known.written, **written}, True
-        after_s = self._limits_s(setup.line)
-        if after_s == before_s or setup.timing is None:
+    def _take(self, name: str, rows: Rows) -> None:
+        """Let these be a starter's rows, for its line and for the next run."""
+        if name in self._known and rows == self._known[name].rows:
             return
+        setup, line = self._setups[name], self._lines[name]
+        self._known[name] = KnownRows(dict(rows))
+        self._document.touch()
+        if line is not None and setup.is_enabled:
+            line.set_deadline(setup.address, self.limit_s(setup))
+
+    async def _reserve(self, name: str, written: Rows) -> None:
+        """Reserve the line's time for a shorter watchdog before it is written, or give it back and refuse."""
+        setup, before = self._setups[name], self.rows(name)
+        rows, before_s = {**before, **written}, self._limits_s(setup.line)
+        limit_s, earlier_s = _limit_s(setup, rows), before_s.get(setup.address)
+        if not limit_s or (earlier_s and limit_s >= earlier_s):
+            return
+        self._take(name, rows)  # at once: another `set` on this line must see it
         on_line = [each for each in self._setups.values() if each.line == setup.line]
+        after_s = self._limits_s(setup.line)
         error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
         if error is not None:
-            known.written, known.is_being_written = earlier, False
+            self._take(name, before)
             raise error
 
     def _limits_s(self, line: str) -> dict[int, float | None]:
         on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
         return {setup.address: self.limit_s(setup) for setup in on_line}
-
-    def _keep(self, setup: StarterSetup) -> None:
-        line, limit_s = self._lines[setup.name], self.limit_s(setup)
-        if line is None or not setup.is_enabled or self._given_s.get(setup.name, -1.0) == limit_s:
-            return
-        self._given_s[setup.name] = limit_s
-        line.set_deadline(setup.address, limit_s)
 
 
 @once_per_profile
@@ -207,25 +165,19 @@ def setting_codes(profile: Profile) -> frozenset[str]:
     return frozenset(diagnosis.watchdog_codes(profile))
 
 
-def _shortest_s(setup: StarterSetup, rows: Rows) -> float | None:
-    """Return the watchdog by those rows that this family has: another starter may have had the name."""
+def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
+    """Return the shortest watchdog of a starter, by those rows that this family has.
+
+    Another starter may have had the name.
+    """
     parameters = setup.profile.parameters
     fitting = {
         code: words
         for code, words in rows.items()
         if code in parameters and len(words) == parameters[code].words
     }
-    return diagnosis.shortest_s(setup.profile, setup.variant, fitting)
-
-
-def _least(*limits_s: float | None) -> float | None:
-    return min((limit_s for limit_s in limits_s if limit_s), default=None)
-
-
-def _why(missed: capacity.Missed) -> str:
-    if isinf(missed.gap_s):
-        return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
-    return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
+    read_s = diagnosis.shortest_s(setup.profile, setup.variant, fitting)
+    return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
 def _gap_s(setup: StarterSetup, on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> float | None:
@@ -247,33 +199,37 @@ def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dic
     return {names[each.unit]: _why(each) for each in missed}
 
 
+def _why(missed: capacity.Missed) -> str:
+    if isinf(missed.gap_s):
+        return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
+    return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
+
+
 def _refusal(
     setup: StarterSetup,
-    on_line: Iterable[StarterSetup],
+    on_line: Sequence[StarterSetup],
     *,
     before_s: capacity.Limits,
     after_s: capacity.Limits,
 ) -> CommandError | None:
     """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
-    names = {each.address: each.name for each in on_line}
-    polls = [poll for each in on_line for poll in polls_of(each)]
     if setup.timing is None:
         return None
-    allowance_s = setup.allowance_s
-    missed = capacity.newly_missed(
-        polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s
-    )
+    polls = [poll for each in on_line for poll in polls_of(each)]
+    timing, allowance_s = setup.timing, setup.allowance_s
+    missed = capacity.newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
     if not missed:
         return None
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
-    shortest_s = capacity.shortest_limit_s(
-        polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
-    )
-    name, limit_s = names[first.unit], first.limit_s
+    name = next(each.name for each in on_line if each.address == first.unit)
+    limit_s = first.limit_s
     if isinf(first.gap_s):
         reason = Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=name, limit_s=limit_s, load=first.load)
     else:
         reason = Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=name, limit_s=limit_s, gap_s=first.gap_s)
+    shortest_s = capacity.shortest_limit_s(
+        polls, timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
+    )
     if shortest_s is None:
         return CommandError(reason.noted(Note("watchdog_off", starter=setup.name)))
     return CommandError(reason.noted(Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)))

@@ -28,7 +28,6 @@ from gateway.starters.state import (
     AnswerCache,
     Availability,
     DecodedPoints,
-    Emitter,
     LockOf,
     NewReadings,
     Points,
@@ -72,24 +71,23 @@ class StarterTelemetry:
         self.variant = setup.variant
         self.snapshot = Snapshot({})
         self.snapshot.state = unread(setup.profile, faults.of(setup.name))
-        self.emitter = Emitter(setup.name, records, lock_of=lock_of)
+        self.emitter = self._publisher = StatePublisher(
+            setup.name,
+            records,
+            setup.profile,
+            faults=faults,
+            lock_of=lock_of,
+            refresh_s=refresh_s,
+            look=self._look,
+        )
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._clock = records.clock
         self._answers = AnswerCache(setup.profile)
         self._polling = Polling(setup, line)
-        self._publisher = StatePublisher(
-            self.emitter,
-            setup.profile,
-            clock=records.clock,
-            faults=faults,
-            refresh_s=refresh_s,
-            look=self._look,
-        )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
-        identities.when_accepted(setup.name, self._take_acceptance)
         self._contact = Contact(
             setup,
             line,
@@ -98,6 +96,7 @@ class StarterTelemetry:
             on_rows=self.note_settings,
             on_judged=self._take_identity,
         )
+        identities.when_accepted(setup.name, self._contact.accept)
         self._on_identified: list[Callable[[], None]] = []
 
     @property
@@ -358,15 +357,13 @@ class StarterTelemetry:
             self.line.retry_refused(self.setup.address)
             self._take_variant(merged(self.setup.variant, self.identity))
             self._publisher.info(info_of(self.setup, self.variant, self.identity))
-        self._judge_values()
+        reason = self.contradiction
+        trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
+        self.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
-        self._look()
+        self._look(bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else None)
         for call in self._on_identified if is_family else ():
             call()
-
-    def _take_acceptance(self) -> None:
-        self._contact.accept()
-        self._judge_values()
 
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
@@ -375,18 +372,6 @@ class StarterTelemetry:
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
         standing = self._contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
-
-    def _judge_values(self) -> None:
-        """Make values bad while the device contradicts the configuration, good again once it does not."""
-        points, reason = self.snapshot.readings, self.contradiction
-        before = self.availability.trouble(IDENTITY_TOPIC)
-        trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
-        self.set_trouble(IDENTITY_TOPIC, trouble)
-        if trouble == before:
-            return
-        if not reason:
-            self._polling.expedite()
-        self._look(bad(points, points, reason))
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:

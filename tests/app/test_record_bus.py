@@ -21,8 +21,7 @@ from gateway.plugins.history.plugin import History
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.services import StarterServices
+from gateway.starters import Policy, StarterServices
 from gateway.store import StateStore
 
 

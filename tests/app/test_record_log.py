@@ -6,11 +6,13 @@ import asyncio
 import logging
 from typing import Any
 
+import pytest
+
 from gateway.app.record_log import RecordLog
 from gateway.contract import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
-from tests.starters.fakes import FAULT, P014, READY, VB01
-from tests.starters.rig import CommandRig, virtually
-from tests.virtual_time import VirtualClock
+from tests.rig import RigPlant, act
+from tests.rig.sites import SSW07
+from tests.virtual_time import VirtualClock, virtually
 
 
 def result(phase: Phase, code: str = "ok", text: str = "", **more: Any) -> ResultRecord:
@@ -79,18 +81,14 @@ async def test_foreign_text_cannot_begin_a_line_of_its_own() -> None:
     assert line == ("ERROR", "a message came on x <0>y [2J")
 
 
-@virtually
-async def test_a_fault_of_a_starter_is_logged_once_with_its_number() -> None:
-    rig = CommandRig()
-    await rig.online()
-    await rig.poll_for(3.0)
-    rig.unit.holding[VB01] = READY | FAULT
-    rig.unit.holding[P014] = 5
-    rig.sink.clear()
-    await rig.poll_for(5.0)
+def test_a_fault_of_a_starter_is_logged_once_with_its_number(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, "gateway"), RigPlant(SSW07) as plant:
+        plant.run(until=5.0)
+        for change in ("pump VB01 = 0x8000", "pump P014 = 5"):
+            act(plant, change)
+        plant.run(until=15.0)
 
-    texts = [text for _, text in await logged(rig.sink.records)]
-    assert texts == ["pump-1 fault E05 Motor overload"]
+    assert [text for text in caplog.messages if "fault" in text] == ["pump fault E05 Motor overload"]
 
 
 async def logged(records: list[Any]) -> list[tuple[str, str]]:

@@ -20,7 +20,7 @@ from gateway.cli.doctor.machine import (
     wear_findings,
 )
 from gateway.families.devices.findings import Weight
-from gateway.starters.policy.write_budget import WRITES
+from gateway.starters import WRITES
 from gateway.store import STATE_FILE, write_document
 from tests.ordinary_user import give
 

@@ -7,7 +7,7 @@ import pytest
 from gateway.config.convert import policy_of
 from gateway.config.load import parse
 from gateway.errors import ConfigError
-from gateway.starters.policy.start_rules import RuleSet
+from gateway.starters import RuleSet
 from tests.config.sites import SITE
 
 OWN = 'family = "ssw07"\n'

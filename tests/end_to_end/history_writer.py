@@ -15,9 +15,7 @@ from gateway.contract import EventRecord, Record, RecordWriter, Sink, StartRecor
 from gateway.mqtt import DiskSync, Outbox, Publisher, message_of
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
-from gateway.starters.policy.freshness import RunToken
-from gateway.starters.policy.policy import Policy
-from gateway.starters.state import Readings
+from gateway.starters import Policy, Readings, RunToken
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, OutboxTable, Store
 from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock

@@ -12,7 +12,7 @@ from gateway.contract import Record, StartRecord
 from gateway.families.profile.load import load_profile
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.start_recorder import StartPoints, StartRecorder
-from gateway.starters.state import Readings, Value
+from gateway.starters import Readings, Value
 from gateway.store import HistoryRow
 
 UTC_S = 1_795_222_000.0  # minus the steady clock

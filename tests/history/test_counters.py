@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.plugins.history.counters import MotorCounters, band_of, counted
-from gateway.starters.state import Readings
+from gateway.starters import Readings
 
 
 def readings(at_s: float, **values: Any) -> Readings:

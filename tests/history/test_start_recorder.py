@@ -14,7 +14,7 @@ from gateway.plugins.history.start_recorder import (
     StartPoints,
     StartRecorder,
 )
-from gateway.starters.state import Readings, Value
+from gateway.starters import Readings, Value
 from tests.history.support import POINTS, RATED_A, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03

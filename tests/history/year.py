@@ -25,8 +25,8 @@ from gateway.families.profile.schema import Variant
 from gateway.plugins.history.delivery import Delivery, Past
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trip_recorder import NOTHING
-from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, Fingerprint, Known
-from gateway.starters.setup import StarterSetup
+from gateway.starters import FINGERPRINTS, KNOWN, StarterSetup
+from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
 from gateway.system.clock import Clock
 from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor

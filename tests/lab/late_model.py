@@ -33,7 +33,7 @@ from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.bus.faults import Reply
-from gateway.starters.setup import StarterSetup, polls_of
+from gateway.starters import StarterSetup, polls_of
 from tests.rig.world import RigLoop
 from tests.scenarios.line.wires import InOrder
 

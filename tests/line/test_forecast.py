@@ -15,7 +15,7 @@ from gateway.line.rtu.transaction import longest_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.starters.setup import StarterSetup, polls_of
+from gateway.starters import StarterSetup, polls_of
 from tests.line.ideal_line import IdealLine, cost_s
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from gateway.contract import Topics
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.inbox import MOST, MOST_OF_CLIENT, PARSED_STOPS, SHARE, Inbox
-from tests.starters.rig import virtually
-from tests.virtual_time import VirtualTimeLoop
+from tests.virtual_time import VirtualTimeLoop, virtually
 
 PARSING_S = 0.002  # of 4 KB on a slow machine
 

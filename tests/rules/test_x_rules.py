@@ -17,7 +17,7 @@ from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister, WriteRegisters
 from gateway.sim.factory import make_unit
-from gateway.starters.setup import StarterSetup
+from gateway.starters import StarterSetup
 from tests.rules.acting import Actor
 from tests.sim.wire import Talk
 

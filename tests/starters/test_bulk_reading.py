@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
+from typing import Any
 
 import pytest
 
 from gateway.contract import CommandError
 from gateway.errors import PortLostError
-from gateway.families.profile.load import load_profile
+from gateway.families import Read, load_profile
 from gateway.families.reading import bulk_reads
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from tests.virtual_time import run_virtually
@@ -22,10 +23,10 @@ CODES = ("P014", "P015", "P016", "P017")
 class Starter:
     """Holds 100 + address everywhere, but at the addresses that it lacks; `script` comes first."""
 
-    def __init__(self, *, lacks: set[int] = frozenset(), script: list[Outcome] | None = None) -> None:  # type: ignore[assignment]
+    def __init__(self, *, lacks: Iterable[int] = (), script: Iterable[Outcome] = ()) -> None:
         self.asked: list[tuple[int, int]] = []
-        self._lacks = lacks
-        self._script = script or []
+        self._lacks = set(lacks)
+        self._script = list(script)
 
     async def ask(self, request: Request) -> Outcome:
         start, count = request.address, request.count  # type: ignore[attr-defined]  # a register read
@@ -38,28 +39,30 @@ class Starter:
         return Answered(tuple(100 + address for address in run), at_s=0.0, response_time_s=0.0)
 
 
-def read(starter: Starter, **options: int) -> BulkReading:
+def read(starter: Starter, **options: Any) -> BulkReading:
     reads = bulk_reads(PROFILE, CODES)
     return run_virtually(read_in_bulk(starter.ask, PROFILE, reads, **options))
 
 
-def test_neighbours_are_read_at_once() -> None:
-    starter = Starter()
+@pytest.mark.parametrize(
+    ("lacks", "asked"),
+    [
+        (set(), [(14, 4)]),  # neighbours at once
+        ({16}, [(14, 4), (14, 2), (16, 2), (16, 1), (17, 1)]),
+    ],
+)
+def test_the_one_row_that_is_refused_is_found_and_the_others_are_read(
+    lacks: set[int], asked: list[tuple[int, int]]
+) -> None:
+    starter, done = Starter(lacks=lacks), list[Read]()
 
-    found = read(starter)
+    found = read(starter, on_read=done.append)
 
-    assert starter.asked == [(14, 4)]
-    assert found.rows == {"P014": (114,), "P015": (115,), "P016": (116,), "P017": (117,)}
-
-
-def test_the_one_row_that_is_refused_is_found_and_the_others_are_read() -> None:
-    starter = Starter(lacks={16})
-
-    found = read(starter)
-
-    assert set(found.rows) == {"P014", "P015", "P017"}
-    assert found.refused == {"P016": "illegal data address"}
-    assert starter.asked == [(14, 4), (14, 2), (16, 2), (16, 1), (17, 1)]
+    rows = {f"P0{address}": (100 + address,) for address in range(14, 18) if address not in lacks}
+    assert found.rows == rows
+    assert found.refused == {f"P0{address}": "illegal data address" for address in lacks}
+    assert starter.asked == asked
+    assert len(done) == len(asked)
 
 
 @pytest.mark.parametrize("outcome", [Silent(), Garbled("bad CRC", b""), Refused(6, at_s=0.0)])
@@ -80,12 +83,3 @@ def test_a_starter_that_never_answers_ends_it(tries: int) -> None:
 def test_a_lost_port_ends_it_at_once() -> None:
     with pytest.raises(PortLostError):
         read(Starter(script=[Silent("port closed", is_sent=False)]))
-
-
-def test_each_request_is_reported_when_it_is_done() -> None:
-    done: list[tuple[str, ...]] = []
-    note: Callable[[object], None] = lambda each: done.append(each.codes)  # type: ignore[attr-defined]  # noqa: E731
-
-    run_virtually(read_in_bulk(Starter().ask, PROFILE, bulk_reads(PROFILE, CODES), on_read=note))
-
-    assert done == [CODES]

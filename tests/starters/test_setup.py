@@ -1,10 +1,10 @@
+"""What follows from a starter's configuration, and from what it says of itself."""
+
 from __future__ import annotations
 
 import pytest
 
-from gateway.families.devices.device import Identity
-from gateway.families.profile.load import load_profile
-from gateway.families.profile.schema import Variant
+from gateway.families import Identity, Variant, load_profile
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
@@ -33,16 +33,17 @@ def test_a_request_is_given_the_time_of_the_manual_or_of_the_configuration(
     assert setup(configured_s).response_time_of(request_) == pytest.approx(expected_s)
 
 
-def test_the_identification_fills_what_the_configuration_leaves_open() -> None:
-    identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0)
-
-    assert merged(Variant(slot=2), identity) == Variant(
-        model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=2
-    )
-
-
-def test_the_configuration_wins_but_of_the_slot() -> None:
-    configured = Variant(model="SSW-06 820A", firmware="1.50", rated_current_a=820.0, slot=2)
+@pytest.mark.parametrize(
+    ("configured", "after"),
+    [
+        (Variant(slot=2), Variant(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)),
+        (
+            Variant(model="SSW-06 820A", firmware="1.50", rated_current_a=820.0, slot=2),
+            Variant(model="SSW-06 820A", firmware="1.50", rated_current_a=820.0, slot=1),
+        ),
+    ],
+)
+def test_the_configuration_wins_but_of_the_slot(configured: Variant, after: Variant) -> None:
     identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
 
-    assert merged(configured, identity) == configured.model_copy(update={"slot": 1})
+    assert merged(configured, identity) == after

@@ -7,6 +7,7 @@ import json
 import random
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,6 +17,7 @@ from gateway.contract import CommandAddress, Operator, Record, RecordBus, Record
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
@@ -28,21 +30,26 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.command import Commands, Dispatcher
-from gateway.starters.policy.freshness import EVERY_S, RunToken, Tokens
-from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.starters.setup import StarterSetup, polls_of
-from gateway.starters.starter import StarterTelemetry
+from gateway.starters import TOKEN_EVERY_S as EVERY_S
+from gateway.starters import (
+    Commands,
+    Dispatcher,
+    Policy,
+    PolicySettings,
+    Rights,
+    RuleSet,
+    RunToken,
+    StarterSetup,
+    StarterTelemetry,
+    Tokens,
+    polls_of,
+)
 from gateway.store import Documents, Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
-from tests.starters.fakes import RUN_COIL
-from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -51,8 +58,8 @@ PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
 READS = (1, 2, 3, 4)  # function codes
-SILENCE_S = 70.0  # four polls in a row are lost in it, though they may be 16 s apart
-START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
+SILENCE_S = 12.0  # so many polls are lost in it that a starter is offline
+START_PDU, STOP_PDU = WriteCoil(100, True).encode(), WriteCoil(100, False).encode()  # ssw07 4.2.2
 
 
 class TimedSink:
@@ -141,6 +148,18 @@ def _note_requests(unit: SimulatedUnit, clock: VirtualClock) -> list[tuple[float
     return asked
 
 
+def _hand_over(starters: dict[int, StarterTelemetry], event: LineEvent) -> None:
+    """Hand what happens on the line to its starters, as the plant does."""
+    match event:
+        case PollResult():
+            starters[event.unit].on_poll(event.key, event.outcome)
+        case UnitChanged():
+            starters[event.unit].on_unit(is_answering=event.is_answering, reason=event.reason)
+        case PortChanged(is_open=False):
+            for starter in starters.values():
+                starter.on_unit(is_answering=False, reason=event.reason)
+
+
 class GatewayWorld:
     """The starters on their line, the gateway of the moment, and the broker's connection to it."""
 
@@ -165,7 +184,7 @@ class GatewayWorld:
         self._runs += 1
         self._instance = ExitStack()
         self._instance.enter_context(instance_lock(Path(self._folder.name)))
-        rights, router = Rights(OPERATORS), Router()
+        rights, by_address = Rights(OPERATORS), dict[int, StarterTelemetry]()
         self.boot = RunToken(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run
@@ -186,7 +205,11 @@ class GatewayWorld:
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
         scheduler = Line(
-            name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
+            name="x",
+            opener=self.bus.opener(),
+            timing=TIMING,
+            polls=polls,
+            events=local_events(partial(_hand_over, by_address)),
         )
         self.telemetries = {
             setup.name: StarterTelemetry(
@@ -206,7 +229,7 @@ class GatewayWorld:
         )
         self.dispatcher.recall(list(self.journal.stored.values()))
         for telemetry in self.telemetries.values():
-            router.add(telemetry)
+            by_address[telemetry.setup.address] = telemetry
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
         self._commands = Commands(

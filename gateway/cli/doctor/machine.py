@@ -13,8 +13,7 @@ from gateway.cli.doctor.findings import Finding
 from gateway.config.schema import Config
 from gateway.errors import StoreError
 from gateway.families import Weight
-from gateway.starters.policy.freshness import BY_ISSUED_AT, dated_alone
-from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
+from gateway.starters import BY_ISSUED_AT, WRITES, WRITES_BORNE, dated_alone
 from gateway.store import INTEND_WITHIN_S, STATE_FILE, backup, read_document
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 

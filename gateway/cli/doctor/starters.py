@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,25 +11,21 @@ from gateway.cli.parameters.through_gateway import LiveStarter
 from gateway.config.convert import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
-from gateway.families import Identity, Question, Weight, device_of, diagnosis, reading
+from gateway.families import Identity, Weight, device_of, diagnosis, reading
 from gateway.line import LineClient, Outcome, PortOpener, Priority, exclusive_line
 from gateway.modbus.pdu import Request
 from gateway.mqtt import BrokerSettings, CommandClient
-from gateway.starters.bulk_read import read_in_bulk
-from gateway.starters.identity import (
+from gateway.starters import (
     FINGERPRINTS,
     KNOWN,
-    Answers,
-    IdentityStatus,
-    Standing,
-    interview,
-    judged,
-    met,
+    StarterSetup,
+    ask,
+    identified,
+    merged,
     mismatch_in,
-    not_matching,
+    read_in_bulk,
 )
 from gateway.starters.parameters.model import entries_of
-from gateway.starters.setup import StarterSetup, ask, merged
 from gateway.store import STATE_FILE, read_document
 from gateway.system.instance_lock import may_use
 
@@ -85,7 +80,7 @@ class LineCheckup:
 
         where, codes = f"starter {setup.name}", diagnosis.readiness_codes(setup.profile)
         try:
-            identity = await _identified(setup, lambda question: put(question.request))
+            identity = await identified(setup, lambda question: put(question.request))
             rows = (await read_in_bulk(put, setup.profile, reading.bulk_reads(setup.profile, codes))).rows
         except CommandError as error:
             self._say(where, error.text, Weight.ERROR)
@@ -150,19 +145,6 @@ class LineCheckup:
             self._say(where, finding.text, finding.weight)
         if delivered := diagnosis.as_delivered(profile, variant, rows):
             self._say(where, delivered)
-
-
-async def _identified(setup: StarterSetup, put: Callable[[Question], Awaitable[Outcome]]) -> Identity:
-    """Return what a device says about itself; CommandError when none answers, or another than configured."""
-    answers = Answers()
-    async for said in interview(setup.profile, answers, put):
-        answers = said
-    if not answers.is_there:
-        raise CommandError(ResultCode.OFFLINE, "address", starter=setup.name, address=setup.address)
-    standing = judged(met(Standing()), setup, answers, None)
-    if standing.status is not IdentityStatus.MATCHING:
-        raise not_matching(standing.status, standing.reason)
-    return standing.identity
 
 
 def _identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:

@@ -18,7 +18,7 @@ from gateway.errors import StoreError
 from gateway.families import Profile, parameters
 from gateway.plugins.history.baseline import Baseline, Month
 from gateway.plugins.history.counters import Totals, counted
-from gateway.starters.identity import FINGERPRINTS, KNOWN
+from gateway.starters import FINGERPRINTS, KNOWN
 from gateway.store import STATE_FILE, HistoryRow, read_audit, read_document, read_history, with_curves
 
 SETTING_VERBS = frozenset({"set", "configure", "output"})

@@ -19,13 +19,11 @@ from pathlib import Path
 
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
-from gateway.contract import MAX_TTL_S, LockRecord
+from gateway.contract import MAX_TTL_S
 from gateway.errors import DamagedError
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
-from gateway.starters.policy.freshness import MAX_AHEAD_S
-from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
-from gateway.starters.policy.policy import GATEWAY
+from gateway.starters import MAX_AHEAD_S, lock_restored
 from gateway.store import STATE_FILE, append_note, mark_restored, read_document, write_document
 from gateway.system.clock_steps import ClockReading
 
@@ -34,30 +32,14 @@ HELD = f"for {MAX_TTL_S + MAX_AHEAD_S:.0f} s after its first start the gateway t
 
 def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) -> list[str]:
     """Lock every starter that can be in the state of a backup; return those locked by it. StoreError."""
-    path = state_dir / STATE_FILE
-    try:
-        stored = read_document(path, LOCKS, MOTORS)
-    except DamagedError:
-        stored = None
-    names = [starter.name for starter in config.starters]
-    history, here = MotorHistory(names), reading
-    if stored is not None:
-        here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
-        history.restore(_moved(stored, here), now_s=here.up_s, reading=here)
-    rights = rights_of(config)
-    locked = [name for name in names if rights.is_lockable(name) and history.lock_of(name) is None]
-    for name in locked:
-        text = f"{what}: locks and starts since then are not known; look, then unlock"
-        history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=text))
-    if stored is not None or locked:
-        write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
-    return locked
-
-
-def _moved(stored: StoredMotors, here: ClockReading) -> StoredMotors:
-    """Return the same with its times as they are, and read by the clocks of this machine."""
-    at = stored.at.model_copy(update={"up_s": here.up_s, "boot_id": here.boot_id})
-    return stored.model_copy(update={"at": at})
+    text = f"{what}: locks and starts since then are not known; look, then unlock"
+    return lock_restored(
+        state_dir / STATE_FILE,
+        [starter.name for starter in config.starters],
+        is_lockable=rights_of(config).is_lockable,
+        reading=reading,
+        reason=text,
+    )
 
 
 def note_past(state_dir: Path, what: str) -> None:

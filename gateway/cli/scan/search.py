@@ -21,7 +21,7 @@ from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.starters.bulk_read import Ask, read_in_bulk
+from gateway.starters import Ask, read_in_bulk
 
 BAUDS = (19200, 9600, 38400, 57600)  # what the manuals name
 FRAMINGS = ("8E1", "8N2", "8O1", "8N1", "8E2", "8O2")

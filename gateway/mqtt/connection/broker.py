@@ -16,7 +16,7 @@ from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.starters.policy.freshness import EVERY_S
+from gateway.starters import TOKEN_EVERY_S as EVERY_S
 from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)

@@ -20,7 +20,7 @@ from pydantic import Field, PlainSerializer
 
 from gateway.contract import read_stored
 from gateway.plugins.history.limits import NOTHING, Learnt
-from gateway.starters.state import Readings
+from gateway.starters import Readings
 
 KIND = "counters"  # of the row on disk
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period

@@ -19,8 +19,7 @@ from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 from gateway.contract import Record, RecordWriter, StartRecord, TripRecord, read_record
-from gateway.starters.setup import StarterSetup
-from gateway.starters.state import Readings
+from gateway.starters import Readings, StarterSetup
 from gateway.store import HistoryRow, HistoryStore
 from gateway.system.supervised import on_this_loop
 

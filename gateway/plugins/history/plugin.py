@@ -36,9 +36,7 @@ from gateway.plugins.history.delivery import Delivery, Part, Past, Rows, StoredR
 from gateway.plugins.history.starts import BASELINE, MONTH, START, MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
-from gateway.starters.policy.policy import Policy
-from gateway.starters.setup import StarterSetup
-from gateway.starters.state import Readings
+from gateway.starters import Policy, Readings, StarterSetup
 from gateway.store import RETRY_S, HistoryRow, HistoryStore, News
 from gateway.system.rate_limits import ChangeDetector
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.families import Profile, once_per_profile
 from gateway.plugins.history.start_curve import COLUMNS, Curve, crossings, i2t_error_pct_of, rate_hz_of
-from gateway.starters.state import Readings
+from gateway.starters import Readings
 
 BEFORE_S = 1.0  # samples begin so long before the start
 AFTER_S = 5.0  # and go on for so long after full voltage

@@ -30,8 +30,7 @@ from gateway.plugins.history.start_recorder import (
     StartPoints,
     StartRecorder,
 )
-from gateway.starters.setup import StarterSetup
-from gateway.starters.state import Readings
+from gateway.starters import Readings, StarterSetup
 from gateway.store import HistoryRow
 
 log = logging.getLogger(__name__)

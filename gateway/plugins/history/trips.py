@@ -10,8 +10,7 @@ from typing import Any
 from gateway.contract import EventCode, EventRecord, Record, TripRecord
 from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
-from gateway.starters.setup import StarterSetup
-from gateway.starters.state import Readings
+from gateway.starters import Readings, StarterSetup
 from gateway.store import HistoryRow
 
 KIND = "trip"  # of the rows on disk

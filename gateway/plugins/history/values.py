@@ -27,11 +27,8 @@ from gateway.plugins.history.counters import (
 )
 from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.limits import ThermalModel, pause_left_s, starts_left
-from gateway.starters.own_points import PublicationPace, Value, own_points
-from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.start_rules import NO_RULES
-from gateway.starters.setup import StarterSetup
-from gateway.starters.state import Readings
+from gateway.starters import NO_RULES, Policy, PublicationPace, Readings, StarterSetup, Value
+from gateway.starters import own_points_of as own_points
 from gateway.store import HistoryRow
 
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes

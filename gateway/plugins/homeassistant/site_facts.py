@@ -13,8 +13,7 @@ from gateway.config.convert import policy_of, rights_of
 from gateway.config.integration_tables import HomeAssistantTable
 from gateway.config.schema import Config
 from gateway.contract import STOP, Topics
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import RuleSet
+from gateway.starters import Rights, RuleSet
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,7 @@ from gateway.families import STATES, Profile, once_per_profile, unnumbered
 from gateway.plugins.interface import Gateway, ShownStarter
 from gateway.plugins.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS
 from gateway.plugins.metrics.counts import Counted
-from gateway.starters.own_points import OWN_POINT_NAMES
-from gateway.starters.state import Reading
+from gateway.starters import OWN_POINT_NAMES, Reading
 from gateway.system.stalls import Delays
 
 OUTCOMES = ("answered", "silent", "garbled", "refused")

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from gateway.contract import STOP, CommandError, CommandRequest, Proof, ResultCode, rfc3339, shortened
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import HostCommand, HostWrite
-from gateway.starters.policy.freshness import MAX_AHEAD_S
+from gateway.starters import MAX_AHEAD_S
 
 MOST_WRITES = 20  # of one message
 SPARKPLUG = "sparkplug"  # the source of such commands, in the audit

@@ -24,7 +24,7 @@ from gateway.contract import (
 from gateway.families import load_profile
 from gateway.plugins.sparkplug.payload import BAD, FALSE, STALE, DataType, Metric, Value
 from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.starters.policy.rights import Rights
+from gateway.starters import Rights
 
 STOP_METRIC = "Command/Stop"
 COMMANDS = {STOP_METRIC: "stop", "Command/Start": "start", "Command/Reset": "reset"}

@@ -20,8 +20,8 @@ from gateway.contract import (
 from gateway.families import OFF, Access, Parameter, Profile, Variant, command, load_profile, parameters
 from gateway.plugins.interface import Gateway
 from gateway.plugins.web.accounts import WEB, WebSession
-from gateway.starters.command import Results
-from gateway.starters.policy.freshness import EVERY_S
+from gateway.starters import TOKEN_EVERY_S as EVERY_S
+from gateway.starters import Results
 
 LOGIN = ("login", "log in to operate")  # the code and text why nothing may be commanded without a login
 

@@ -3,6 +3,10 @@
 A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4),
 so it must be known before the line has come round once. FC43 comes last: a device that does not know it may
 be silent for a while after it, so its tries are counted on over such a silence.
+
+A device of another family is asked again soon, then ever less often: its answers may have been corrupted, or
+the right one may be back without a silence. FC43 is put again only if it was answered. Such a device stays
+what it is until an answer says otherwise, so that a stop does not change its words for a lost reply.
 """
 
 from __future__ import annotations
@@ -13,9 +17,9 @@ from contextlib import suppress
 from functools import partial
 from math import inf
 
-from gateway.contract import CommandError, EventCode, RecordWriter
+from gateway.contract import CommandError, EventCode, RecordWriter, ResultCode
 from gateway.errors import PortLostError
-from gateway.families import Profile, Question, diagnosis, reading
+from gateway.families import Identity, Profile, Question, diagnosis, reading
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.registry import IdentityRegistry
@@ -28,6 +32,7 @@ from gateway.starters.identity.standing import (
     judged,
     met,
     next_question,
+    not_matching,
     silenced,
 )
 from gateway.starters.setup import StarterSetup, ask
@@ -35,7 +40,8 @@ from gateway.system.supervised import SupervisedTask
 
 PAUSES_S = (0.0, 2.0, 4.0)  # before the rounds: two misses in a row would make a unit count as silent
 UNSENT_PAUSE_S = 2.0
-AGAIN_S, NAME_AGAIN_S = 60.0, 3600.0  # of a device that is not identified; of one that is read without a name
+FIRST_DOUBT_S, AGAIN_S = 2.0, 60.0  # after which another family is asked again: at first, and at the latest
+NAME_AGAIN_S = 3600.0  # of a device that is read without a name
 FROM_NAME_S = 60.0  # a silence within so long after FC43 may be its effect
 
 Rows = Mapping[str, tuple[int, ...]]
@@ -93,6 +99,7 @@ class Contact:
         if self.standing.status is IdentityStatus.CHANGED:
             self._judge()
             self._announce()
+            self._on_judged()
 
     async def _meet(self, lane: Priority) -> None:
         """Read the watchdog, then ask until the device is identified."""
@@ -101,17 +108,28 @@ class Contact:
         with suppress(CommandError, PortLostError):  # it is read again with the other settings
             asked = partial(ask, self._line, self._setup, lane=lane)
             self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)
+        doubt_s = FIRST_DOUBT_S
         while True:
             async for answers in interview(profile, self._answers, self._put):
                 self._answers = answers
+            before = self.standing
             self._judge()
+            if (before.status, self.standing.status) == (IdentityStatus.MISMATCHED, IdentityStatus.UNKNOWN):
+                # Its registers are the family's now: another device, which was not asked for its name yet.
+                self.standing, self._answers = met(self.standing), Answers()
+                continue
             self._announce()
-            self._on_judged()
-            if self.standing.status not in (IdentityStatus.UNKNOWN, IdentityStatus.MISMATCHED):
+            if self.standing != before:
+                self._on_judged()
+            if self.standing.status is IdentityStatus.MISMATCHED:
+                await asyncio.sleep(doubt_s)
+                doubt_s = min(2 * doubt_s, AGAIN_S)
+                self._answers = self._answers.unnamed()
+            elif self.standing.status is IdentityStatus.UNKNOWN:
+                await asyncio.sleep(NAME_AGAIN_S if self.standing.is_readable else AGAIN_S)
+                self._answers = Answers()
+            else:
                 return
-            is_read = self.standing.status is IdentityStatus.UNKNOWN and self.standing.is_readable
-            await asyncio.sleep(NAME_AGAIN_S if is_read else AGAIN_S)
-            self._answers = Answers()
 
     async def _put(self, question: Question) -> Outcome:
         self._is_naming = question.tag == NAME
@@ -168,3 +186,16 @@ async def interview(
             yield answers
             if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:
                 await asyncio.sleep(UNSENT_PAUSE_S)
+
+
+async def identified(setup: StarterSetup, put: Callable[[Question], Awaitable[Outcome]]) -> Identity:
+    """Return what a device says about itself; CommandError when none answers, or another than configured."""
+    answers = Answers()
+    async for said in interview(setup.profile, answers, put):
+        answers = said
+    if not answers.is_there:
+        raise CommandError(ResultCode.OFFLINE, "address", starter=setup.name, address=setup.address)
+    standing = judged(met(Standing()), setup, answers, None)
+    if standing.status is not IdentityStatus.MATCHING:
+        raise not_matching(standing.status, standing.reason)
+    return standing.identity

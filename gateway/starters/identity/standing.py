@@ -9,8 +9,9 @@ registers is read without a name, but takes no commands. Any other that is not i
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from gateway.contract import CommandError, EventCode, ResultCode, phrase
@@ -37,18 +38,6 @@ class IdentityStatus(enum.Enum):
     OTHER_SLOT = "other slot"  # its accessory sits elsewhere than configured; it can be read
 
 
-class IdentityCause(enum.Enum):
-    """What may change the status."""
-
-    MET = enum.auto()  # it answers, or the port was opened again
-    SILENT = enum.auto()
-    PROVED = enum.auto()
-    UNNAMED = enum.auto()
-    DENIED = enum.auto()
-    DIFFERS = enum.auto()
-    MOVED = enum.auto()
-
-
 _CODES = {
     IdentityStatus.UNKNOWN: ResultCode.IDENTITY_UNKNOWN,
     IdentityStatus.ASKING: ResultCode.IDENTITY_UNKNOWN,
@@ -57,27 +46,19 @@ _CODES = {
     IdentityStatus.OTHER_SLOT: ResultCode.SLOT_MISMATCH,
 }
 
-_ALWAYS = {IdentityCause.MET: IdentityStatus.ASKING, IdentityCause.SILENT: IdentityStatus.UNKNOWN}
-_JUDGED = {
-    IdentityCause.PROVED: IdentityStatus.MATCHING,
-    IdentityCause.UNNAMED: IdentityStatus.UNKNOWN,
-    IdentityCause.DENIED: IdentityStatus.MISMATCHED,
-    IdentityCause.DIFFERS: IdentityStatus.CHANGED,
-    IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
-}
-TRANSITIONS: Mapping[IdentityStatus, Mapping[IdentityCause, IdentityStatus]] = {
+_ALWAYS = {
+    IdentityStatus.UNKNOWN,
+    IdentityStatus.ASKING,
+}  # it went silent; it answers, or the port was opened
+_JUDGED = {*IdentityStatus} - _ALWAYS
+TRANSITIONS: Mapping[IdentityStatus, Set[IdentityStatus]] = {
     IdentityStatus.UNKNOWN: _ALWAYS | _JUDGED,  # one that has not said who it is is asked again
     IdentityStatus.ASKING: _ALWAYS | _JUDGED,
     IdentityStatus.MATCHING: _ALWAYS,
     IdentityStatus.MISMATCHED: _ALWAYS | _JUDGED,
-    IdentityStatus.CHANGED: {  # an operator accepts it
-        **_ALWAYS,
-        IdentityCause.PROVED: IdentityStatus.MATCHING,
-        IdentityCause.MOVED: IdentityStatus.OTHER_SLOT,
-    },
+    IdentityStatus.CHANGED: {*_ALWAYS, IdentityStatus.MATCHING, IdentityStatus.OTHER_SLOT},  # it is accepted
     IdentityStatus.OTHER_SLOT: _ALWAYS,
 }
-
 
 Misses = tuple[int | None, ...]  # the exceptions that a question was refused with; None for no reply
 
@@ -122,48 +103,47 @@ class Standing:
     contradiction: str = ""  # of the configuration: values would be of another family or model
     is_readable: bool = False  # what is read now counts
 
-    def after(self, cause: IdentityCause, **changes: Any) -> Standing:
-        """Return the standing after this; KeyError where it cannot happen."""
-        return replace(self, status=TRANSITIONS[self.status][cause], **changes)
+    def become(self, status: IdentityStatus, reason: str, **changes: Any) -> Standing:
+        """Return the standing in another status; KeyError where it cannot follow."""
+        if status not in TRANSITIONS[self.status]:
+            raise KeyError(self.status, status)
+        return replace(self, status=status, reason=reason, **{"contradiction": "", **changes})
 
 
 def met(standing: Standing) -> Standing:
     """Return the standing of a device that answers, and is asked who it is."""
-    return standing.after(
-        IdentityCause.MET, reason="it is being identified", contradiction="", is_readable=False
-    )
+    return standing.become(IdentityStatus.ASKING, "it is being identified", is_readable=False)
 
 
 def silenced(standing: Standing) -> Standing:
     """Return the standing of a device that went silent: another may answer next."""
     why = "it has not been asked since it went silent"
-    return standing.after(
-        IdentityCause.SILENT, identity=Identity(reason=why), reason=why, contradiction="", is_readable=False
-    )
+    return standing.become(IdentityStatus.UNKNOWN, why, identity=Identity(reason=why), is_readable=False)
 
 
 def judged(
     standing: Standing, setup: StarterSetup, answers: Answers, mismatch: IdentityMismatch | None
 ) -> Standing:
-    """Return the standing of a device that has given these answers; `mismatch` is of the one known before."""
+    """Return the standing of a device that has given these answers; `mismatch` is of the one known before.
+
+    A device of another family stays that until an answer says otherwise.
+    """
     profile, identity = setup.profile, identity_of(setup.profile, answers)
     why_not = diagnosis.why_not(profile, identity)
+    become = partial(standing.become, identity=identity)
+    if why_not is not None and (identity.family_seen is not None or identity.lacks):
+        return become(IdentityStatus.MISMATCHED, why_not, contradiction=why_not, is_readable=True)
     if why_not is not None:
-        is_denied = identity.family_seen is not None or bool(identity.lacks)
-        return standing.after(
-            IdentityCause.DENIED if is_denied else IdentityCause.UNNAMED,
-            identity=identity,
-            reason=why_not,
-            contradiction=why_not if is_denied else "",
-            is_readable=is_denied or _is_read_without_name(profile, answers),
-        )
+        is_readable = _is_read_without_name(profile, answers)
+        if standing.status is IdentityStatus.MISMATCHED and not is_readable:
+            return standing  # no answer says otherwise
+        return become(IdentityStatus.UNKNOWN, why_not, is_readable=is_readable)
     if mismatch is not None:
-        cause, reason, contradiction = IdentityCause.DIFFERS, mismatch.event.text, mismatch.contradiction
-    else:
-        reason, contradiction = diagnosis.slot_trouble(profile, setup.variant, identity), ""
-        cause = IdentityCause.MOVED if reason else IdentityCause.PROVED
-    return standing.after(
-        cause, identity=identity, reason=reason, contradiction=contradiction, is_readable=True
+        reason, contradiction = mismatch.event.text, mismatch.contradiction
+        return become(IdentityStatus.CHANGED, reason, contradiction=contradiction, is_readable=True)
+    trouble = diagnosis.slot_trouble(profile, setup.variant, identity)
+    return become(
+        IdentityStatus.OTHER_SLOT if trouble else IdentityStatus.MATCHING, trouble, is_readable=True
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
 
 from gateway.contract import (
     CommandRequest,
@@ -12,6 +13,7 @@ from gateway.contract import (
     RecordWriter,
     StateRecord,
 )
+from gateway.errors import DamagedError
 from gateway.starters.identity import IdentityRegistry
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
@@ -21,7 +23,8 @@ from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook
 from gateway.starters.policy.write_budget import WRITES, WriteBudget
 from gateway.starters.state import PublishedFaults
-from gateway.store import Documents
+from gateway.store import Documents, read_document, write_document
+from gateway.system.clock_steps import ClockReading
 
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 
@@ -122,3 +125,37 @@ class Policy:
                 name, LockRecord(by=GATEWAY, since_s=self._clock.utc_s(), reason=reason)
             )
         return locked
+
+
+def lock_restored(
+    path: Path,
+    names: Sequence[str],
+    *,
+    is_lockable: Callable[[str], bool],
+    reading: ClockReading,
+    reason: str,
+) -> list[str]:
+    """Lock each starter that can be in a state that was put back; return those locked by it. StoreError.
+
+    Locks that were set since are not known. Starts are as old as they were, and age by this machine's clocks.
+    """
+    try:
+        stored = read_document(path, LOCKS, MOTORS)
+    except DamagedError:
+        stored = None
+    history, here = MotorHistory(names), reading
+    if stored is not None:
+        here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
+        history.restore(_moved(stored, here), now_s=here.up_s, reading=here)
+    locked = [name for name in names if is_lockable(name) and history.lock_of(name) is None]
+    for name in locked:
+        history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=reason))
+    if stored is not None or locked:
+        write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
+    return locked
+
+
+def _moved(stored: StoredMotors, here: ClockReading) -> StoredMotors:
+    """Return the same with its times as they are, and read by the clocks of this machine."""
+    at = stored.at.model_copy(update={"up_s": here.up_s, "boot_id": here.boot_id})
+    return stored.model_copy(update={"at": at})

@@ -19,7 +19,7 @@ from gateway.line import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.services.parameter_monitor import LONGEST_BLOCK
+from gateway.starters.services.settings import LONGEST_BLOCK
 from gateway.starters.view import StarterIo
 from gateway.system.supervised import SupervisedTask
 
@@ -29,8 +29,6 @@ OWN_EVERY_S = 60.0  # the starter's own counters and thermal level
 SETTINGS_EVERY_S = 3600.0
 AGAIN_S = 1.0  # before what was not answered is asked for again,
 TRIES = 5  # that often after a trip
-
-Rows = Mapping[str, ParameterEntry]
 
 
 class PastListener(Protocol):
@@ -69,38 +67,34 @@ class PastReader:
         await self._own.close()
 
     async def _read_fault(self) -> None:
-        starter = self._starter
-        rows = starter.profile.history
-        found: Rows = {}
+        profile, found = self._starter.profile, dict[str, ParameterEntry]()
+        rows = profile.history
         for _ in range(TRIES):
             found = await self._read((*rows.fault_history, *rows.at_fault))
             if found:
                 break
             await asyncio.sleep(AGAIN_S)
-        history = [_shown(starter.profile, code, found[code]) for code in rows.fault_history if code in found]
-        at_fault = {
-            code: _shown(starter.profile, code, found[code]) for code in rows.at_fault if code in found
-        }
-        for each in at_fault.values():
-            del each["code"]
-        self._listener.note_fault_data(starter.setup.name, at_fault, history)
+        shown = {code: _shown(profile, code, entry) for code, entry in found.items()}
+        self._listener.note_fault_data(
+            self._starter.setup.name,
+            {code: shown[code] for code in rows.at_fault if code in shown},
+            [{"code": code, **shown[code]} for code in rows.fault_history if code in shown],
+        )
 
     async def _read_own(self) -> None:
-        counted, settings = own_codes(self._starter.profile), _settings(self._starter.profile)
+        profile, now_s = self._starter.profile, asyncio.get_running_loop().time
         settings_s = -SETTINGS_EVERY_S
-        while self._starter.is_answering:  # its next identification begins this anew
-            now_s = asyncio.get_running_loop().time()
-            codes = counted
-            if now_s - settings_s >= SETTINGS_EVERY_S:
-                codes, settings_s = (*counted, *settings), now_s
-            entries = await self._read(codes)
-            numbers = {
-                code: float(e.value) for code, e in entries.items() if isinstance(e.value, (int, float))
-            }
+        while self._starter.is_answering:  # its next identification begins this again
+            codes = own_codes(profile)
+            if now_s() - settings_s >= SETTINGS_EVERY_S:
+                codes, settings_s = (*codes, *_settings(profile)), now_s()
+            found = await self._read(codes)
+            values = {code: entry.value for code, entry in found.items()}
+            numbers = {code: float(each) for code, each in values.items() if isinstance(each, int | float)}
             self._listener.note_own_rows(self._starter.setup.name, numbers)
             await asyncio.sleep(OWN_EVERY_S)
 
-    async def _read(self, codes: Iterable[str]) -> Rows:
+    async def _read(self, codes: Iterable[str]) -> dict[str, ParameterEntry]:
         """Return these rows as far as they are given; none when the starter cannot be asked now."""
         starter = self._starter
         if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
@@ -130,7 +124,7 @@ def _settings(profile: Profile) -> tuple[str, ...]:
 
 def _shown(profile: Profile, code: str, entry: ParameterEntry) -> dict[str, Any]:
     """Return a row as the record of a trip has it; a fault's number with the code of its alarm."""
-    shown: dict[str, Any] = {"code": code, "value": entry.value, "unit": entry.unit, "name": entry.name}
+    shown: dict[str, Any] = {"value": entry.value, "unit": entry.unit, "name": entry.name}
     if entry.label is not None:
         shown["label"] = entry.label
     if code in profile.alarm_rows and isinstance(entry.value, int) and entry.value:

@@ -1,7 +1,7 @@
 """One starter as a state: what is known of it, what has happened, what is published and when.
 
 Start at `starter_state`: `advance` is the one function that decides. `publication` says when something goes
-out; `snapshot`, `publisher` and `emitter` are what `gateway.starters.starter` holds around the two.
+out; `snapshot` and `publisher` are what `gateway.starters.starter` holds around the two.
 """
 
 from gateway.starters.state.availability import Availability
@@ -14,40 +14,8 @@ from gateway.starters.state.decoding import (
     type_of,
     unit_of,
 )
-from gateway.starters.state.emitter import Emitter, LockOf
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
-from gateway.starters.state.publisher import PublishedFaults, StatePublisher
+from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
 from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
 from gateway.starters.state.snapshot import Snapshot
-from gateway.starters.state.starter_state import UNKNOWN, NewReadings, StarterState, advance, unread
-
-__all__ = [
-    "REFRESH_S",
-    "SOONEST_S",
-    "UNKNOWN",
-    "AnswerCache",
-    "Availability",
-    "DecodedPoints",
-    "Emitter",
-    "LockOf",
-    "NewReadings",
-    "PointSources",
-    "Points",
-    "PublishedFaults",
-    "Reading",
-    "Readings",
-    "Rows",
-    "Snapshot",
-    "StarterState",
-    "StatePublisher",
-    "Value",
-    "advance",
-    "bad",
-    "good_values",
-    "read",
-    "sources_of",
-    "stale",
-    "type_of",
-    "unit_of",
-    "unread",
-]
+from gateway.starters.state.starter_state import UNKNOWN, NewReadings, advance, unread

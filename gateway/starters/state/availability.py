@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from gateway.contract import EventCode
-from gateway.starters.state.emitter import Emitter
+from gateway.starters.state.publisher import Emitter
 
 
 class Availability:

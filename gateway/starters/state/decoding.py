@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
@@ -27,21 +28,17 @@ class PointSources:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._fed_by: dict[frozenset[str], tuple[str, ...]] = {}  # the same few blocks come again
         self._codes_of = {
             name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
         }
+        self._fed_by = lru_cache(_MOST_CACHED)(self._find_fed)  # the same few blocks come again
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
-        wanted = frozenset(codes)
-        fed = self._fed_by.get(wanted)
-        if fed is None:
-            if len(self._fed_by) >= _MOST_CACHED:
-                self._fed_by.clear()
-            fed = tuple(name for name, sources in self._codes_of.items() if not wanted.isdisjoint(sources))
-            self._fed_by[wanted] = fed
-        return fed
+        return self._fed_by(frozenset(codes))
+
+    def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
+        return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
 
     def are_enough(self, rows: Rows) -> bool:
         """Return whether the points that these rows feed depend on no others."""

@@ -1,57 +1,101 @@
-"""Publishes one starter when that is due, and has it looked at again when the next thing is.
+"""Publishes one starter: events and availability at once, state and values when they are due.
 
-All timers run out on ticks, so that the loop wakes up once for many starters.
+The next look at the starter is asked for when the next thing is due. All timers run out on ticks, so that the
+loop wakes up once for many starters.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
 
 from pydantic import TypeAdapter
 
-from gateway.contract import InfoRecord
+from gateway.contract import (
+    AlarmRecord,
+    AvailabilityRecord,
+    Event,
+    EventCode,
+    InfoRecord,
+    LockRecord,
+    Presence,
+    Record,
+    RecordWriter,
+    Severity,
+    StateRecord,
+    ValueRecord,
+)
 from gateway.families import Profile, once_per_profile
+from gateway.starters.state.alarms import AlarmStatus
 from gateway.starters.state.decoding import deadbands_of, flags_of
-from gateway.starters.state.emitter import Emitter
 from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
-from gateway.starters.state.starter_state import Happenings, StarterState
+from gateway.starters.state.settled import FirstSeen
+from gateway.starters.state.starter_state import Happening, Happenings, StarterState
 from gateway.store import Documents
 from gateway.system.clock import Clock
 
 FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
 LASTING_S = 3.0
 
+LockOf = Callable[[str], LockRecord | None]
 
-class StatePublisher:
-    """Of one starter; `look` is called when it is time to look again."""
+
+class Emitter:
+    """Publishes what happens to one starter."""
+
+    def __init__(self, starter: str, records: RecordWriter) -> None:
+        self.starter = starter
+        self._records = records
+
+    def put(self, record: Record) -> None:
+        """Publish a record."""
+        self._records.sink.put(record)
+
+    def event(
+        self, event: EventCode | Event, case: str = "", /, *, severity: Severity | None = None, **fields: Any
+    ) -> None:
+        """Publish something that happened now, as `event_of` makes it."""
+        self._records.event(self.starter, event, case, severity=severity, **fields)
+
+    def availability(self, state: Presence, *, reason: str | None) -> None:
+        """Publish that the starter is online, offline or disabled from now on."""
+        since_s = self._records.clock.utc_s()
+        self.put(AvailabilityRecord(starter=self.starter, state=state, since_s=since_s, reason=reason))
+
+
+class StatePublisher(Emitter):
+    """Publishes its state besides; `look` is called when it is time to look again."""
 
     def __init__(
         self,
-        emitter: Emitter,
+        starter: str,
+        records: RecordWriter,
         profile: Profile,
         *,
-        clock: Clock,
         faults: PublishedFaults,
+        lock_of: LockOf,
         refresh_s: float = REFRESH_S,
         look: Callable[[], None],
     ) -> None:
+        super().__init__(starter, records)
+        self._lock_of = lock_of
         self._refresh_s = refresh_s  # after which unchanged values are published again
         self.is_closed = False
-        self._emitter = emitter
         self._deadbands = deadbands_of(profile)
         self._status_flags = _status_flags(profile)
         self._faults = faults
         self._published = Published()
         self._info: InfoRecord | None = None
-        self._timer = TickTimer(clock, look)
+        self._timer = TickTimer(records.clock, look)
 
     def info(self, info: InfoRecord) -> None:
         """Publish what the starter is, when that is news."""
         if info != self._info:
             self._info = info
-            self._emitter.put(info)
+            self.put(info)
 
     def publish(
         self, state: StarterState, happenings: Happenings, *, now_s: float, reason: str, look_s: float
@@ -61,31 +105,63 @@ class StatePublisher:
         `reason` says why nothing is said of a starter.
         """
         is_new = self.publish_status(state, now_s=now_s, reason=reason)
-        if happenings:
-            self._emitter.happenings(happenings, state.points)
+        for happening in happenings:
+            self.put(
+                self._alarm(happening)
+                if isinstance(happening, AlarmStatus)
+                else self._dated(happening, state.points)
+            )
         self.publish_values(state, now_s=now_s)
         if is_new or happenings:
             faults = state.published_faults
             if faults is not None:
-                self._faults.note(self._emitter.starter, faults)
+                self._faults.note(self.starter, faults)
         self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
-        """Publish the state if that is due; return whether it was."""
+        """Publish the state, its booleans and the starter's lock if that is due; return whether it was."""
         self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
-        if is_due:
-            times = [state.points[name].time_s for name in self._status_flags]
-            time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest
-            self._emitter.state(state.status, time_s=time_s, reason=reason)
-        return is_due
+        if not is_due:
+            return False
+        status, times = state.status, [state.points[name].time_s for name in self._status_flags]
+        flags = {name: value if isinstance(value, bool) else None for name, value in status.flags.items()}
+        self.put(
+            StateRecord(
+                starter=self.starter,
+                state=status.word,
+                quality=status.quality,
+                time_s=min([each for each in times if each is not None], default=None),  # of its oldest
+                seq=next(self._records.sequence),
+                boot=self._records.boot,
+                flags=flags,
+                lock=self._lock_of(self.starter),
+                reason=reason,
+                fault_code=status.number,
+            )
+        )
+        return True
 
     def publish_values(self, state: StarterState, *, now_s: float) -> None:
         """Publish the values that are due."""
         self._published, values = due_values(
             self._published, state, self._deadbands, now_s=now_s, refresh_s=self._refresh_s
         )
-        if values:
-            self._emitter.values(values)
+        sink, boot, sequence = self._records.sink, self._records.boot, self._records.sequence
+        for point, reading in values.items():
+            sink.put(
+                ValueRecord(
+                    starter=self.starter,
+                    point=point,
+                    value=reading.value,
+                    unit=reading.unit,
+                    quality=reading.quality,
+                    time_s=reading.time_s,
+                    seq=next(sequence),
+                    boot=boot,
+                    label=reading.label,
+                    reason=reading.reason,
+                )
+            )
 
     def expire(self) -> bool:
         """Have the state published again by the next look; return whether it ever was."""
@@ -101,6 +177,27 @@ class StatePublisher:
         """Look no more by itself."""
         self.is_closed = True
         self._timer.cancel()
+
+    def _alarm(self, known: AlarmStatus) -> AlarmRecord:
+        return AlarmRecord(
+            starter=self.starter,
+            code=known.alarm.code,
+            is_active=known.is_active,
+            severity=known.alarm.severity,
+            text=known.alarm.text,
+            time_s=known.raised_s,
+            cleared_s=known.cleared_s,
+            count=known.count,
+            seq=next(self._records.sequence),
+            boot=self._records.boot,
+        )
+
+    def _dated(self, happening: Happening, points: Iterable[str]) -> Record:
+        """Return an event, with the values of these points before it."""
+        event, first = happening.event, happening.first
+        if first is not None:
+            event = replace(event, data={**event.data, "before": _before(first, points)})
+        return self._records.dated(self.starter, event, time_s=happening.time_s)
 
 
 class TickTimer:
@@ -169,3 +266,14 @@ class PublishedFaults:
 def _status_flags(profile: Profile) -> tuple[str, ...]:
     """Return the booleans of the status, by which the state is dated."""
     return tuple(name for name in flags_of(profile) if profile.points[name].group == "status")
+
+
+def _before(first: FirstSeen, points: Iterable[str]) -> list[dict[str, Any]]:
+    """Return the values that were good before an event, the oldest first."""
+    names = tuple(points)
+    found: list[dict[str, Any]] = []
+    for then in first.earlier:
+        good = {name: value for name, value in zip(names, then.values, strict=True) if value is not None}
+        if good:
+            found.append({"seconds_before": round(first.now_s - then.at_s, 3), "values": good})
+    return found

@@ -38,9 +38,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.sim.bus.port import SimulatedLine
-from gateway.starters.policy.freshness import RunToken
-from gateway.starters.policy.policy import Policy
-from gateway.starters.services.services import StarterServices
+from gateway.starters import Policy, RunToken, StarterServices
 from tests.lab.bench.plant import name
 from tests.lab.torture.starters import watching_unit
 from tests.local_host import LocalHost

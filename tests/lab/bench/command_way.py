@@ -12,16 +12,14 @@ from gateway.contract import Record, StatusRecord, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.starters.command import Commands
-from gateway.starters.policy.freshness import RunToken, Tokens
+from gateway.starters import Commands, RunToken, Tokens
 from gateway.system.clock import ClockWatch
 from gateway.system.stalls import SuspendWatch
 from tests.lab.bench.calls import Counts, counted
-from tests.starters.fakes import RecordingSink
-from tests.starters.rig import CommandRig
+from tests.lab.bench.one_starter import OneStarter, RecordingSink
 
 
-class PublishingRig(CommandRig):
+class PublishingRig(OneStarter):
     """A starter with its dispatcher, whose records become MQTT messages in an outbox."""
 
     def __init__(self) -> None:

@@ -16,8 +16,8 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.sim.core.unit import SimulatedUnit
-from gateway.starters.own_points import own_points
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters import StarterSetup, merged
+from gateway.starters import own_points_of as own_points
 from gateway.starters.state import PointSources
 
 # What the gateway adds: no starter has these.

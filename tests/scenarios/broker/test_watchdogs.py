@@ -39,23 +39,7 @@ def stored(plant: RigPlant) -> str:
     return "" if "3" in json.dumps(found.get("pump")) else f"{found}"
 
 
-def change(number: int, value: int):  # type: ignore[no-untyped-def]
-    """Set a parameter at the keypad."""
-    return lambda plant: plant.starter("pump").unit.settings.__setitem__(number, value)
-
-
 ROWS = [
-    row(
-        "a watchdog of 3 s is served in time although every_s is 10",
-        given=line() + starter("pump", 1, "ssw07", every_s=10.0),
-        sim={"pump": {"settings": {313: 1, 314: 3}}},
-        then={
-            40.0: [
-                never("starter/pump/alarm/e28", active=True),
-                never("gateway/event", code="watchdog_unkept"),
-            ]
-        },
-    ),
     row(
         "a watchdog that the line can keep is set, and no event says that it may act",
         given=SSW07 + ALICE,
@@ -101,20 +85,6 @@ ROWS = [
         absent=OTHERS,
         at={15.0: reload(SLOW + PUMP + MANY)},
         then={20.0: [event("reload_refused"), msg("starter/pump/availability", state="online")]},
-    ),
-    row(
-        "a watchdog that was changed while the gateway was away is reported with both values",
-        given=SSW07,
-        sim={"pump": {"settings": {314: 30}}},
-        at={15.0: ["end", change(314, 7), "start"]},
-        then={
-            40.0: seen(
-                "starter/pump/event",
-                code="parameter_changed",
-                times=1,
-                data={"parameter": "P314", "before": {"value": 30}, "after": {"value": 7}},
-            )
-        },
     ),
     row(
         "a damaged document of watchdogs is reported, and they are read again",

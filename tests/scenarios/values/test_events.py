@@ -10,7 +10,6 @@ import pytest
 from tests.rig import ScenarioRow, command, fault, msg, never, play, result, retained, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.values.words import refuse_rows
 
 
 def of(starter: str, code: str, **fields: Any) -> Expectation:
@@ -49,21 +48,6 @@ MOTORS = [
         then={4: no("pump", "started"), 9: seen("starter/pump/event", times=1, code="stopped")},
     ),
     row(
-        "one reading alone is no event: it takes two equal ones",
-        given=SSW07,
-        at={0: READY, 3: RUNNING, 3.02: READY},
-        then={10: [no("pump", "started"), no("pump", "stopped")]},
-    ),
-    row(
-        "the ramps of a start are no further events",
-        given=SSW07,
-        sim={"pump": QUICK},
-        at={2: "pump control local", 4: "pump keypad start", 9: "pump keypad stop"},
-        then={
-            14: [of("pump", "started"), of("pump", "stopped"), of("pump", "local_operation", severity="info")]
-        },
-    ),
-    row(
         "local and remote operation are events, at the keypad too",
         given=SSW900,
         at={0: "mill S5.1.1 = 0x0102", 3: "mill S5.1.1 = 0x0002", 6: "mill S5.1.1 = 0x0102"},
@@ -71,13 +55,6 @@ MOTORS = [
             5.9: [of("mill", "local_operation"), no("mill", "remote_operation")],
             9: [of("mill", "local_operation"), of("mill", "remote_operation")],
         },
-    ),
-    row(
-        "a start by command is the same event as one at the keypad",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={3: lambda plant: plant.command("pump/alice/start")},
-        then={8: of("pump", "started")},
     ),
 ]
 
@@ -103,37 +80,6 @@ TRIPS = [
             ],
             30: msg("starter/pump/trip", code="e05", state_before="running", text=re.compile("overload")),
         },
-    ),
-    row(
-        "a number that comes a second after its bit is the trip's; the state does not wait for it",
-        given=SSW07,
-        at={0: [RUNNING, "pump P014 = 0"], 5: TRIPPED, 6.2: "pump P014 = 66"},
-        then={
-            6.1: [msg("starter/pump/state", state="fault"), no("pump", "fault")],
-            8: [
-                msg("starter/pump/alarm/e66", active=True, count=1),
-                of("pump", "fault", data={"alarm": "e66"}),
-                never("starter/pump/alarm/fault"),
-            ],
-        },
-    ),
-    row(
-        "a trip without a number is an event all the same, after 2 s at the latest",
-        given=SSW07,
-        at={0: [RUNNING, "pump P014 = 0"], 5: TRIPPED},
-        then={
-            8.1: [
-                msg("starter/pump/state", state="fault"),
-                msg("starter/pump/alarm/fault", active=True, severity="fault"),
-                of("pump", "fault"),
-            ]
-        },
-    ),
-    row(
-        "the number of the fault before is not that of the new one, until it stands still",
-        given=SSW07,
-        at={0: [RUNNING, "pump P014 = 5"], 5: TRIPPED, 6.2: "pump P014 = 66"},
-        then={9: [msg("starter/pump/state", state="fault", fault_code=66), of("pump", "fault")]},
     ),
     row(
         "a number that the manual does not name is published by its number",
@@ -194,21 +140,6 @@ TRIPS = [
         },
     ),
     row(
-        "a fault that stands at the first reading is an event, but not in the next run again",
-        given=SSW07,
-        at={0: [TRIPPED, "pump P014 = 5"], 8: "restart"},
-        then={
-            7: of("pump", "fault", data={"alarm": "e05"}),
-            16: [of("pump", "fault"), msg("starter/pump/alarm/e05", active=True)],
-        },
-    ),
-    row(
-        "an alarm that an earlier run left retained and that is over is cleared at the broker",
-        given=SSW07,
-        at={0: [TRIPPED, "pump P014 = 5"], 5: "end", 5.1: [READY, "start"]},
-        then={4: retained("starter/pump/alarm/e05", active=True), 30: retained("starter/pump/alarm/e05")},
-    ),
-    row(
         "a further fault during a fault is an event of its own",
         given=SSW07,
         at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"], 12: "pump P014 = 42"},
@@ -218,18 +149,6 @@ TRIPS = [
                 of("pump", "alarm", severity="error", data={"alarm": "e42"}),
             ]
         },
-    ),
-    row(
-        "a fault whose starter is lost before its number is read is an event all the same",
-        given=SSW07,
-        at={0: RUNNING, 5: [TRIPPED, refuse_rows("pump", {14}, 6)], 5.8: fault("silent", "pump")},
-        then={20: of("pump", "fault", data={"from": "running"})},
-    ),
-    row(
-        "a fault that is over before its number is read is an event all the same",
-        given=SSW07,
-        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 0"], 6.6: READY},
-        then={12: [of("pump", "fault"), of("pump", "cleared", data={"alarm": "fault"})]},
     ),
     row(
         "an SST's error that two readings have shown is a trip, although it is gone before the state is sure",
@@ -348,12 +267,6 @@ ALARMS = [
                 no("pump", "cleared"),
             ]
         },
-    ),
-    row(
-        "the number of the last fault is no alarm while there is no fault",
-        given=SSW07,
-        at={0: [READY, "pump P014 = 5"]},
-        then={5: [never("starter/pump/alarm/+"), never("starter/pump/event", code="fault")]},
     ),
 ]
 

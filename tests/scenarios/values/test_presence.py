@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
+from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row
 from tests.rig.rows import Expectation
-from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, starter
+from tests.rig.sites import SST, SSW06, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, refuse_rows
 
 PUMP = "starter/pump/"
@@ -53,17 +53,6 @@ PRESENCE = [
         },
     ),
     row(
-        "three lost replies are no loss of a starter",
-        given=SSW07,
-        at={5: fault("lose", "pump", count=3)},
-        then={
-            20: [
-                seen(PUMP + "availability", times=1, state="online"),
-                msg(PUMP + "state", state="ready", quality="good"),
-            ]
-        },
-    ),
-    row(
         "after four misses it is offline, with event and reason, and every value stale with its own old time",
         given=SSW07,
         at={5: fault("silent", "pump")},
@@ -75,41 +64,6 @@ PRESENCE = [
                 _every_value_is("stale"),
                 _times_are_older_than(5.1),
                 clean_line,
-            ]
-        },
-    ),
-    row(
-        "one that returns is online and good again, and says so once",
-        given=SSW07,
-        at={5: fault("silent", "pump", for_s=60)},
-        then={
-            125: [
-                msg(PUMP + "availability", state="online"),
-                msg(PUMP + "state", state="ready", quality="good"),
-                seen(PUMP + "event", times=1, code="answers_again"),
-                _every_value_is("good"),
-            ]
-        },
-    ),
-    row(
-        "one that is away is asked ever less often, but at least every 16 s",
-        given=SSW07,
-        at={5: fault("lose", "pump")},
-        then={
-            120: lambda plant: (
-                "" if 1.5 < _longest_gap(plant, since=60) <= 16.1 else f"{_longest_gap(plant, since=60)} s"
-            )
-        },
-    ),
-    row(
-        "the loss of one starter changes no other",
-        given=FOUR,
-        at={5: fault("silent", "fan", for_s=60)},
-        then={
-            30: [
-                msg("starter/fan/availability", state="offline"),
-                *(msg(f"starter/{name}/availability", state="online") for name in ("pump", "mill", "belt")),
-                *(never(f"starter/{name}/state", quality="stale") for name in ("pump", "mill", "belt")),
             ]
         },
     ),
@@ -126,43 +80,12 @@ PRESENCE = [
         },
     ),
     row(
-        "a starter that loses its control supply is offline, and comes back",
-        given=SSW900,
-        at={5: "mill power off", 30: "mill power on"},
-        then={
-            25: msg("starter/mill/availability", state="offline"),
-            90: [msg("starter/mill/availability", state="online"), _every_value_is("good", "mill")],
-        },
-    ),
-    row(
-        "a line that is unplugged takes its starters offline, and brings them back",
-        given=SSW07,
-        at={5: "line pumps unplug", 30: "line pumps plug"},
-        then={
-            20: [event("port_away"), msg(PUMP + "availability", state="offline"), _every_value_is("stale")],
-            60: [event("port_open"), msg(PUMP + "availability", state="online"), _every_value_is("good")],
-        },
-    ),
-    row(
         "a disabled starter is never asked",
         given=SSW07 + starter("spare", 9, "ssw07", enabled=False),
         then={
             10: [
                 msg("starter/spare/availability", state="disabled"),
                 lambda plant: str(plant.starter("spare").asked or ""),
-            ]
-        },
-    ),
-    row(
-        "the end of the gateway makes its starters offline and its values stale",
-        given=SSW07,
-        at={5: "end"},
-        then={
-            5.5: [
-                msg(PUMP + "availability", state="offline", reason=re.compile("the gateway ended")),
-                msg(PUMP + "state", quality="stale"),
-                _every_value_is("stale"),
-                msg("gateway/status", state="offline"),
             ]
         },
     ),

@@ -8,10 +8,9 @@ import pytest
 
 from tests.rig import ScenarioRow, msg, play, row
 from tests.rig.rows import Expectation
-from tests.rig.sites import SST, SSW06, SSW07, SSW900, line, starter
+from tests.rig.sites import SST, SSW06, SSW07, SSW900
 
 BAD = {"value": None, "quality": "bad"}
-SSW06_820A = line() + starter("fan", 2, "ssw06", model="SSW-06 820A")
 
 
 def value(topic: str, value: Any, unit: str = "", **fields: Any) -> Expectation:
@@ -75,26 +74,6 @@ ROWS = [
         value("pump/p006", 5, label="PASS (bypass)"),
     ),
     read(
-        "an SSW-06's currents below 820 A have one decimal",
-        SSW06,
-        "fan: P002 = 1005, P003 = 1234, P010 = 456, P030 = 1230",
-        15,
-        value("fan/current_pct", 100.5, "%"),
-        value("fan/current", 123.4, "A"),
-        value("fan/active_power", 45.6, "kW"),
-        value("fan/p030", 123.0, "A"),
-    ),  # 4.4
-    read(
-        "an SSW-06's currents from 820 A up are whole amperes",
-        SSW06_820A,
-        "fan: P002 = 1005, P003 = 1234, P010 = 456",
-        15,
-        value("fan/current_pct", 100.5, "%"),
-        value("fan/current", 1234.0, "A"),
-        value("fan/active_power", 456.0, "kW"),
-        model="SSW-06 820A",
-    ),  # 4.4
-    read(
         "what FC43 says of an SSW-06's size counts without a configured model",
         SSW06,
         "fan: P003 = 950",
@@ -102,13 +81,6 @@ ROWS = [
         value("fan/current", 950.0, "A"),
         model="SSW-06 1000A",
     ),
-    read(
-        "an SSW900's 32-bit current has its low word first",
-        SSW900,
-        "mill: holding 24 = 0x86A0, holding 25 = 1",
-        3,
-        value("mill/current", 10000.0, "A"),
-    ),  # 7.2.4
     read(
         "an SSW900's voltages, frequency, torque and power factor",
         SSW900,
@@ -121,24 +93,6 @@ ROWS = [
         value("mill/power_factor", 0.87),
     ),
     read(
-        "an SSW900's three powers are 32-bit values with one decimal",
-        SSW900,
-        "mill: holding 10 = 1000, holding 12 = 0, holding 13 = 1, holding 14 = 7",
-        3,
-        value("mill/active_power", 100.0, "kW"),
-        value("mill/apparent_power", 6553.6, "kVA"),
-        value("mill/reactive_power", 0.7, "kVAr"),
-    ),
-    read(
-        "an SSW900's temperature may be below zero",
-        SSW900,
-        "mill: S4.1.1 = 0xFFEC, D4.7.1 = 65535, S3.1.2 = 9",
-        15,
-        value("mill/heatsink_temperature", -20, "°C"),
-        value("mill/starts_total", 65535),
-        value("mill/s3_1_2", 9, label="Slot 1 REM"),
-    ),
-    read(
         "an SST's registers count by their low byte alone, its temperature with a sign",
         SST,
         "belt: R12 = 0x550C, R13 = 0x00F6, R17 = 24, R14 = 100",
@@ -147,15 +101,6 @@ ROWS = [
         value("belt/heatsink_temperature", -10, "°C"),
         value("belt/r17", 24, "V"),
         value("belt/r14", 100, "%"),
-    ),
-    row(
-        "an SST's voltages are whole words; 0 V of the mains means that it is not measured",
-        given=SST,
-        at={0: ["belt R18 = 401", "belt R20 = 310"], 4: "belt R18 = 0"},
-        then={
-            3.5: [value("belt/line_voltage", 401, "V"), value("belt/r20", 310, "V")],
-            6: bad("belt/line_voltage"),
-        },
     ),
     read(
         "an SST's watchdogs are values",
@@ -173,14 +118,6 @@ ROWS = [
             3.5: [bad("mill/power_factor"), value("mill/line_voltage", 400.0, "V")],
             7: value("mill/power_factor", 1.0),
         },
-    ),
-    read(
-        "a number that the manual's list does not have is a value without a name",
-        SSW900,
-        "mill: S3.1.2 = 12",
-        15,
-        value("mill/s3_1_2", 12),
-        lambda plant: plant.last("starter/mill/value/s3_1_2").get("label", ""),
     ),
     read(
         "a firmware that does not know jog and direction yet has them neither true nor false",

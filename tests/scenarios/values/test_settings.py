@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, event, msg, never, play, result, row, seen
+from tests.rig import RigPlant, ScenarioRow, command, event, never, play, result, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
 
 EVENTS = "starter/pump/event"
@@ -64,24 +62,6 @@ ROWS = [
         },
     ),
     row(
-        "an SSW900's watchdog is read at first contact",
-        given=SSW900,
-        sim={"mill": {"settings": {740: 1, 734: 80}}},
-        then={3: _watchdogs("mill", **{"C8.2.5.3": 8.0})},
-    ),
-    row(
-        "an SST's two watchdogs are read at first contact",
-        given=SST,
-        at={0: ["belt R41 = 30", "belt R42 = 60"]},
-        then={5: _watchdogs("belt", R41=30.0, R42=60.0)},
-    ),
-    row(
-        "a starter is asked in time for its watchdog, however long its period is",
-        given=SSW07.replace("every_s = 1.0", "every_s = 60.0"),
-        sim={"pump": {"settings": {314: 2, 313: 2}}},
-        then={300: [msg("starter/pump/state", state="ready"), never("starter/pump/event", code="fault")]},
-    ),
-    row(
         "a starter that does not take its commands from the line is an event with its remedy",
         given=SSW07,
         sim={"pump": {"settings": {230: 0}}},
@@ -90,11 +70,6 @@ ROWS = [
                 "readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}
             ),
         },
-    ),
-    row(
-        "one that is ready says so",
-        given=SSW07,
-        then={10: event("readiness", EVENTS, severity="info", data={"would_refuse_start": False})},
     ),
     row(
         "a setting that was changed at the keypad is found by the patrol",
@@ -142,53 +117,6 @@ ROWS = [
                 )
                 >= 98
                 else "too few"
-            )
-        },
-    ),
-    row(
-        "an operator may choose the last good start as the baseline",
-        given=SSW07 + ALICE,
-        at={5: command("pump/alice/start"), 60: command("pump/alice/baseline")},
-        then={
-            59: msg("starter/pump/start", outcome="full_voltage", is_baseline=True),
-            65: [msg("result/pump/alice", verb="baseline", phase="confirmed", start=...)],
-        },
-    ),
-    row(
-        "without a start there is no baseline",
-        given=SSW07 + ALICE,
-        at={5: command("pump/alice/baseline")},
-        then={8: result("baseline rejected no_start")},
-    ),
-    row(
-        "a start's record says who gave it, how long it took and how far it came",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={5: command("pump/alice/start", id="mine")},
-        then={
-            30: msg(
-                "starter/pump/start",
-                outcome="full_voltage",
-                cause={"source": "command", "client": "alice", "command_id": "mine"},
-                acceleration_s=pytest.approx(0.8, abs=0.5),
-                samples={"t_s": ..., "current": ...},
-            )
-        },
-    ),
-    row(
-        "the record of a trip has what was read before it",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={5: command("pump/alice/start"), 15: "pump trip E66"},
-        then={
-            60: msg(
-                "starter/pump/trip",
-                code="e66",
-                state_before="running",
-                text=re.compile("overcurrent"),
-                readings={"t_s": ..., "points": ...},
-                at_fault=...,
-                fault_history=...,
             )
         },
     ),

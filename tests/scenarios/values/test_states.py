@@ -90,12 +90,6 @@ ROWS = [
         absent=("pump",),
         then={10: msg("starter/pump/state", state="unknown", quality="bad", time=None, running=None)},
     ),
-    row(
-        "a starter that is silent has the state unknown, stale, and no booleans",
-        given=SSW07,
-        at={3: ["pump VB01 = 0x5123"], 5: lambda plant: plant.line_of("pump").silent("pump")},
-        then={20: msg("starter/pump/state", state="unknown", quality="stale", running=None)},
-    ),
 ]
 
 

@@ -23,8 +23,15 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.values.words import is_deaf_after_fc43, is_silent_to_fc43, names_itself, nothing_written
+from tests.scenarios.values.words import (
+    answers,
+    is_deaf_after_fc43,
+    is_silent_to_fc43,
+    names_itself,
+    nothing_written,
+)
 
+VB00 = (5000).to_bytes(2, "big")
 SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
 
 
@@ -175,20 +182,6 @@ ROWS = [
     *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
     *(
         row(
-            f"an {family} that names itself as no known starter is none, whatever its registers say",
-            given=SITES[family][1],
-            at={0: names_itself(SITES[family][0], "CFW-11")},
-            then={
-                30: [
-                    msg(f"starter/{SITES[family][0]}/state", state="unknown", reason=re.compile("CFW-11")),
-                    never("starter/+/value/+", quality="good", unit="A"),
-                ]
-            },
-        )
-        for family in ("ssw06", "ssw07")
-    ),
-    *(
-        row(
             f"a device with the registers of an SSW-08 that {said} is read, but takes no command but a stop",
             given=SSW07 + ALICE,
             at={0: habit, 20: command("pump/alice/start"), 30: command("pump/alice/stop")},
@@ -223,12 +216,6 @@ ROWS = [
             },
         )
         for configured, there in (("ssw07", "ssw06"), ("ssw900", "ssw07"))
-    ),
-    row(
-        "an SSW900 is known by its slots, whatever it calls itself",
-        given=SSW900,
-        at={0: names_itself("mill", "CFW-11")},
-        then={10: msg("starter/mill/state", state="ready", quality="good")},
     ),
     row(
         "an SSW-06 in an SSW-07's place that says its name only after a while is one event",
@@ -416,10 +403,76 @@ ROWS = [
         },
     ),
     row(
-        "one that does not answer and is known by its registers is asked three times",
-        given=SSW06,
-        at={0: is_silent_to_fc43("fan")},
-        then={50: [asked_its_name("fan", 0.1, 2.2, 6.3), msg("starter/fan/state", quality="good")]},
+        "one whose name was corrupted once is asked again 2 s later: its values are good, a start acts",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={0: names_itself("pump", "CFW-11", for_s=1.0), 5: command("pump/alice/start")},
+        then={
+            2: event("identity_mismatch", "starter/pump/event"),
+            5: [msg("starter/pump/state", quality="good"), msg("starter/pump/availability", state="online")],
+            10: result("start confirmed ok"),
+        },
+    ),
+    *(
+        row(
+            f"an {family} that comes back without a silence is known after as long as it was away at most",
+            given=SITES[family][1] + ALICE,
+            sim={SITES[family][0]: {"family": there, **its}},
+            at={25: swap(SITES[family][0], family, **QUICK), 52: command(f"{SITES[family][0]}/alice/start")},
+            then={
+                24: event("identity_mismatch", f"starter/{SITES[family][0]}/event"),
+                52: msg(f"starter/{SITES[family][0]}/state", quality="good"),
+                58: result("start confirmed ok"),
+            },
+        )
+        for family, there, its in (
+            ("ssw07", "ssw06", {}),
+            ("ssw06", "ssw07", {}),
+            ("ssw900", "ssw06", {}),
+            ("sst", "ssw07", {}),
+        )
+    ),
+    row(
+        "one that comes back after a device without FC43 is asked its name before its values are good",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw900"}},
+        at={0: fault("refuse", "pump", 1, (43,), for_s=25), 25: swap("pump", "ssw07", **QUICK)},
+        then={
+            24: event("identity_mismatch", "starter/pump/event"),
+            60: [
+                msg("starter/pump/state", quality="good"),
+                msg("starter/pump/info", model=re.compile("SSW-07")),
+                never("starter/pump/event", code="identity_unknown"),
+            ],
+        },
+    ),
+    row(
+        "one that is known for another family by its registers is asked its name once, though asked again",
+        given=SSW07,
+        sim={"pump": {"family": "ssw06"}},
+        at={0: is_silent_to_fc43("pump")},
+        then={
+            300: [
+                times_asked_its_name("pump", 1),
+                seen("starter/pump/event", times=1, code="identity_mismatch"),
+            ]
+        },
+    ),
+    row(
+        "one of another family that gives no answer when it is asked again stays known for it: a stop does",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw06"}},
+        at={
+            3: answers("pump", lambda pdu: None if pdu[0] == 0x2B or pdu[1:3] == VB00 else b"", for_s=60),
+            30: command("pump/alice/stop"),
+        },
+        then={
+            60: [
+                seen("starter/pump/event", times=1, code="identity_mismatch"),
+                never("starter/pump/event", code="identity_unknown"),
+                result("stop confirmed ok"),
+            ]
+        },
     ),
     row(
         "no value is good before it is known who answers",

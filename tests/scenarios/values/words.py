@@ -36,12 +36,12 @@ def answers(name: str, habit: Callable[[bytes], bytes | None], *, for_s: float |
     return change
 
 
-def names_itself(name: str, product: str) -> Action:
+def names_itself(name: str, product: str, *, for_s: float | None = None) -> Action:
     """Have a device say another product's name when it is asked for its identification (FC43)."""
     texts = (b"ACME", product.encode(), b"V1.00")
     objects = b"".join(bytes((number, len(text))) + text for number, text in enumerate(texts))
     reply = bytes.fromhex("2b 0e 01 81 00 00 03") + objects
-    return answers(name, lambda pdu: reply if pdu[0] == 0x2B else b"")
+    return answers(name, lambda pdu: reply if pdu[0] == 0x2B else b"", for_s=for_s)
 
 
 def is_silent_to_fc43(name: str, *, for_s: float | None = None) -> Action:

@@ -6,8 +6,7 @@ import asyncio
 
 from gateway.starters.policy.start_rules import RateLimiter, RateLimits
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
-from tests.starters.rig import virtually
-from tests.virtual_time import VirtualClock
+from tests.virtual_time import VirtualClock, virtually
 
 
 def taken(bucket: Bucket, *times_s: float) -> list[bool]:

@@ -66,6 +66,10 @@ TRIPS = [
     (((2, TRIP), (2.1, REST), (5, "")), []),  # a single reading
     (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (2.4, "P014=5")), ["e05 on", f"2 {OVERLOAD}"]),
     (((2, TRIP), (2.1, "P014=5"), (2.2, "P014=5"), (2.3, TRIP)), ["e05 on", f"2 {OVERLOAD}"]),
+    (  # the number of the fault before is not its own
+        ((1.5, "P014=7"), (1.7, "P014=7"), (2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (2.4, "P014=5")),
+        ["e05 on", f"2 {OVERLOAD}"],
+    ),
     (((2, TRIP), (2.1, TRIP), (2.2, "P014=5"), (3.9, "")), []),  # its number has been read once
     (((2, TRIP), (2.1, TRIP), (4, "")), ["fault on", "2 fault, its number is not known"]),
     (((2, TRIP), (2.1, TRIP), (2.2, "lost"), (4, "")), ["2 fault with an unknown number"]),
