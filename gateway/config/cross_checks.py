@@ -28,6 +28,7 @@ from gateway.config.mistakes import (
 )
 from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
+from gateway.config.site_checks import site_mistakes
 from gateway.config.toml_lines import Key
 from gateway.contract import CommandError
 from gateway.families import FAMILIES, Profile, load_profile, parameters
@@ -47,6 +48,7 @@ def broken_rules(document: Document) -> list[Mistake]:
         *_groups(document),
         *_feeders(document),
         *_simulated(document),
+        *site_mistakes(document),
     ]
 
 
@@ -135,7 +137,7 @@ def _serial(key: Key, line: Document, profile: Profile, name: str) -> Iterator[M
 
 def _patterns(document: Document) -> Iterator[Mistake]:
     names = [name for _, starter in starters_in(document) if (name := text_in(starter, "name"))]
-    for where in ("operator", "rules", "group"):
+    for where in ("operator", "rules", "group", "points"):
         for index, table in enumerate(list_in(document, where)):
             patterns = list_in(table, "starters") if isinstance(table, Mapping) else []
             for position, pattern in enumerate(patterns):

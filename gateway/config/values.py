@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ipaddress
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from gateway.families import FAMILIES, LANGUAGES
 
 NAME_PATTERN = r"^[a-z0-9_-]+$"
 FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
@@ -17,13 +19,25 @@ PROM_FILE_PATTERN = r"^[^\x00]*[^/\x00]\.prom$"
 BASE_PATH_PATTERN = r"^/([A-Za-z0-9_.~-]+/?)*$"
 TOPIC_PATTERN = r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$"
 URL_PATTERN = r"^https?://[^\s/]+(/\S*)?$"
+ROW_CODE_PATTERN = r"^[A-Z][A-Z0-9]*(\.[0-9]+)*$"
+ROW_PATTERN_PATTERN = r"^[A-Za-z0-9.*?]+$"
+POINT_NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
 SPARKPLUG_ID_PATTERN = r"^[^+/#\x00-\x1f\x7f]+$"
 SCHEMES = {"mqtt": 1883, "mqtts": 8883}
 
+if TYPE_CHECKING:
+    Family = str
+    Language = str
+else:
+    Family = Literal[FAMILIES]  # whatever profiles there are
+    Language = Literal[LANGUAGES]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
 HostName = Annotated[str, Field(pattern=HOST_PATTERN, max_length=253)]
 Text = Annotated[str, Field(min_length=1, max_length=1024)]
+RowCode = Annotated[str, Field(pattern=ROW_CODE_PATTERN, max_length=32)]
+RowPattern = Annotated[str, Field(pattern=ROW_PATTERN_PATTERN, max_length=32)]
+PointName = Annotated[str, Field(pattern=POINT_NAME_PATTERN, max_length=64)]
 SparkplugId = Annotated[str, Field(pattern=SPARKPLUG_ID_PATTERN, max_length=128)]
 
 

@@ -15,6 +15,8 @@ from tests.config.sites import SITE, changed
 
 LINE = password_line("correct horse", salt=b"0123456789abcdef")
 USER = f'[[web.user]]\nname = "anna"\npassword = "{LINE}"\noperator = "alice"'
+ROW = '[[row]]\nfamily = "ssw07"\nname = "ramp"\ntitle = "A ramp"\nparameter = '
+MENU = '[[row]]\nfamily = "ssw900"\nname = "x"\ntitle = "X"\nwritable = true\nmin = 0\nmax = 1\nparameter = '
 MISTAKES = r"""
 name = "mcc1" => name = "MCC 1" | line 2: gateway.name: is 'MCC 1' (only a-z, 0-9, _ and -)
 name = "mcc1" => name = 7 | line 2: gateway.name: is 7 (must be a text in quotes)
@@ -148,9 +150,52 @@ framing = "8E1" => framing = "8E1"\nlearn_response_times = true
     | homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)
 [homeassistant]\ndiscovery_prefix = "home assistant" | is 'home assistant' (levels of a topic,
 [homeassistant]\npage_url = "mcc1" | is 'mcc1' (an address that begins with http:// or https://)
+every_s = 2.0 => points = ["S1.1.1", "S1.1.9"]
+    | line 22: line[0].starter[1].points[1]: 'S1.1.9' fits no row of ssw900 (did you mean S1.1.
+every_s = 2.0 => points = ["D9.*"] | line[0].starter[1].points[0]: 'D9.*' fits no row of ssw900 (the page of
+every_s = 2.0 => points = "S1.1.1" | line[0].starter[1].points: is 'S1.1.1' (must be a list
+every_s = 2.0 => points = ["S1/1"] | points[0]: is 'S1/1' (a code of the manual, such as
+framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
+    | line 12: line[0].points[2]: 'R41' fits no row of ssw07 or ssw900
+[[points]]\nfamily = "ssw07"\ncodes = ["P200"] | points[0].codes[0]: P200 of ssw07 cannot be read
+[[points]]\nfamily = "ssw07"\ncodes = ["P000"] | points[0].codes[0]: P000 of ssw07 is a password
+[[points]]\nfamily = "ssw07"\ncodes = ["P102"]
+    | points[0].codes[0]: 'P102' fits no row of ssw07 (describe it with a [[row]]; or did you mean P
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nevery_s = 0 | points[0].every_s: is 0 (must be at least 0.1)
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"] | points[0].starters[0]: 'fan' fits no starter
+ROW"P102"\nmin = 1\nwritable = true | row[0].writable: needs max beside it
+ROW"P102"LIMITS\nscale = 0.5 | row[0].scale: is 0.5 (one of 1, 0.1, 0.01,
+ROW"P102"\nmin = 9\nmax = 1 | row[0].max: 9 to 1 do not fit u16
+ROW"P102"\nmin = 0\nmax = 1\nwhile = "running" | row[0].while: is 'running' (one of
+ROW"P102"LIMITS\naddress = 7 | row[0].address: is 7, and not the number of P102
+ROW"X102"LIMITS | row[0].parameter: 'X102' is no parameter of ssw07
+ROW"p102"LIMITS | row[0].parameter: is 'p102' (a code as the manual prints it, in capitals
+ROW"P314"LIMITS | row[0].parameter: P314 is not to be described: the family's manual desc
+ROW"P220"LIMITS | row[0].parameter: P220 is not to be described
+ROW"P200"LIMITS | row[0].parameter: P200 is not to be described
+ROW"P005"LIMITS | P005 is not to be described: it is read as a point of the family
+ROW"P264"LIMITS | P264 is not to be described: an input may command the motor
+ROW"P231"LIMITS | P231 is not to be described: it may choose who commands the motor
+ROW"P310"LIMITS | P310 is not to be described: it may cut the connection
+ROW"P204"LIMITS | P204 is not to be described: it loads or erases parameters
+[[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
+    | row[0].name: 'current' is a name of ssw07 already
+[[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "p101"
+    | row[0].name: 'p101' is a name of ssw07 already
+MENU"C5.3.9"\naddress = 900 | C5.3.9 is not to be described: its registers are those of
+MENU"C5.3.9" | row[0].parameter: needs address beside it
+MENU"C3.9"\naddress = 2000 | C3.9 is not to be described: it may choose who commands the motor
+MENU"S5.2.5"\naddress = 2000 | S5.2.5 is not to be described
+[[row]]\nfamily = "sst"\nparameter = "R50"\nname = "x"\ntitle = "X" | row[0].family: the manual of sst
+ROW"P102"LIMITS\nROW"P102"LIMITS | row[1].parameter: 'P102' is also row[0].parameter (describe each row once)
 [sparkplug]\ngroup = "a/b" | sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)
 """
 RIGHT = r"""
+ROW"P102"LIMITS\nscale = 0.1\nunit = "s"\nwhile = "always"\n[[points]]\nfamily = "ssw07"\ncodes = ["p102", "P1*"]
+ROW"P202"
+ROW"P101"LIMITS
+MENU"C5.3.9"\naddress = 2000\ntype = "s32"
+[[points]]\nfamily = "sst"\ncodes = ["R??"]
 [homeassistant]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"
 [homeassistant]\ndiscovery_prefix = "ha/one"\nbirth_topic = "ha/one/Status.1"
@@ -170,6 +215,8 @@ RIGHT = r"""
 def text_of(row: str) -> str:
     """Return the configuration of a row."""
     new = row.replace("\\n", "\n").replace("USER", USER).replace("LINE", LINE).replace("A65", "a" * 65)
+    for short, text in {"ROW": ROW, "MENU": MENU, "LIMITS": "\nmin = 1\nmax = 9\nwritable = true"}.items():
+        new = new.replace(short, text)
     old, arrow, by = new.partition(" => ")
     return changed((old, by)) if arrow else f"{SITE}{new}\n"
 

@@ -23,7 +23,8 @@ class Point(Model):
     bit: int | None = Field(default=None, ge=0, le=15)
     true_when: tuple[int, ...] = ()  # a boolean: the raw value is one of these
     none_of: tuple[str, ...] = ()  # a boolean: all these points are false (no `code` then)
-    group: Literal["status", "values", "slow"] = "values"
+    group: Literal["status", "values", "slow", "extra"] = "values"  # extra: only where a site asks for it
+    every_s: float | None = Field(default=None, gt=0)  # of an extra point; None: as its group
     deadband: float = 0.0  # in the row's unit
     zero_is_missing: bool = False  # the manual: 0 means "not available"
     since_firmware: str = ""  # e.g. "1.40"; older firmware does not have it (SSW-07 4.2.1)
@@ -139,6 +140,9 @@ class Rows(Model):
     clock: tuple[str, ...] = ()  # settings that go on by themselves
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
+    optional: tuple[
+        str, ...
+    ] = ()  # only with an accessory; each is read alone, so that a missing one is refused
 
 
 class Timeout(Model):
@@ -165,6 +169,7 @@ class Protected(Model):
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
     actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
     password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
+    site: dict[str, str] = {}  # by how their codes begin: no site may describe them as rows to be set
     timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
@@ -284,7 +289,7 @@ _T = TypeVar("_T")
 
 def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
     """Return `make` with its results remembered, for all starters of a family; they must never be changed."""
-    return lru_cache(maxsize=64)(make)  # a site has a few profiles, tests have many
+    return lru_cache(maxsize=512)(make)  # a site has a few profiles: most starters ask for the same points
 
 
 class Variant(Model):
