@@ -231,10 +231,8 @@ def _print_extra(table: LineTable) -> None:
     if not any(each.asked for each in table.starters):
         return
     cost = extra_cost_of(table)
-    counts = ", ".join(f"{name} {count}" for name, count in cost.points.items() if count)
-    print(
-        f"  points asked for: {counts or 'none'}; {counted(cost.reads, 'read')} more, {cost.load:.1%} of its time"
-    )
+    counts = ", ".join(f"{name} {count}" for name, count in cost.points.items() if count) or "none"
+    print(f"  points asked for: {counts}; {counted(cost.reads, 'read')} more, {cost.load:.1%} of its time")
     for name, codes in cost.already.items():
         if codes:
             print(f"  {name} has as points already: {', '.join(codes)}")

@@ -81,7 +81,7 @@ class Block:
     extra_s: float | None = None  # the period of an extra block
 
     def period_s(self, every_s: float) -> float:
-        """Return how often it is read, whatever the motor's state, where the status is read every so often."""
+        """Return how often it is read at any state of the motor; `every_s` is the period of the status."""
         if self.extra_s is not None:
             return self.extra_s
         return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * every_s) if self.group == SLOW else every_s

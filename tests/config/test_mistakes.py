@@ -161,8 +161,10 @@ framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
 [[points]]\nfamily = "ssw07"\ncodes = ["P000"] | points[0].codes[0]: P000 of ssw07 is a password
 [[points]]\nfamily = "ssw07"\ncodes = ["P102"]
     | points[0].codes[0]: 'P102' fits no row of ssw07 (describe it with a [[row]]; or did you mean P
-[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nevery_s = 0 | points[0].every_s: is 0 (must be at least 0.1)
-[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"] | points[0].starters[0]: 'fan' fits no starter
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nevery_s = 0
+    | points[0].every_s: is 0 (must be at least 0.1)
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"]
+    | points[0].starters[0]: 'fan' fits no starter
 ROW"P102"\nmin = 1\nwritable = true | row[0].writable: needs max beside it
 ROW"P102"LIMITS\nscale = 0.5 | row[0].scale: is 0.5 (one of 1, 0.1, 0.01,
 ROW"P102"\nmin = 9\nmax = 1 | row[0].max: 9 to 1 do not fit u16
@@ -191,7 +193,8 @@ ROW"P102"LIMITS\nROW"P102"LIMITS | row[1].parameter: 'P102' is also row[0].param
 [sparkplug]\ngroup = "a/b" | sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)
 """
 RIGHT = r"""
-ROW"P102"LIMITS\nscale = 0.1\nunit = "s"\nwhile = "always"\n[[points]]\nfamily = "ssw07"\ncodes = ["p102", "P1*"]
+ROW"P102"LIMITS\nscale = 0.1\nunit = "s"\nwhile = "always"
+ROW"P102"\n[[points]]\nfamily = "ssw07"\ncodes = ["p102", "P1*"]
 ROW"P202"
 ROW"P101"LIMITS
 MENU"C5.3.9"\naddress = 2000\ntype = "s32"

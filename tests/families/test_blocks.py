@@ -163,9 +163,9 @@ def extra(family: str, asked: str, every_s: float = 1.0, *, baud: int = 19200) -
             "extra:P312=h312*3/3 extra:P308=h308*1/1",
         ),
         ("ssw06", "P314@0.5 P313@30", 1.0, "extra:P314=h314*1/1 extra:P313=h313*1/1"),
-        # what only an accessory has is alone, and so is what the manual does not vouch for where 0 says nothing
+        # what only an accessory has is alone, where a 0 would say nothing
         ("ssw900", "S4.3.1 S4.3.2", 1.0, "extra:S4.3.1=h63*1/1 extra:S4.3.2=h64*1/1"),
-        # where it does, a refusal tells
+        # where a refusal says it
         ("ssw07", "P093 P094", 1.0, "extra:P093=h93*2/2"),
         # coils and registers
         ("sst", "COIL22 R31 R33@5", 1.0, "status:COIL1=c0*26/23 extra:R31=i31*3/2"),

@@ -219,11 +219,17 @@ WRITABLE = PUMP_ROW + "writable = true\n" + ALICE
 HELD = {"pump": {**QUICK, "settings": {102: 12}}}
 
 
+def takes_writes(plant: RigPlant) -> None:
+    """The simulated pump has the row, as its programming manual says."""
+    unit: Any = plant.starter("pump").unit
+    unit.limits = {**unit.limits, 102: (1, 90)}
+
+
 def own(
     name: str, words: str, *then: Expectation, first: Any = (), given: str = WRITABLE, **args: Any
 ) -> ScenarioRow:
     """A command that names a row of the site's own."""
-    at: dict[float, Any] = {1.0: first, 5.0: do(words, **args)}
+    at: dict[float, Any] = {0.0: takes_writes, 1.0: first, 5.0: do(words, **args)}
     return row(name, given=given, sim=HELD, at=at, then={12.0: then})
 
 
@@ -280,7 +286,7 @@ ROWS = [
         value=30,
     ),
     row(
-        "what is changed at the keypad is told of it too",
+        "its change at the keypad is an event",
         given=WRITABLE,
         sim=HELD,
         at={900.0: lambda plant: plant.starter("pump").unit.settings.update({102: 40})},
@@ -305,6 +311,7 @@ ROWS = [
         cli("parameters restore CONFIG pump DIR/set.toml", out="P102"),
         frames("pump", "06 00 66 00 0c"),
         end_s=1.0,
+        then=[takes_writes],
         sim=HELD,
     ),
 ]
@@ -340,7 +347,7 @@ def born_with(name: str, **metrics: Any) -> Expectation:
 
 
 def announced(name: str, key: str, **fields: Any) -> Expectation:
-    """Home Assistant is told of an entity that is off at first."""
+    """An entity is announced that is off at first."""
 
     def check(plant: RigPlant) -> str:
         found = entity(plant, key, name)
