@@ -185,6 +185,7 @@ ROW"P204"LIMITS | P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "p101"
     | row[0].name: 'p101' is a name of ssw07 already
 MENU"C5.3.9"\naddress = 900 | C5.3.9 is not to be described: its registers are those of
+MENU"C5.3.9"\naddress = 1599\ntype = "u32" | C5.3.9 is not to be described: its registers may be
 MENU"C5.3.9" | row[0].parameter: needs address beside it
 MENU"C3.9"\naddress = 2000 | C3.9 is not to be described: it may choose who commands the motor
 MENU"S5.2.5"\naddress = 2000 | S5.2.5 is not to be described

@@ -86,6 +86,9 @@ def why_not_described(profile: Profile, row: Parameter) -> str:
         over = _overlapped(profile, row)
         if over is not None:
             return f"its registers are those of {over.code}"
+        end = row.address + row.words - 1
+        if any(first <= end and row.address <= last for first, last in profile.protected.stand_ins):
+            return "its registers may be those of any other row"
     reasons = profile.protected.site.items()
     if row.access is Access.RW:
         return next((why for begins, why in reasons if row.code.startswith(begins)), "")

@@ -170,6 +170,7 @@ class Protected(Model):
     actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
     password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
     site: dict[str, str] = {}  # by how their codes begin: no site may describe them as rows to be set
+    stand_ins: tuple[tuple[int, int], ...] = ()  # first and last registers that are any others: no site may
     timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
