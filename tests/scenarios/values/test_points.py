@@ -143,6 +143,17 @@ VALUES = [
         },
     ),
     row(
+        "a reload that reads the starter less often leaves its points as they are",
+        given=line() + starter("mill", 3, "ssw900", points=["S1.6.1"]),
+        at={20: reload(line() + starter("mill", 3, "ssw900", every_s=40.0, points=["S1.6.1"]))},
+        then={
+            120: [
+                event("reloaded", data={"starters_paced": ["mill"]}),
+                reads("mill", 3, 16, 16, every_s=10.0, since_s=40.0),
+            ]
+        },
+    ),
+    row(
         "a row that this starter refuses is bad, and takes no other with it",
         given=PUMP_ROW.replace('["P102"]', '["P102", "P220", "P277"]'),
         then={
@@ -329,7 +340,7 @@ EVERYWHERE = (
     + SPARKPLUG
     + HOME_ASSISTANT
     + table("[points]", family="ssw06", codes=["P314", "P220"], every_s=2.0)
-    + table("[points]", family="ssw07", codes=["P003", "P101", "P313"])
+    + table("[points]", family="ssw07", codes=["P003", "P101", "P313", "P314", "P220"])
     + table("[points]", family="ssw900", codes=["S1.1.*", "D4.*", "D6.*", "S5.4.*", "S3.5.*", "S4.3.1"])
     + table("[points]", family="sst", codes=["COIL2?", "R30", "R31", "R32", "R37", "R1"])
 )
@@ -357,6 +368,24 @@ def announced(name: str, key: str, **fields: Any) -> Expectation:
     return check
 
 
+def forty_good(plant: RigPlant) -> str:
+    """Forty points or more that are asked for, and the values of all of them are good."""
+    asked = [
+        f"starter/{name}/value/{point}"
+        for name in ("pump", "fan", "mill", "belt")
+        for point, said in plant.last(f"starter/{name}/info")["points"].items()
+        if "every_s" in said
+    ]
+    not_good = [each for each in asked if plant.last(each)["quality"] != "good"]
+    return "" if len(asked) >= 40 and not not_good else f"{len(asked)}, not good: {not_good}"
+
+
+def within_its_load(plant: RigPlant) -> str:
+    """The line is used for what was computed, or for less since motors at rest are read more slowly."""
+    said = plant.last("gateway/line/pumps")
+    return "" if said["utilisation"] <= said["computed"]["load"] < 1 else str(said)
+
+
 DOORS = [
     row(
         "every consumer takes the points of all families",
@@ -365,6 +394,7 @@ DOORS = [
         then={
             20: [
                 value("fan/p314", 155.0, "s"),
+                forty_good,
                 # the page
                 answer("/api/v1/starter/fan", topics={"starter/fan/value/p314": {"value": 155.0}}),
                 answer("/api/v1/starter/belt", topics={"starter/belt/value/coil22": ...}),
@@ -387,7 +417,8 @@ DOORS = [
                 shown("p314", "155.0", "fan"),
                 shown("coil22", "False", "belt"),
                 shown("s3_5_1", "PT100", "mill"),
-            ]
+            ],
+            90: within_its_load,
         },
     ),
 ]
