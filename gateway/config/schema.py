@@ -18,11 +18,14 @@ from gateway.config.site_tables import DEFAULT_EVERY_S, Additions, PointsTable, 
 from gateway.config.values import (
     FIRMWARE_PATTERN,
     SCHEMES,
+    Base,
+    BrokerUrl,
     ConfigTable,
     Family,
     Glob,
     Language,
     Name,
+    Port,
     RowPattern,
     Text,
 )
@@ -79,8 +82,8 @@ class GatewayTable(ConfigTable):
 class MqttTable(ConfigTable):
     """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
 
-    url: Text = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
-    base: Text = Field(
+    url: BrokerUrl = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
+    base: Base = Field(
         default=DEFAULT_BASE,
         description="What all topics begin with; {gateway} stands for the gateway's name.",
     )
@@ -306,7 +309,7 @@ class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
     name: Name = Field(description="The line's name: a level in the topic of its statistics.")
-    port: Text = Field(description="The adapter: an absolute path, or socket://host:port.")
+    port: Port = Field(description="The adapter: an absolute path, or socket://host:port.")
     baud: Baud = Field(description="Rate, the same in all starters of the line.")
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
     adapter_allowance_s: float = Field(

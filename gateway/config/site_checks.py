@@ -2,57 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-from pydantic import ValidationError
-
-from gateway.config.mistakes import Document, Mistake, again, lines_in, list_in, starters_of, text_in
-from gateway.config.site_tables import SCALES, RowTable, rows_of
+from gateway.config.mistakes import Mistake, Tables, again
+from gateway.config.schema import LineTable, StarterTable
+from gateway.config.site_tables import SCALES, PointsTable, RowTable, rows_of
 from gateway.config.toml_lines import Key
 from gateway.contract import to_level
 from gateway.families import FAMILIES, TYPE_LIMITS, Profile, Type, extension, load_profile
 
 
-def site_mistakes(document: Document) -> Iterator[Mistake]:
+def site_mistakes(tables: Tables) -> Iterator[Mistake]:
     """Yield every mistake in what a site adds that no single value shows."""
-    tables = [
-        (("row", index), row)
-        for index, table in enumerate(list_in(document, "row"))
-        if (row := _row_in(table)) is not None
-    ]
-    yield from _rows(tables)
-    added = [row for _, row in tables]
+    rows = [(key, table) for key, table in tables.items() if isinstance(table, RowTable)]
+    yield from _rows(rows)
     profiles = {
-        family: extension.extended(load_profile(family), rows_of(family, added), ()) for family in FAMILIES
+        family: extension.extended(load_profile(family), rows_of(family, [row for _, row in rows]), ())
+        for family in FAMILIES
     }
-    for key, line in lines_in(document):
-        families = [(at, profiles.get(text_in(each, "family")), each) for at, each in starters_of(key, line)]
-        known = [profile for _, profile, _ in families if profile is not None]
-        yield from _codes((*key, "points"), list_in(line, "points"), known)
-        for at, profile, starter in families:
-            yield from _codes((*at, "points"), list_in(starter, "points"), [profile] if profile else [])
-    for index, table in enumerate(list_in(document, "points")):
-        if isinstance(table, Mapping) and text_in(table, "family") in profiles:
-            profile = profiles[table["family"]]
-            yield from _codes(("points", index, "codes"), list_in(table, "codes"), [profile])
+    for key, table in tables.items():
+        match table:
+            case LineTable():
+                families = dict.fromkeys(each.family for each in table.starters)
+                yield from _codes((*key, "points"), table.points, [profiles[each] for each in families])
+            case StarterTable():
+                yield from _codes((*key, "points"), table.points, [profiles[table.family]])
+            case PointsTable():
+                yield from _codes((*key, "codes"), table.codes, [profiles[table.family]])
 
 
-def _codes(key: Key, patterns: Sequence[Any], profiles: Sequence[Profile]) -> Iterator[Mistake]:
+def _codes(key: Key, patterns: Sequence[str], profiles: Sequence[Profile]) -> Iterator[Mistake]:
     """Yield codes and patterns that fit no readable row of any of these families."""
     for position, pattern in enumerate(patterns):
-        if not isinstance(pattern, str) or not profiles:
-            continue
         if not any(extension.matching(profile, pattern) for profile in profiles):
             yield Mistake((*key, position), *extension.why_no_row(profiles, pattern))
-
-
-def _row_in(table: Any) -> RowTable | None:
-    """Return a table of a row; None where one of its values is wrong by itself."""
-    try:
-        return RowTable.model_validate(table)
-    except ValidationError:
-        return None
 
 
 def _rows(tables: Sequence[tuple[Key, RowTable]]) -> Iterator[Mistake]:

@@ -17,6 +17,8 @@ LINE = password_line("correct horse", salt=b"0123456789abcdef")
 USER = f'[[web.user]]\nname = "anna"\npassword = "{LINE}"\noperator = "alice"'
 ROW = '[[row]]\nfamily = "ssw07"\nname = "ramp"\ntitle = "A ramp"\nparameter = '
 MENU = '[[row]]\nfamily = "ssw900"\nname = "x"\ntitle = "X"\nwritable = true\nmin = 0\nmax = 1\nparameter = '
+LIMITS = "\nmin = 1\nmax = 9\nwritable = true"
+STARTER = '[[line.starter]]\nname = "b"\naddress = 1\nfamily = "ssw07"\n'
 MISTAKES = r"""
 name = "mcc1" => name = "MCC 1" | line 2: gateway.name: is 'MCC 1' (only a-z, 0-9, _ and -)
 name = "mcc1" => name = 7 | line 2: gateway.name: is 7 (must be a text in quotes)
@@ -35,7 +37,8 @@ framing = "8E1" => framing = "8E1"\norder = ["pump-2", "pump-1", "pump-2"]
 framing = "8E1" => framing = "7E1" | line 11: line[0].framing: is '7E1' (did you mean 8E1?)
 ["start", "stop"] => [] | line 26: operator[0].may: is empty (name at least one)
 ["start", "stop"] => "start" | line 26: operator[0].may: is 'start' (must be a list, e.g. ["start", "stop"])
-["pump-*"] => ["Pump*"] | line 27: operator[0].starters[0]: 'Pump*' fits no starter
+["pump-*"] => ["Pump*"] | line 27: operator[0].starters[0]: is 'Pump*' (only a-z, 0-9, _ and -, and * or
+["pump-*"] => ["fan*"] | line 27: operator[0].starters[0]: 'fan*' fits no starter
 ["start", "stop"] => ["start", 3] | line 26: operator[0].may[1]: is 3 (must be 'start', 'stop',
 name = "mcc1" => name = "A65" | line 2: gateway.name: has 65 characters (at most 64)
 [mqtt] => [mqtt]\nusername = "" | line 5: mqtt.username: is empty (leave the key out, or give it a value)
@@ -126,7 +129,7 @@ address = 1 => address = "1" | line 15: line[0].starter[0].address: is '1' (must
 19200 => 1234 | line 10: line[0].baud: is 1234 (must be 1200, 2400,
 /dev/rs485-pumps => COM3
     | line 9: line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
-[[operator]] => [[line]]\nname = "b"\nport = "/dev/rs485-pumps"\nbaud = 9600\nframing = "8N2"\n[[operator]]
+[[operator]] => [[line]]\nname="b"\nport="/dev/rs485-pumps"\nbaud=9600\nframing="8N2"\nSTARTER[[operator]]
     | line 26: line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[l
 every_s = 2.0 => every_s = -1.0 | line 22: line[0].starter[1].every_s: is -1.0 (must be at least 0)
 family = "ssw07" => family = "ssw07"\nslot = 1
@@ -236,7 +239,7 @@ MENU"C5.3.9"\naddress = 2000\ntype = "s32"
 def text_of(row: str) -> str:
     """Return the configuration of a row."""
     new = row.replace("\\n", "\n").replace("USER", USER).replace("LINE", LINE).replace("A65", "a" * 65)
-    for short, text in {"ROW": ROW, "MENU": MENU, "LIMITS": "\nmin = 1\nmax = 9\nwritable = true"}.items():
+    for short, text in {"ROW": ROW, "MENU": MENU, "LIMITS": LIMITS, "STARTER": STARTER}.items():
         new = new.replace(short, text)
     old, arrow, by = new.partition(" => ")
     return changed((old, by)) if arrow else f"{SITE}{new}\n"

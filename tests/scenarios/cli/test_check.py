@@ -193,7 +193,7 @@ MISTAKES = [  # the others: tests/config
         "mqtt.password: password_file: No such file or directory (create it, mode 0600)",
     ),
     ("no line", ALICE, "line: is missing (at least one [[line]] is needed)"),
-    ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: a header [...] is not closed"),
+    ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: Expected ']'"),
     (
         "a watchdog that the line cannot keep",
         line(baud=9600) + MANY,
