@@ -87,7 +87,7 @@ def _web(web: WebTable) -> Iterator[Mistake]:
 def _operator(
     key: Key, table: WebUserTable | HomeAssistantTable | SparkplugTable, clients: list[str]
 ) -> Iterator[Mistake]:
-    """Yield a name that should be an operator's client and is not, and commands in nobody's name."""
+    """Yield a name that should be an operator's client and is not, and commands without one."""
     client = table.operator
     if client is not None and client not in clients:
         hint = choose(client, clients) if clients else "add an [[operator]] with this client"

@@ -41,7 +41,7 @@ from tests.rig.sites import (
 from tests.scenarios.cli.lines import cli, ended
 from tests.scenarios.commands import do
 from tests.scenarios.plugins.doors import answer, born, device, entity, sample, shown
-from tests.scenarios.values.test_readings import bad, value
+from tests.scenarios.values.words import bad, value
 
 FAN = line() + starter("fan", 2, "ssw06", points=["P314", "P220"])
 MILL = line() + starter("mill", 3, "ssw900", points=["D4.1.1", "D6.2", "s1.1.1", "S4.3.*"])
