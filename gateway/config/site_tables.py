@@ -85,6 +85,7 @@ class RowTable(ConfigTable):
     def described(self) -> extension.SiteRow:
         """Return the row; ValidationError or ValueError where the table contradicts itself."""
         return extension.site_row(
+            self.profile,
             self.parameter,
             point=self.name,
             title=self.title,

@@ -207,6 +207,8 @@ MENU"C5.3.9" | line 35: row[0].parameter: needs address beside it
 MENU"C3.9"\naddress = 2000
     | line 35: row[0].parameter: C3.9 is not to be described: it may choose who commands the motor
 MENU"S5.2.5"\naddress = 2000 | line 35: row[0].parameter: S5.2.5 is not to be described
+[[row]]\nfamily = "ssw06"\nname = "x"\ntitle = "X"\nwritable = true\nparameter = "P047"\nmin = 0\nmax = 1
+    | row[0].parameter: P047 is not to be described: its scale depends on the model
 [[row]]\nfamily = "sst"\nparameter = "R50"\nname = "x"\ntitle = "X"
     | line 29: row[0].family: the manual of sst
 ROW"P102"LIMITS\nROW"P102"LIMITS

@@ -12,6 +12,7 @@ import fnmatch
 import re
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 from gateway.contract import to_level
 from gateway.families.profile.decode import point_of
@@ -29,7 +30,7 @@ class SiteRow(Model):
     point: str
 
 
-class SitePoint(Model):
+class SitePoint(NamedTuple):
     """A row that is to be a point, and how often it is read, at the least."""
 
     code: str
@@ -89,10 +90,12 @@ def why_not_described(profile: Profile, row: Parameter) -> str:
         end = row.address + row.words - 1
         if any(first <= end and row.address <= last for first, last in profile.protected.stand_ins):
             return "its registers may be those of any other row"
+    if row.access is not Access.RW:
+        return ""
+    if row.is_rated_scaled:
+        return "its scale depends on the model, so that it cannot be set"
     reasons = profile.protected.site.items()
-    if row.access is Access.RW:
-        return next((why for begins, why in reasons if row.code.startswith(begins)), "")
-    return ""
+    return next((why for begins, why in reasons if row.code.startswith(begins)), "")
 
 
 def _is_open(row: Parameter) -> bool:
@@ -136,6 +139,7 @@ def _remade(profile: Profile, **changed: object) -> Profile:
 
 
 def site_row(
+    profile: Profile,
     code: str,
     *,
     point: str,
@@ -148,8 +152,12 @@ def site_row(
     is_writable: bool,
     is_stopped_only: bool,
 ) -> SiteRow:
-    """Return a row of holding registers that a site describes; `limits` are raw numbers."""
+    """Return a row of holding registers that a site describes; `limits` are raw numbers.
+
+    What the family's manual says of its scale by the model stays so.
+    """
     low, high = limits or (None, None)
+    known = profile.parameters.get(code)
     row = Parameter.model_validate(
         {
             "code": code,
@@ -165,6 +173,7 @@ def site_row(
             "access": Access.RW if is_writable else Access.RO,
             "confidence": Confidence.SITE,
             "is_stopped_only": is_stopped_only,
+            "is_rated_scaled": known is not None and known.is_rated_scaled,
             "source": "the site's configuration",
         }
     )

@@ -245,6 +245,15 @@ def own(
 
 
 ROWS = [
+    row(
+        "where the manual only says that a row's scale depends on the model, it still does",
+        given=line()
+        + starter("fan", 2, "ssw06", model="SSW-06 820A", points=["P048"])
+        + table("[row]", family="ssw06", parameter="P048", name="peak", title="Peak", unit="A", scale=0.1),
+        sim={"fan": {"model": "SSW-06 820A"}},
+        at={0: "fan P048 = 123"},
+        then={15: value("fan/peak", 123.0, "A")},
+    ),
     own(
         "a site's own row is read by its code",
         "pump read",
