@@ -16,6 +16,7 @@ from gateway.cli.command import flag, place_of, write_text
 from gateway.config.load import load
 from gateway.config.schema import StarterTable
 from gateway.errors import StoreError, UsageError
+from gateway.families import load_profile
 from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 from gateway.store import HistoryRow, read_history
 
@@ -81,7 +82,7 @@ def _recording(starter: StarterTable, records: Sequence[Mapping[str, Any]]) -> R
     chosen = [each for each in records if "readings" in each] or list(records)
     if not chosen:
         raise StoreError(f"{starter.name} has no record of a start or a trip yet")
-    profile = starter.profile()
+    profile = load_profile(starter.family)
     units = {
         name: profile.parameters[point.code].unit for name, point in profile.points.items() if point.code
     }

@@ -32,7 +32,7 @@ from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.contract import InfoRecord, LineRecord, Topics, ValueRecord, read_object, rfc3339
 from gateway.errors import GatewayError, StoreError
-from gateway.families import LANGUAGES
+from gateway.families import LANGUAGES, load_profile
 from gateway.mqtt import Incoming, connected
 from gateway.starters.identity import FINGERPRINTS, KNOWN
 from gateway.store import STATE_FILE, Head, read_audit, read_document, read_history
@@ -92,7 +92,7 @@ def make_report(
     line, starter = place_of(config, name)
     report = HealthReport(name, config.gateway.name, rfc3339(time.time()) or "")
     state_dir = path.parent / config.gateway.state_dir
-    rows, profile = read_history(state_dir, name), starter.profile(language)
+    rows, profile = read_history(state_dir, name), load_profile(starter.family, language)
     add_rows(report, rows)
     settings = [*settings_in(_audit(state_dir, report), name, profile), *settings_seen(rows, profile)]
     report.settings = sorted(settings, key=lambda each: each.time, reverse=True)

@@ -121,14 +121,6 @@ def alarm_code(letter: str, number: int) -> str:
     return f"{letter}{number:0{2 if letter == 'e' else 3}d}"
 
 
-def point_of(profile: Profile, row: Parameter) -> str | None:
-    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
-    word, _, bit = row.code.partition(".")
-    if row.type is Type.BIT and bit:
-        return profile.points_of.get((word, int(bit)))
-    return profile.points_of.get((row.code, None))
-
-
 def _label(profile: Profile, row: Parameter, number: int) -> str | None:
     """Return what a number is called: an enum's member, a coil's meaning, a fault, an alarm, off, a time."""
     letter = profile.alarm_rows.get(row.code)
@@ -186,7 +178,7 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
 
 
 def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decoded) -> dict[str, Any]:
-    point = point_of(profile, row)
+    point = _point_of(profile, row)
     is_there = _is_there(profile, variant, point)
     shown: dict[str, Any] = {
         "name": row.name,
@@ -219,6 +211,14 @@ def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on:
 
 def _is_there(profile: Profile, variant: Variant, point: str | None) -> bool:
     return point is None or is_known(profile.points[point].since_firmware, variant)
+
+
+def _point_of(profile: Profile, row: Parameter) -> str | None:
+    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
+    word, _, bit = row.code.partition(".")
+    if row.type is Type.BIT and bit:
+        return profile.points_of.get((word, int(bit)))
+    return profile.points_of.get((row.code, None))
 
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:
