@@ -138,9 +138,9 @@ class Rows(Model):
 
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
+    optional: tuple[str, ...] = ()  # only with an accessory: read alone, so that a missing one is refused
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
-    optional: tuple[
         str, ...
     ] = ()  # only with an accessory; each is read alone, so that a missing one is refused
 
