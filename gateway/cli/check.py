@@ -226,18 +226,6 @@ def _print_line(line: LineCapacity) -> None:
         print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
 
-def _print_extra(table: LineTable) -> None:
-    """Print what the points cost that the configuration asks for, where it asks for some."""
-    if not any(each.asked for each in table.starters):
-        return
-    cost = extra_cost_of(table)
-    counts = ", ".join(f"{name} {count}" for name, count in cost.points.items() if count) or "none"
-    print(f"  points asked for: {counts}; {counted(cost.reads, 'read')} more, {cost.load:.1%} of its time")
-    for name, codes in cost.already.items():
-        if codes:
-            print(f"  {name} has as points already: {', '.join(codes)}")
-
-
 def _watchdog(starter: StarterCapacity) -> str:
     if starter.table.watchdog_s is None:
         return f"not stated, must be above {starter.gap_s:.2f} s"
@@ -304,6 +292,18 @@ def _problems(error: ConfigError) -> list[dict[str, Any]]:
     return [
         {"line": p.line, "key": p.key, "what": p.what, **dict.fromkeys(keys, p.hint)} for p in error.problems
     ]
+
+
+def _print_extra(table: LineTable) -> None:
+    """Print what the points cost that the configuration asks for, where it asks for some."""
+    if not any(each.asked for each in table.starters):
+        return
+    cost = extra_cost_of(table)
+    counts = ", ".join(f"{name} {count}" for name, count in cost.points.items() if count) or "none"
+    print(f"  points asked for: {counts}; {counted(cost.reads, 'read')} more, {cost.load:.1%} of its time")
+    for name, codes in cost.already.items():
+        if codes:
+            print(f"  {name} has as points already: {', '.join(codes)}")
 
 
 def _extra_json(table: LineTable) -> dict[str, Any]:

@@ -141,8 +141,6 @@ class Rows(Model):
     optional: tuple[str, ...] = ()  # only with an accessory: read alone, so that a missing one is refused
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
-        str, ...
-    ] = ()  # only with an accessory; each is read alone, so that a missing one is refused
 
 
 class Timeout(Model):
