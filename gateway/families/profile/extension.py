@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from gateway.contract import to_level
-from gateway.families.profile.parameters import UNNAMED, raw_row, spelt
+from gateway.families.profile.parameters import is_named, raw_row, spelt
 from gateway.families.profile.rows import Access, Confidence, Model, Parameter, Table, Type
 from gateway.families.profile.schema import Point, Profile
 
@@ -99,7 +99,7 @@ def why_not_described(profile: Profile, row: Parameter) -> str:
 
 def _is_open(row: Parameter) -> bool:
     """Return whether the manual only names a row, or other documents do."""
-    if not row.is_sure or row.name == UNNAMED:
+    if not row.is_sure or not is_named(row.name):
         return True
     return row.access is Access.RW and row.raw_min is None and not row.is_settable_text
 

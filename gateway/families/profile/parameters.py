@@ -18,7 +18,7 @@ from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 _Item = TypeVar("_Item")
 RowWords = tuple[Parameter, tuple[int, ...]]  # a row, and what it is to hold
 
-UNNAMED = "not named in this manual"
+_UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
 _REGISTER_CODE = re.compile(r"(HR|IR|COIL|DI)([0-9]{1,5})")
 _PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL", Table.DISCRETE: "DI"}
@@ -59,6 +59,11 @@ def spelt(profile: Profile, code: str) -> str:
     return wanted if number is None or profile.raw_range is None else f"P{int(number[1]):03d}"
 
 
+def is_named(name: str) -> bool:
+    """Return whether a row's name says what it is: of many the manuals print only the number."""
+    return name not in ("", _UNNAMED)
+
+
 def raw_row(profile: Profile, address: int) -> Parameter | None:
     """Return the row of a parameter that the manual does not describe; None where there can be none."""
     if profile.raw_range is None or not profile.raw_range[0] <= address <= profile.raw_range[1]:
@@ -97,7 +102,7 @@ def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
 def _raw(code: str, table: Table, address: int) -> Parameter:
     return Parameter(
         code=code,
-        name=UNNAMED,
+        name=_UNNAMED,
         table=table,
         address=address,
         type=Type.BIT if table.is_bits else Type.U16,
@@ -269,7 +274,7 @@ def _not_settable(profile: Profile, parameter: Parameter) -> CommandError:
     if parameter.access is Access.NONE:
         note = parameter.note
         return CommandError(ResultCode.NOT_WRITABLE, "access", title=title, parameter=code, note=note)
-    if parameter.confidence is Confidence.EXTRA or parameter.name == UNNAMED:
+    if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
         return CommandError(ResultCode.NOT_WRITABLE, "not_serial", title=title, parameter=code)
     if parameter.access is not Access.RW:
         return CommandError(ResultCode.NOT_WRITABLE, "read_only", title=title, parameter=code)

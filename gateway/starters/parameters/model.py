@@ -89,7 +89,7 @@ def differences(
         row = profile.parameters.get(code)
         one, other = before.parameters.get(code), after.parameters.get(code)
         if row is None:  # of a site, whose configuration is not at hand, or a word without a name
-            is_setting = any(each.name not in ("", parameters.UNNAMED) for each in (one, other) if each)
+            is_setting = any(parameters.is_named(each.name) for each in (one, other) if each)
         else:
             is_setting = reading.is_setting(profile, row)
         if not with_readings and not is_setting:
