@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Literal, Self, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Literal, Self, get_args, get_origin
 from urllib.parse import urlsplit
 
 from pydantic import Field, PrivateAttr, model_validator
@@ -29,35 +29,30 @@ from gateway.config.values import (
     RowPattern,
     Text,
 )
+from gateway.contract import OWN_VERBS
 from gateway.families import ENGLISH, Profile, extension, load_profile
 
 DEFAULT_BASE = "starters/{gateway}"
 
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
-Verb = Literal[
+MOTOR_VERBS = (
     "start",
-    "stop",
     "reset",
     "set",
-    "read",
     "jog",
     "direction",
     "local_remote",
     "general_enable",
     "output",
     "configure",
-    "select",  # needs no right: a client that may do something may also select it
-    "cancel",
-    "lock",
-    "unlock",
-    "accept",
-    "baseline",
-    "*",
-]
-TwoStepVerb = Literal[
-    "start", "reset", "set", "jog", "direction", "local_remote", "general_enable", "output", "configure"
-]  # never stop
+)
+if TYPE_CHECKING:
+    Verb = str
+    TwoStepVerb = str
+else:
+    Verb = Literal[(*MOTOR_VERBS, "stop", "read", *OWN_VERBS, "*")]
+    TwoStepVerb = Literal[MOTOR_VERBS]
 
 
 class GatewayTable(ConfigTable):

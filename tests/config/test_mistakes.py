@@ -39,7 +39,7 @@ framing = "8E1" => framing = "7E1" | line 11: line[0].framing: is '7E1' (did you
 ["start", "stop"] => "start" | line 26: operator[0].may: is 'start' (must be a list, e.g. ["start", "stop"])
 ["pump-*"] => ["Pump*"] | line 27: operator[0].starters[0]: is 'Pump*' (only a-z, 0-9, _ and -, and * or
 ["pump-*"] => ["fan*"] | line 27: operator[0].starters[0]: 'fan*' fits no starter
-["start", "stop"] => ["start", 3] | line 26: operator[0].may[1]: is 3 (must be 'start', 'stop',
+["start", "stop"] => ["start", 3] | line 26: operator[0].may[1]: is 3 (must be 'start', 'reset',
 name = "mcc1" => name = "A65" | line 2: gateway.name: has 65 characters (at most 64)
 [mqtt] => [mqtt]\nusername = "" | line 5: mqtt.username: is empty (leave the key out, or give it a value)
 mqtts://broker.plant:8883 => mqtts://broker:99999
