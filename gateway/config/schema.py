@@ -14,16 +14,22 @@ from urllib.parse import urlsplit
 from pydantic import Field, PrivateAttr, model_validator
 
 from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
-from gateway.config.site_tables import DEFAULT_EVERY_S, Additions, PointsTable, RowTable, additions
+from gateway.config.site_tables import (
+    DEFAULT_EVERY_S,
+    Additions,
+    Family,
+    Language,
+    PointsTable,
+    RowTable,
+    additions,
+)
 from gateway.config.values import (
     FIRMWARE_PATTERN,
     SCHEMES,
     Base,
     BrokerUrl,
     ConfigTable,
-    Family,
     Glob,
-    Language,
     Name,
     Port,
     RowPattern,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from decimal import Decimal
 
 from gateway.config.mistakes import Mistake, Tables, again
 from gateway.config.schema import LineTable, StarterTable
@@ -69,6 +70,9 @@ def _wrong_in(row: RowTable) -> tuple[str, str, str] | None:
     if row.limits is None and (row.writable or row.min is not None or row.max is not None):
         missing = "min" if row.min is None else "max"
         return ("writable" if row.writable else "parameter"), f"needs {missing} beside it", "both limits"
+    for name, limit in (("min", row.min), ("max", row.max)):
+        if limit is not None and Decimal(str(limit)) % Decimal(str(row.scale)):
+            return name, f"{limit:g} is no multiple of scale", f"the row has steps of {row.scale:g}"
     if row.limits is not None:
         low, high = row.limits
         lowest, highest = TYPE_LIMITS[Type(row.type)]

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from decimal import Decimal
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field, ValidationError
 
-from gateway.config.values import ConfigTable, Family, Glob, PointName, RowCode, RowPattern, Text
-from gateway.families import Profile, extension, load_profile
+from gateway.config.values import ConfigTable, Glob, PointName, RowCode, RowPattern, Text
+from gateway.families import FAMILIES, LANGUAGES, Profile, extension, load_profile
+
+if TYPE_CHECKING:
+    Family = str
+    Language = str
+else:
+    Family = Literal[FAMILIES]  # whatever profiles there are
+    Language = Literal[LANGUAGES]
 
 DEFAULT_EVERY_S = 10.0  # of the points of lines and starters, which have no period of their own
 SCALES = (1.0, 0.1, 0.01, 0.001, 0.0001)

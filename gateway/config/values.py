@@ -7,7 +7,7 @@ import ipaddress
 import posixpath
 import re
 from datetime import date, time
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import (
@@ -20,8 +20,6 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import PydanticCustomError
-
-from gateway.families import FAMILIES, LANGUAGES
 
 NAME_PATTERN = r"^[a-z0-9_-]+$"
 FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
@@ -38,12 +36,6 @@ POINT_NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
 SPARKPLUG_ID_PATTERN = r"^[^+/#\x00-\x1f\x7f]+$"
 SCHEMES = {"mqtt": 1883, "mqtts": 8883}
 
-if TYPE_CHECKING:
-    Family = str
-    Language = str
-else:
-    Family = Literal[FAMILIES]  # whatever profiles there are
-    Language = Literal[LANGUAGES]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
 HostName = Annotated[str, Field(pattern=HOST_PATTERN, max_length=253)]

@@ -181,6 +181,8 @@ framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
 [[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"]
     | line 31: points[0].starters[0]: 'fan' fits no starter
 ROW"P102"\nmin = 1\nwritable = true | line 34: row[0].writable: needs max beside it
+ROW"P102"\nmin = 0.25\nmax = 1\nscale = 0.1
+    | row[0].min: 0.25 is no multiple of scale (the row has steps of 0.1)
 ROW"P102"LIMITS\nscale = 0.5 | line 36: row[0].scale: is 0.5 (one of 1, 0.1, 0.01,
 ROW"P102"\nmin = 9\nmax = 1 | line 34: row[0].max: 9 to 1 do not fit u16
 ROW"P102"\nmin = 0\nmax = 1\nwhile = "running" | line 35: row[0].while: is 'running' (one of
