@@ -11,6 +11,11 @@ from gateway.config.site_tables import SCALES, PointsTable, RowTable, rows_of
 from gateway.config.toml_lines import Key
 from gateway.contract import to_level
 from gateway.families import FAMILIES, TYPE_LIMITS, Profile, Type, extension, load_profile
+from gateway.starters.own_points import OWN_POINT_NAMES
+
+# What records and other programs name, beside points.
+_TAKEN = {"state", "quality", "availability", "reason", "locked", "online", "trouble", "result"}
+_TAKEN |= {"start", "stop", "reset", "thermal_load"}
 
 
 def site_mistakes(tables: Tables) -> Iterator[Mistake]:
@@ -81,7 +86,8 @@ def _wrong_in(row: RowTable) -> tuple[str, str, str] | None:
     why = extension.why_not_described(profile, row.described().row)
     if why:
         return "parameter", f"{row.parameter} is not to be described: {why}", "leave this [[row]] out"
-    taken = {*profile.points, *(to_level(code) for code in profile.parameters)} - {to_level(row.parameter)}
-    if row.name in taken:
-        return "name", f"{row.name!r} is a name of {row.family} already", "another name"
+    codes = {to_level(code) for code in profile.parameters} - {to_level(row.parameter)}
+    points = {name for family in FAMILIES for name in load_profile(family).points}  # rules go by their names
+    if row.name in codes | points | OWN_POINT_NAMES | _TAKEN:
+        return "name", f"{row.name!r} means something else already", "another name"
     return None

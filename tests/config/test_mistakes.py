@@ -198,9 +198,11 @@ ROW"P231"LIMITS | line 32: row[0].parameter: P231 is not to be described: it may
 ROW"P310"LIMITS | line 32: row[0].parameter: P310 is not to be described: it may cut the connection
 ROW"P204"LIMITS | line 32: row[0].parameter: P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
-    | line 32: row[0].name: 'current' is a name of ssw07 already
+    | line 32: row[0].name: 'current' means something else already
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "p101"
-    | line 32: row[0].name: 'p101' is a name of ssw07 already
+    | line 32: row[0].name: 'p101' means something else already
+[[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "alarm"
+    | row[0].name: 'alarm' means something else already
 MENU"C5.3.9"\naddress = 900
     | line 35: row[0].parameter: C5.3.9 is not to be described: its registers are those of
 MENU"C5.3.9"\naddress = 1599\ntype = "u32"

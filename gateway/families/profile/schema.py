@@ -269,7 +269,8 @@ class Profile(Model):
     @cached_property
     def points_of(self) -> dict[tuple[str, int | None], str]:
         """The name of the point that is this row, or this bit of it; tests of a row's value are left out."""
-        named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)
+        points = self.family_points.items()
+        named = ((name, point) for name, point in points if point.code and not point.true_when)
         return {(point.code, point.bit): name for name, point in named}
 
     @cached_property
@@ -278,9 +279,14 @@ class Profile(Model):
         return self.points_of.get((self.history.thermal, None), "")
 
     @cached_property
+    def family_points(self) -> dict[str, Point]:
+        """The points of the family, without those that a site asks for: from these alone follows anything."""
+        return {name: point for name, point in self.points.items() if point.every_s is None}
+
+    @cached_property
     def alarm_points(self) -> tuple[str, ...]:
         """The names of the points that read the number of a fault or an alarm."""
-        return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
+        return tuple(name for name, point in self.family_points.items() if point.code in self.alarm_rows)
 
 
 _T = TypeVar("_T")

@@ -119,8 +119,7 @@ def deadbands_of(profile: Profile) -> Mapping[str, float]:
 @once_per_profile
 def flags_of(profile: Profile) -> tuple[str, ...]:
     """Return the booleans of the state: those of the family, not what a site asks for besides."""
-    points = profile.points
-    return tuple(name for name in points if points[name].every_s is None and is_flag(profile, name))
+    return tuple(name for name in profile.family_points if is_flag(profile, name))
 
 
 def type_of(profile: Profile, name: str) -> str:

@@ -186,6 +186,32 @@ VALUES = [
         },
     ),
     row(
+        "the faults before the last one are values, and no alarms",
+        given=SSW07 + 'points = ["P015", "P016"]\n',
+        at={0: ["pump P015 = 66", "pump P016 = 5"], 15: "pump trip E05"},
+        then={
+            14: [value("pump/p015", 66, label=re.compile("E66")), never("starter/pump/alarm/+")],
+            20: [
+                msg("starter/pump/alarm/e05", active=True),
+                never("starter/pump/alarm/e66"),
+                seen("starter/pump/event", code="fault", times=1),
+                msg("starter/pump/state", state="fault", fault_code=5),
+            ],
+        },
+    ),
+    row(
+        "what the starter counts itself goes on to count where it is asked for as well",
+        given=line() + starter("mill", 3, "ssw900", points=["D6.2", "D4.6.1"]),
+        at={0: ["mill D6.2 = 7200", "mill D4.6.1 = 55"]},
+        then={
+            15: [
+                value("mill/d6_2", 7200.0, "s", label="02:00:00"),
+                msg("starter/mill/value/hours_total", value=2.0),
+                msg("starter/mill/value/energy_kwh", value=5.5),
+            ]
+        },
+    ),
+    row(
         "a silent starter's points are stale like all others",
         given=FAN,
         at={16: lambda plant: plant.line_of("fan").silent("fan")},
