@@ -6,28 +6,32 @@ are one. So the parser itself says where a statement ends and which keys it has.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 Key = tuple[str | int, ...]
 
+_MAY_END = re.compile(r"""\]|\"{3}|'{3}""")  # a statement of several lines is at its end
+
 
 def locate(text: str) -> dict[Key, int]:
     """Return the 1-based line of every table, key and array item, by its path in the parsed document.
 
-    An item of a list has the line on which it ends; what is inside of it, that of the item.
+    What is inside an item of a list has the item's line.
     """
     lines: dict[Key, int] = {}
     counts: dict[Key, int] = {}  # items so far of each array of tables
     table: Key = ()
-    for line, said, ends in _statements(text):
-        if ends is None:
-            table = _header(said, line, lines, counts)
-        else:
-            for path in _paths(said):
-                own = next((ends[at] for at in path if isinstance(at, int) and at in ends), line)
-                lines.setdefault((*table, *path), own)
+    for begun, said, statement in _statements(text):
+        if statement[0].lstrip().startswith("["):
+            table = _header(said, begun, lines, counts)
+            continue
+        items = _lines_of_items(begun, statement)
+        for path in _paths(said):
+            place = next((at for at in path if isinstance(at, int)), len(items))
+            lines.setdefault((*table, *path), items[place] if place < len(items) else begun)
     return lines
 
 
@@ -36,21 +40,33 @@ def line_of(lines: Mapping[Key, int], key: Sequence[str | int]) -> int | None:
     return next((lines[tuple(key[:n])] for n in range(len(key), 0, -1) if tuple(key[:n]) in lines), None)
 
 
-def _statements(text: str) -> Iterator[tuple[int, dict[str, Any], dict[int, int] | None]]:
-    """Yield each statement's line, what it says, and of a list the lines of its items; None for a header."""
-    begun, statement, ends = 1, "", dict[int, int]()
+def _statements(text: str) -> Iterator[tuple[int, dict[str, Any], list[str]]]:
+    """Yield the line on which each statement begins, what it says, and its own lines."""
+    begun, statement = 1, list[str]()
     for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
-        statement += f"{line}\n"
-        said = _parsed(statement)
-        if said is None:
-            for place in range(len(_items(_parsed(f"{statement}]")))):
-                ends.setdefault(place, number)
+        statement.append(line)
+        if len(statement) > 1 and not _MAY_END.search(line):
             continue
-        if said:
-            for place in range(len(_items(said)) if number > begun else 0):
-                ends.setdefault(place, number)
-            yield begun, said, None if statement.lstrip().startswith("[") else ends
-        begun, statement, ends = number + 1, "", {}
+        said = _parsed("\n".join(statement))
+        if said is not None:
+            if said:
+                yield begun, said, statement
+            begun, statement = number + 1, []
+
+
+def _lines_of_items(begun: int, statement: Sequence[str]) -> list[int]:
+    """Return the line on which each item of a list begins; a few lines at a time are a list of their own."""
+    found: list[int] = []
+    first = 0
+    for last in range(len(statement)):
+        part = "\n".join(statement[first : last + 1])
+        said = _parsed(
+            ("" if first == 0 else "x = [\n") + part + ("" if last == len(statement) - 1 else "\n]")
+        )
+        if said is not None:
+            found += [begun + first] * len(_items(said))
+            first = last + 1
+    return found
 
 
 def _parsed(text: str) -> dict[str, Any] | None:
