@@ -1,7 +1,7 @@
 """Few reads for many rows: the blocks of a family's points that are polled, and the reads of any rows.
 
 A block joins rows where a gap costs the line less than another request (`plan_blocks`); rows that a site
-asks for besides are joined into the blocks that are there (`_with_extra`). `reads_for` and
+asks for besides are joined into the blocks that are there. `reads_for` and
 `bulk_reads` join the rows that a command or a copy of the parameters needs, `rows_in` takes answers apart,
 `read_back` says how a written row shows.
 """
@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import groupby
+from itertools import chain, groupby
 from math import inf
 from typing import Any
 
 from gateway.families.profile.decode import is_known
+from gateway.families.profile.extension import EXTRA
 from gateway.families.profile.parameters import find, is_read_alone, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
@@ -36,7 +37,8 @@ def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int
 
     All registers between two rows must be readable; no run has more than `longest` registers.
     """
-    request_s, word_s = _costs(timing)
+    request_s = timing.wire_s(_REQUEST_BYTES + _REPLY_BYTES) + timing.silence_s + LEAST_DELAY_S
+    word_s = timing.wire_s(_WORD_BYTES)
     least_s = [0.0] + [inf] * len(rows)  # for the first so many rows
     starts = [0] * (len(rows) + 1)  # of the last run in that
     for count in range(1, len(rows) + 1):
@@ -57,17 +59,15 @@ def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int
     return runs[::-1]
 
 
-def _costs(timing: LineTiming) -> tuple[float, float]:
-    """Return the time that a request takes the line at the least, and each of its registers."""
-    request_s = timing.wire_s(_REQUEST_BYTES + _REPLY_BYTES) + timing.silence_s + LEAST_DELAY_S
-    return request_s, timing.wire_s(_WORD_BYTES)
-
-
 STATUS, VALUES, SLOW = GROUPS = ("status", "values", "slow")
 IDLE_FACTOR = 3  # values are read so many times less often while the motor is at rest, the status is not
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
-_LEAST_PERIOD_S = 0.1  # by which a read is judged that is made as often as the line allows
+
+
+def slow_period_s(every_s: float) -> float:
+    """Return how often slow rows are read where the status is read every so often."""
+    return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * every_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,11 @@ class Block:
         """Return how often it is read at any state of the motor; `every_s` is the period of the status."""
         if self.extra_s is not None:
             return self.extra_s
-        return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * every_s) if self.group == SLOW else every_s
+        return slow_period_s(every_s) if self.group == SLOW else every_s
+
+    def slowest_s(self, every_s: float) -> float:
+        """Return the same for a motor at rest."""
+        return self.period_s(every_s) * (IDLE_FACTOR if self.group == VALUES else 1)
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -123,7 +127,9 @@ def plan_blocks(
 ) -> tuple[Block, ...]:
     """Return the reads that cover every point of this starter, in the order of `GROUPS`, extra ones last.
 
-    `every_s` is the period of its status, by which it is judged where extra points are joined.
+    `every_s` is the period of its status. A row that a site asks for goes with a read that passes it often
+    enough, or with the slow ones where their period fits, else with the others of its period.
+
     On a line of this timing reads are joined over registers that are not wanted where those take less time
     than another request.
 
@@ -138,111 +144,41 @@ def plan_blocks(
 def _planned(
     profile: Profile, firmware: str | None, timing: LineTiming | None, every_s: float
 ) -> tuple[Block, ...]:
-    variant = Variant(firmware=firmware)
+    points = [p for p in profile.points.values() if is_known(p.since_firmware, Variant(firmware=firmware))]
+    extra = {point.code: point.every_s for point in points if point.every_s is not None}
+    slow_s = slow_period_s(every_s)
     planned: list[Block] = []
     seen: set[str] = set()
-    for group in GROUPS:
-        codes = {
-            point.code
-            for point in profile.points.values()
-            if point.group == group and point.code and is_known(point.since_firmware, variant)
-        }
-        rows = [profile.parameters[code] for code in codes - seen]
+    steps = [(group, None) for group in GROUPS], [(EXTRA, each_s) for each_s in sorted({*extra.values()})]
+    for group, period_s in chain(*steps):
+        codes = {point.code for point in points if point.group == group and point.code} - {*seen, *extra}
+        for code, wanted_s in extra.items():
+            is_slow = group == SLOW and slow_s <= wanted_s < 2 * slow_s
+            if code in seen or not (is_slow or wanted_s == period_s):
+                continue
+            # A read that passes the row often enough takes it along; the status is never read in longer ones.
+            row = profile.parameters[code]
+            for at, block in enumerate(planned):
+                if block.slowest_s(every_s) <= wanted_s and _passes(profile, block, row):
+                    rows = sorted((*block.rows, row), key=lambda row: row.address)
+                    planned[at] = _block(block.group, rows, block.extra_s)
+                    seen.add(code)
+                    break
+            else:
+                codes.add(code)
         seen |= codes
-        planned += [_block(group, run) for run in _runs(profile, rows, timing)]
-    return tuple(_with_extra(profile, variant, planned, timing, every_s))
-
-
-def _with_extra(
-    profile: Profile, variant: Variant, plan: list[Block], timing: LineTiming | None, every_s: float
-) -> list[Block]:
-    """Return the plan with the rows that only a site asks for, those of the shortest period first.
-
-    A row that a read passes anyway, often enough, costs nothing. The others form runs as all rows do; a run
-    makes another read longer where that takes the line less time than a read of its own. The status is never
-    read in longer requests: a row that this starter refuses must not take it away.
-    """
-    plan = list(plan)
-    known = {(row.table, row.address) for block in plan for row in block.rows}
-    wanted: dict[float, list[Parameter]] = {}
-    for point in profile.points.values():
-        if point.every_s is None or not is_known(point.since_firmware, variant):
-            continue
-        row = profile.parameters[point.code]
-        if (row.table, row.address) not in known:  # an alias is read with the row that it stands for
-            known.add((row.table, row.address))
-            wanted.setdefault(point.every_s, []).append(row)
-    for period_s in sorted(wanted):
-        left = []
-        for row in sorted(wanted[period_s], key=lambda row: row.address):
-            place = next((at for at, block in enumerate(plan) if _passes(profile, block, row)), None)
-            if place is None or _slowest_s(plan[place], every_s) > period_s:
-                left.append(row)
-            else:
-                plan[place] = _longer(plan[place], [row])
-        alone = [row for row in left if is_read_alone(profile, row)]
-        runs = [[row] for row in alone]
-        runs += _runs(profile, (row for row in left if row not in alone), timing)
-        for run in runs:
-            cheaper = _cheapest_host(profile, plan, run, timing, period_s=period_s, every_s=every_s)
-            if cheaper is None:
-                plan.append(_block("extra", run, period_s))
-            else:
-                plan[cheaper] = _longer(plan[cheaper], run)
-    return plan
+        rows = [profile.parameters[code] for code in sorted(codes)]
+        alone = [row for row in rows if row.code in extra and is_read_alone(profile, row)]
+        runs = _runs(profile, (row for row in rows if row not in alone), timing)
+        planned += [_block(group, run, period_s) for run in (*runs, *([row] for row in alone))]
+    return tuple(planned)
 
 
 def _passes(profile: Profile, block: Block, row: Parameter) -> bool:
-    """Return whether a read carries this row's words already."""
+    """Return whether a read carries the words of a row that a site asks for."""
     is_within = block.address <= row.address and row.address + row.words <= block.end
-    is_vouched = row.is_sure and block.rows[0].is_sure
-    return block.table is row.table and is_within and is_vouched and not is_read_alone(profile, row)
-
-
-def _slowest_s(block: Block, every_s: float) -> float:
-    return block.period_s(every_s) * (IDLE_FACTOR if block.group == VALUES else 1)
-
-
-def _cheapest_host(
-    profile: Profile,
-    plan: Sequence[Block],
-    run: Sequence[Parameter],
-    timing: LineTiming | None,
-    *,
-    period_s: float,
-    every_s: float,
-) -> int | None:
-    """Return the read that this run makes longer at less cost than a read of its own; None for none."""
-    if timing is None or run[0].table.is_bits or not run[0].is_sure or is_read_alone(profile, run[0]):
-        return None
-    request_s, word_s = _costs(timing)
-    least = (request_s + (run[-1].address + run[-1].words - run[0].address) * word_s) / period_s
-    found = None
-    for place, block in enumerate(plan):
-        if block.group == STATUS or block.table is not run[0].table or not block.rows[0].is_sure:
-            continue
-        rows = sorted((*block.rows, *run), key=lambda row: row.address)
-        is_alone = any(is_read_alone(profile, row) for row in block.rows)
-        if is_alone or not _may_host(profile, rows) or _slowest_s(block, every_s) > period_s:
-            continue
-        words = rows[-1].address + rows[-1].words - rows[0].address - (block.end - block.address)
-        cost = words * word_s / max(block.period_s(every_s), _LEAST_PERIOD_S)
-        if cost < least:
-            least, found = cost, place
-    return found
-
-
-def _may_host(profile: Profile, rows: Sequence[Parameter]) -> bool:
-    """Return whether one request may carry these rows: what is between them is readable, or in the manual."""
-    if profile.limits.max_gap:
-        return rows[-1].address + rows[-1].words - rows[0].address <= profile.limits.read_registers
-    return _may_span(profile, rows)
-
-
-def _longer(block: Block, rows: Sequence[Parameter]) -> Block:
-    """Return a block with more rows."""
-    every = sorted((*block.rows, *rows), key=lambda row: row.address)
-    return _block(block.group, every, block.extra_s)
+    is_vouched = row.is_sure and block.rows[0].is_sure and not is_read_alone(profile, row)
+    return block.table is row.table and is_within and is_vouched
 
 
 def split(block: Block) -> tuple[Block, ...]:

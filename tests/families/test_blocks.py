@@ -144,31 +144,31 @@ def extra(family: str, asked: str, every_s: float = 1.0, *, baud: int = 19200) -
     [
         # a row that a read passes anyway
         ("ssw900", "S1.6.1", 1.0, "values:S1.1.5=h2*24/11"),
-        # one beside it, which costs less in that read than in its own
-        ("ssw900", "S1.1.6", 1.0, "values:S1.1.6=h1*25/11"),
-        # far from the others they are a read of their own, nearer they make a slow one longer
-        ("ssw900", "S1.1.1 S1.1.2 S1.1.3", 1.0, "extra:S1.1.1=h26*6/3"),
+        # one beside it is read with the slow ones
+        ("ssw900", "S1.1.6", 1.0, "slow:S1.1.6=h1*1/1"),
+        # those make their reads longer where that costs less than another
+        ("ssw900", "S1.1.1 S1.1.2 S1.1.3", 1.0, "slow:S1.1.1=h26*6/3"),
         ("ssw900", "D6.1 D6.2", 1.0, "slow:D6.1=h42*19/5"),
         # a read that is made less often than the row is wanted takes none
         ("ssw900", "S1.6.1@2", 1.0, "extra:S1.6.1=h16*1/1"),
         ("ssw900", "S1.6.1@10", 4.0, "extra:S1.6.1=h16*1/1"),
         # the status stays as it is, whatever is beside it
-        ("ssw06", "VB00", 0.1, "extra:VB00=h5000*1/1"),
+        ("ssw06", "VB00", 0.1, "slow:VB00=h5000*1/1"),
         ("ssw900", "S5.2.1@1", 1.0, "status:S5.1.1=h680*7/4"),
-        # a run joins one of a shorter period where that is cheaper
+        # rows of other periods are read with their like
         (
             "ssw06",
             "P308 P312 P313 P314@2",
             1.0,
-            "extra:P312=h312*3/3 extra:P308=h308*1/1",
+            "slow:P308=h308*1/1 slow:P312=h312*2/2 extra:P314=h314*1/1",
         ),
         ("ssw06", "P314@0.5 P313@30", 1.0, "extra:P314=h314*1/1 extra:P313=h313*1/1"),
         # what only an accessory has is alone, where a 0 would say nothing
-        ("ssw900", "S4.3.1 S4.3.2", 1.0, "extra:S4.3.1=h63*1/1 extra:S4.3.2=h64*1/1"),
+        ("ssw900", "S4.3.1 S4.3.2", 1.0, "slow:S4.3.1=h63*1/1 slow:S4.3.2=h64*1/1"),
         # where a refusal says it
-        ("ssw07", "P093 P094", 1.0, "extra:P093=h93*2/2"),
+        ("ssw07", "P093 P094", 1.0, "slow:P093=h93*2/2"),
         # coils and registers
-        ("sst", "COIL22 R31 R33@5", 1.0, "status:COIL1=c0*26/23 extra:R31=i31*3/2"),
+        ("sst", "COIL22 R31 R33@5", 1.0, "status:COIL1=c0*26/23 slow:R31=i31*12/3 extra:R33=i33*1/1"),
         # a point of the family is none besides
         ("ssw07", "P003 VB01.0 P030", 1.0, ""),
     ],
@@ -190,7 +190,7 @@ def test_each_row_that_is_asked_for_is_read_once_and_often_enough(data: st.DataO
     profile, timing = extended(plain, (), points), line(data.draw(st.sampled_from([1200, 19200, 57600])))
     blocks = plan_blocks(profile, UNKNOWN, timing=timing, every_s=every_s)
 
-    placed = [(row.table, row.address) for block in blocks for row in block.rows]
+    placed = [row.code for block in blocks for row in block.rows]
     assert len(placed) == len(set(placed))
     status = [
         [b.request for b in plan if b.group == "status"] for plan in (blocks, plan_blocks(plain, UNKNOWN))
@@ -200,12 +200,8 @@ def test_each_row_that_is_asked_for_is_read_once_and_often_enough(data: st.DataO
     for point in profile.points.values():
         if point.every_s is not None:
             row = profile.parameters[point.code]
-            (block,) = (
-                b for b in blocks if (row.table, row.address) in [(r.table, r.address) for r in b.rows]
-            )
-            assert block.period_s(every_s) * (3 if block.group == "values" else 1) <= point.every_s or (
-                row.code not in block.codes  # another name of a register that has its own period
-            )
+            (block,) = (block for block in blocks if point.code in block.codes)
+            assert block.slowest_s(every_s) <= point.every_s
             limits = profile.limits
             assert count(block) <= (limits.read_bits if row.table.is_bits else limits.read_registers)
             assert row.is_sure or family != "ssw900" or count(block) <= 2

@@ -58,7 +58,7 @@ RIGHT = [
         + starter("fan", 2, "ssw06", points=["P314", "P220", "P003"])
         + starter("mill", 3, "ssw900", points=["S1.1.?"]),
         out=(
-            re.compile(r"  points asked for: fan 2, mill 4; 3 reads more, 1\.\d% of its time\n"),
+            re.compile(r"  points asked for: fan 2, mill 4; 4 reads more, 2\.\d% of its time\n"),
             "  fan has as points already: P003\n",
             "  mill has as points already: S1.1.4, S1.1.5\n",
         ),
