@@ -46,21 +46,6 @@ PointName = Annotated[str, Field(pattern=POINT_NAME_PATTERN, max_length=64)]
 SparkplugId = Annotated[str, Field(pattern=SPARKPLUG_ID_PATTERN, max_length=128)]
 
 
-class ConfigTable(BaseModel):
-    """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keep(cls, given: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
-        """Note a table that is right by itself in the context, by the identity of what it is made of."""
-        table = handler(given)
-        if info.context is not None:
-            info.context[id(given)] = table
-        return table
-
-
 def wrong(what: str, hint: str) -> PydanticCustomError:
     """Return the error of a value, with a hint."""
     return PydanticCustomError("wrong", "{what}", {"what": what, "hint": hint})
@@ -169,3 +154,18 @@ Port = Annotated[Text, AfterValidator(_as_port)]
 Listen = Annotated[Text, AfterValidator(_as_listen)]
 Network = Annotated[Text, AfterValidator(_as_network)]
 PagePath = Annotated[str, Field(pattern=BASE_PATH_PATTERN, max_length=128), AfterValidator(_as_path)]
+
+
+class ConfigTable(BaseModel):
+    """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep(cls, given: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+        """Note a table that is right by itself in the context, by the identity of what it is made of."""
+        table = handler(given)
+        if info.context is not None:
+            info.context[id(given)] = table
+        return table

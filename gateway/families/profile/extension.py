@@ -20,6 +20,7 @@ from gateway.families.profile.rows import Access, Confidence, Model, Parameter, 
 from gateway.families.profile.schema import Point, Profile
 
 EXTRA = "extra"  # the group of the points that a site asks for
+_NUMBERED = re.compile(r"P([0-9]{3})")
 
 
 class SiteRow(Model):
@@ -34,9 +35,6 @@ class SitePoint(NamedTuple):
 
     code: str
     every_s: float
-
-
-_NUMBERED = re.compile(r"P([0-9]{3})")
 
 
 def number_in(code: str) -> int | None:
