@@ -20,7 +20,7 @@ from gateway.config.site_tables import PointsTable
 from gateway.config.toml_lines import Key
 from gateway.config.values import ConfigTable, short
 from gateway.contract import CommandError
-from gateway.families import FAMILIES, Profile, load_profile, parameters
+from gateway.families import FAMILIES, Profile, diagnosis, load_profile, parameters
 
 _Table = TypeVar("_Table", bound=ConfigTable)
 
@@ -125,6 +125,9 @@ def _of_family(key: Key, starter: StarterTable, profile: Profile) -> Iterator[Mi
     """Yield what a starter of its family, or a simulated one, does not have."""
     if starter.slot is not None and len(profile.command_word) < 2:
         yield Mistake((*key, "slot"), f"{profile.family} has no slots", "leave it out")
+    said = {"model": starter.model, "watchdog_s": starter.watchdog_s}
+    for name, why in diagnosis.wrong_settings(profile, **said):
+        yield Mistake((*key, name), f"{short(said[name])} {why}", "see its manual")
     table, where = starter.simulated, (*key, "simulated")
     for code in table.parameters:
         row = profile.parameters.get(code)

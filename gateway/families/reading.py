@@ -15,7 +15,7 @@ from itertools import chain, groupby
 from math import inf
 from typing import Any
 
-from gateway.families.profile.decode import is_known
+from gateway.families.profile.decode import is_there
 from gateway.families.profile.extension import EXTRA
 from gateway.families.profile.parameters import find, is_read_alone, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
@@ -26,6 +26,10 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
 LEAST_DELAY_S = 0.005  # of a starter's answer; a longer one makes joining worth even more
+
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
+_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 
 _REQUEST_BYTES = 8  # a read request, with unit and CRC [APP 6.3, 6.4; SERIAL 2.5.1]
 _REPLY_BYTES = 5  # what is in its reply besides the registers
@@ -144,7 +148,8 @@ def plan_blocks(
 def _planned(
     profile: Profile, firmware: str | None, timing: LineTiming | None, every_s: float
 ) -> tuple[Block, ...]:
-    points = [p for p in profile.points.values() if is_known(p.since_firmware, Variant(firmware=firmware))]
+    variant = Variant(firmware=firmware)
+    points = [point for point in profile.points.values() if is_there(profile, variant, point.source)]
     extra = {point.code: point.every_s for point in points if point.every_s is not None}
     slow_s = slow_period_s(every_s)
     planned: list[Block] = []
@@ -345,9 +350,6 @@ def _read(run: list[Parameter]) -> Read:
 def _request(run: Sequence[Parameter]) -> Request:
     start = run[0].address
     return read_run(run[0].table, start, max(row.address + row.words for row in run) - start)
-
-
-_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 
 
 def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:

@@ -17,7 +17,6 @@ from gateway.sim.sst.motion import COIL_OVERCURRENT, ERROR_COILS
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
 from gateway.sim.weg.command_sources import FAULT_OVERLOAD, Supervised
-from gateway.sim.weg.common import Commanded
 from gateway.sim.weg.ssw06 import Ssw06
 
 _Chosen = TypeVar("_Chosen")
@@ -58,25 +57,17 @@ def _alarm(unit: SimulatedUnit, setting: str) -> str:
 
 
 def _clear(unit: SimulatedUnit, _setting: str) -> str:
+    unit.reset_at_keypad()
     if isinstance(unit, Ssw900):
-        for number in tuple(unit.alarms):
-            unit.set_alarm(number, is_on=False)
-        unit.reset_at_keypad()
-    elif isinstance(unit, Supervised):
-        if isinstance(unit, Ssw06):
-            unit.is_alarm = False
-        unit.reset_at_keypad()
-    elif isinstance(unit, Sst):
-        unit.reset_locally()
+        unit.alarms.clear()
+    elif isinstance(unit, Ssw06):
+        unit.is_alarm = False
     return "faults and alarms cleared"
 
 
 def _control(unit: SimulatedUnit, setting: str) -> str:
     is_remote = _choice(setting, {"remote": True, "local": False})
-    if isinstance(unit, (Supervised, Ssw900)):
-        unit.set_remote(is_remote=is_remote)
-    elif isinstance(unit, Sst):
-        unit.set_control("modbus" if is_remote else "parallel")
+    unit.set_remote(is_remote=is_remote)
     return f"{setting.lower()} control"
 
 
@@ -95,35 +86,27 @@ def _mains(unit: SimulatedUnit, setting: str) -> str:
 
 def _keypad(unit: SimulatedUnit, setting: str) -> str:
     is_start = _choice(setting, {"start": True, "stop": False})
-    if isinstance(unit, Commanded):
-        (unit.keypad_start if is_start else unit.keypad_stop)()
-    elif isinstance(unit, Sst):
-        (unit.local_start if is_start else unit.local_stop)()
+    (unit.keypad_start if is_start else unit.keypad_stop)()
     return f"{setting.lower()} pressed (it counts in local control only)"
 
 
-def _load(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=1000)
-    unit.change_motor(load_pct=percent)
-    return f"load {percent:g} %"
+_OF_THE_MOTOR = {  # the knob's field of `MotorData`, its largest value and what it does
+    "load": ("load_pct", 1000, "load {:g} %"),
+    "friction": ("friction_pct", 1000, "friction {:g} %: so much longer starts"),
+    "wear": ("wear_per_start_pct", 100, "friction grows by {:g} % with each start"),
+    "thermal": ("thermal_pct", 100, "thermal level {:g} %"),
+}
 
 
-def _friction(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=1000)
-    unit.change_motor(friction_pct=percent)
-    return f"friction {percent:g} %: so much longer starts"
+def _motor(knob: str) -> Callable[[SimulatedUnit, str], str]:
+    field, most, said = _OF_THE_MOTOR[knob]
 
+    def act(unit: SimulatedUnit, setting: str) -> str:
+        percent = _amount(setting, "%", most=most)
+        unit.change_motor(**{field: percent})
+        return said.format(percent)
 
-def _wear(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=100)
-    unit.change_motor(wear_per_start_pct=percent)
-    return f"friction grows by {percent:g} % with each start"
-
-
-def _thermal(unit: SimulatedUnit, setting: str) -> str:
-    percent = _amount(setting, "%", most=100)
-    unit.change_motor(thermal_pct=percent)
-    return f"thermal level {percent:g} %"
+    return act
 
 
 def _voltage(unit: SimulatedUnit, setting: str) -> str:
@@ -171,10 +154,7 @@ _ACTIONS: dict[str, Callable[[SimulatedUnit, str], str]] = {
     "power": _power,
     "mains": _mains,
     "keypad": _keypad,
-    "load": _load,
-    "friction": _friction,
-    "wear": _wear,
-    "thermal": _thermal,
+    **{knob: _motor(knob) for knob in _OF_THE_MOTOR},
     "voltage": _voltage,
     "phase": _phase,
 }

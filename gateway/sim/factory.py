@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from dataclasses import fields, replace
 from typing import Any
 
-from gateway.sim.core.unit import SimulatedUnit
-from gateway.sim.sst.motion import SstMotion
+from gateway.sim.core.setup import Quirks
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
-from gateway.sim.weg.common import Commanded
 from gateway.sim.weg.ssw06 import Ssw06
 from gateway.sim.weg.ssw07 import Ssw07
 
+_FAMILIES: dict[str, type[Ssw06 | Ssw07 | Ssw900 | Sst]] = {
+    each.family: each for each in (Ssw06, Ssw07, Ssw900, Sst)
+}
+_QUIRKS = {each.name for each in fields(Quirks)}
 _CURRENT = re.compile(r"(\d+(?:\.\d+)?)A?")  # a word of "SSW-07 85.0A", "SSW-06 820 A", "85"
 
 
 def make_unit(
-    family: str, address: int, *, seed: int = 0, model: str | None = None, **options: Any
-) -> SimulatedUnit:
-    """Return a starter; `options` are those of the family's class. ValueError for an unknown family."""
-    maker = _MAKERS.get(family)
+    family: str, address: int, *, model: str | None = None, **options: Any
+) -> Ssw06 | Ssw07 | Ssw900 | Sst:
+    """Return a starter; `options` are those of `Setup` and `Quirks`. ValueError for an unknown family."""
+    maker = _FAMILIES.get(family)
     if maker is None:
-        raise ValueError(f"family {family!r} is not one of {', '.join(_MAKERS)}")
-    hides_command_bits = options.pop("hides_command_bits", False)
-    unit = maker(address, seed=seed, **_of_model(family, model), **options)
-    unit.hides_command_bits = hides_command_bits
-    return unit
-
-
-_MAKERS: dict[str, Callable[..., Commanded | SstMotion]] = {
-    "ssw06": Ssw06,
-    "ssw07": Ssw07,
-    "ssw900": Ssw900,
-    "sst": Sst,
-}
+        raise ValueError(f"family {family!r} is not one of {', '.join(_FAMILIES)}")
+    quirks = Quirks(**{name: options.pop(name) for name in _QUIRKS & options.keys()})
+    setup = replace(maker.delivered, **{**_of_model(family, model), **options})
+    return maker(address, setup, quirks)
 
 
 def _of_model(family: str, model: str | None) -> dict[str, Any]:

@@ -155,6 +155,14 @@ class KnownWatchdogs:
         if name in self._setups:
             self._keep(self._setups[name])
 
+    async def gap_s(self, setup: StarterSetup) -> float | None:
+        """Return the longest time between two requests to a starter whose line keeps its deadlines."""
+        on_line = [each for each in self._setups.values() if each.line == setup.line and each.is_enabled]
+        gap_s: float | None = await self._in_thread(
+            partial(_gap_s, setup, on_line, self._limits_s(setup.line))
+        )
+        return gap_s
+
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
         """Return by name, in words, the watchdogs that a line with these starters would miss."""
         found = [setup for setup in setups if setup.is_enabled]
@@ -218,6 +226,14 @@ def _why(missed: capacity.Missed) -> str:
     if isinf(missed.gap_s):
         return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
     return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
+
+
+def _gap_s(setup: StarterSetup, on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> float | None:
+    if setup.timing is None:
+        return None
+    polls = capacity.with_deadlines([poll for each in on_line for poll in polls_of(each)], limits_s)
+    whole = capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
+    return whole.gaps_s.get(setup.address)
 
 
 def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:

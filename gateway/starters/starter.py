@@ -115,10 +115,9 @@ class StarterTelemetry:
         """Return the state as of the latest reading; unknown while the starter does not answer."""
         return self.snapshot.state.status.word
 
-    @property
-    def status_period_s(self) -> float:
-        """Return how long two readings of the status are apart at most."""
-        return self._polling.status_period_s
+    async def gap_s(self) -> float | None:
+        """Return the longest time between two requests to it; None where its line has no timing."""
+        return await self._watchdogs.gap_s(self.setup)
 
     def polls(self) -> tuple[Poll, ...]:
         """Return the polls with which the line must begin."""

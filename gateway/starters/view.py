@@ -78,9 +78,8 @@ class StarterIo(StarterWire, Protocol):
 class PolledStarter(StarterIo, Protocol):
     """One starter with polls, as the services see it."""
 
-    @property
-    def status_period_s(self) -> float:
-        """How long two readings of its status are apart at most."""
+    async def gap_s(self) -> float | None:
+        """Return the longest time between two requests to it; None where its line has no timing."""
 
     def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Hand over settings that were just read: the watchdog's count for its line."""

@@ -56,7 +56,7 @@ mqtts://broker.plant:8883 => mqtts://broker/path
     | line 5: mqtt.cert_file: needs key_file beside it (a certificate and its key go together)
 [mqtt] => [mqtt]\npassword_file = "p"
     | line 5: mqtt.password_file: needs username beside it (a password belongs to a user)
-family = "ssw07" => family = "ssw07"\nwatchdog_s = 0.5
+family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
     | line 17: line[0].starter[0].watchdog_s: pump-1: 0.5 s is missed by
 [[operator]]\n => [[line]]\nname = "b"\nport = "/b"\nbaud = 9600\nframing = "8N2"\n[[operator]]\n
     | line 24: line[1].starter: is missing (at least one [[line.starter]]
@@ -132,6 +132,14 @@ address = 1 => address = "1" | line 15: line[0].starter[0].address: is '1' (must
 [[operator]] => [[line]]\nname="b"\nport="/dev/rs485-pumps"\nbaud=9600\nframing="8N2"\nSTARTER[[operator]]
     | line 26: line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[l
 every_s = 2.0 => every_s = -1.0 | line 22: line[0].starter[1].every_s: is -1.0 (must be at least 0)
+family = "ssw07" => family = "ssw07"\nwatchdog_s = 2.5
+    | line 17: line[0].starter[0].watchdog_s: 2.5 is no time of its watchdog: P314 takes at most 0 decimals (
+family = "ssw07" => family = "ssw07"\nwatchdog_s = 1000
+    | line 17: line[0].starter[0].watchdog_s: 1000.0 is no time of its watchdog: P314 takes 0..999 s (
+family = "ssw07" => family = "ssw07"\nmodel = "SSW-06 85A"
+    | line 17: line[0].starter[0].model: 'SSW-06 85A' is the name of a model of ssw06, not of ssw07 (
+family = "ssw07" => family = "ssw07"\nmodel = "SST330i"
+    | line 17: line[0].starter[0].model: 'SST330i' is the name of a model of sst, not of ssw07 (
 family = "ssw07" => family = "ssw07"\nslot = 1
     | line 17: line[0].starter[0].slot: ssw07 has no slots (leave it out)
 mqtts://broker.plant:8883 => mqtt://broker.plant

@@ -19,34 +19,13 @@ REST, FAULT = "VB01=0x4102 VB03=0", "VB01=0x8000 VB03=0"  # enabled, remote, sup
 REST_900 = "S5.1.1=0x0102 S5.2.5=0x12"
 REST_SST = "COIL1=0 R19=0"
 
-WRITES = [
+WRITES = [  # each verb as it is, on the wire: tests/scenarios/commands/test_verbs.py
     # the SSW-07 by single coils (S7-02)
-    ("ssw07", "start", "", "c100:1"),
-    ("ssw07", "stop", "", "c100:0"),
     ("ssw07", "stop", "VB01=0x4106", "c100:0 c102:0"),  # a jog too
-    ("ssw07", "reset", "VB01=0x8000 VB03=0x12", "c107:0 c107:1"),
-    ("ssw07", "general_enable on", REST, "c101:1"),
-    ("ssw07", "general_enable off", "VB01=0x4102 VB03=0x13", "c101:0"),
-    ("ssw07", "jog on", REST, "c102:1"),
-    ("ssw07", "jog off", REST, "c102:0"),
-    ("ssw07", "direction reverse", REST, "c103:1"),
-    ("ssw07", "direction forward", REST, "c103:0"),
-    ("ssw07", "local_remote remote", REST, "c104:1"),
-    ("ssw07", "local_remote local", REST, "c104:0"),
     ("ssw07", "output RL1=True", "VB08=0", "5008:0001"),
     # the SSW-06 by a masked word (S6-02, S6-03)
-    ("ssw06", "start", "", "5003:0101"),
-    ("ssw06", "stop", "", "5003:0100"),
     ("ssw06", "stop", "VB01=0x4106", "5003:0100 5003:0400"),
-    ("ssw06", "reset", FAULT, "5003:8000 5003:8080"),
-    ("ssw06", "general_enable on", "", "5003:0202"),
-    ("ssw06", "general_enable off", "", "5003:0200"),
-    ("ssw06", "jog on", REST, "5003:0404"),
-    ("ssw06", "jog off", REST, "5003:0400"),
-    ("ssw06", "direction reverse", REST, "5003:0808"),
     ("ssw06", "direction forward", REST, "5003:0800"),
-    ("ssw06", "local_remote remote", REST, "5003:1010"),
-    ("ssw06", "local_remote local", REST, "5003:1000"),
     ("ssw06", "configure leave=factory", "VB06=1 " + REST, "5007:0001"),
     ("ssw06", "configure leave=P202", "VB06=2 " + REST, "5007:0002"),
     ("ssw06", "configure leave=p202", "VB06=2 " + REST, "5007:0002"),
@@ -56,47 +35,28 @@ WRITES = [
     ("ssw06", "output rl2=1", "VB08=0xFFF8", "5008:0002"),
     ("ssw06", "output AO1=50", "", "5009:1FFF"),  # ssw06-es 5.4.6
     ("ssw06", "output AO2=25", "", "5010:0FFF"),
-    ("ssw06", "output AO1=100.0", "", "5009:3FFF"),
     ("ssw06", "output AO1=0", "", "5009:0000"),
     ("ssw900", "output AO1=100", "", "696:03FF"),
     ("ssw900", "output AO1=50", "", "696:01FF"),
     ("ssw900", "output DO2=True", "S5.3.1=0b101", "695&FFFD|0002"),
     ("ssw900", "output DO2=False", "S5.3.1=0b111", "695&FFFD|0000"),
     # the SST by coils of their number less one (ST-02, ST-09, ST-19), registers only in its mode (ST-10)
-    ("sst", "start", "", "c0:1"),
-    ("sst", "stop", "", "c0:0"),
-    ("sst", "reset", REST_SST, "c2:1"),
     ("sst", "reset whole=False", REST_SST, "c2:1"),
-    ("sst", "reset whole", REST_SST, "c3:1"),
-    ("sst", "configure", REST_SST, "c1:1 c1:0"),
     ("sst", "configure R41=30 r33=2.0", "R41=30 R33=5 " + REST_SST, "c1:1 33:0014 c1:0"),
     ("sst", "configure R41=30 r33=2.0", "R41=0 R33=5 " + REST_SST, "c1:1 41:001E 33:0014 c1:0"),
     ("sst", "configure R41=30 r33=2.0", "R41=30 R33=20 " + REST_SST, "c1:1 c1:0"),
     ("sst", "configure R41=30", "R41=0x011E " + REST_SST, "c1:1 c1:0"),  # only the low byte decides
-    ("sst", "set R41=30", "R41=0 " + REST_SST, "c1:1 41:001E c1:0"),
     ("sst", "set R41=30 R33=2.0", "R41=0 R33=0 " + REST_SST, "c1:1 41:001E 33:0014 c1:0"),
     # the SSW900 changes its bit in the last word (S9-07): no mask; reserved bits stay 0
-    ("ssw900", "start", "S5.2.5=0x12", "685:0013"),
     ("ssw900", "start", "S5.2.5=0x9A", "685:001B"),  # the reset bit goes
     ("ssw900", "start", "S5.2.5=0xFF72", "685:0013"),
-    ("ssw900", "stop", "S5.2.5=0x13", "685:0012"),
     ("ssw900", "stop", "S5.2.5=0x16", "685:0012"),  # a jog stops too
     ("ssw900", "stop", "S5.2.5=0", "685:0000"),
     ("ssw900", "stop", "S5.1.1=0x0106 S5.2.5=0x16", "685:0012"),
-    ("ssw900", "reset", "S5.2.5=0x12", "685:0012 685:0092"),
-    (
-        "ssw900",
-        "reset",
-        "S5.2.5=0x13",
-        "685:0012 685:0092",
-    ),  # only at standstill, so never with a run command
+    ("ssw900", "reset", "S5.2.5=0x13", "685:0012 685:0092"),  # only at standstill: never with run
     ("ssw900", "reset", "S5.2.5=0x92", "685:0012 685:0092"),
-    ("ssw900", "general_enable on", "S5.2.5=0x10", "685:0012"),
-    ("ssw900", "general_enable off", "S5.2.5=0x12", "685:0010"),
-    ("ssw900", "jog on", REST_900, "685:0016"),
     ("ssw900", "jog off", "S5.1.1=0x0106 S5.2.5=0x12", "685:0012"),
     ("ssw900", "jog off", "S5.1.1=0x0103 S5.2.5=0x17", "685:0013"),  # the motor runs on
-    ("ssw900", "direction reverse", REST_900, "685:001A"),
     ("ssw900", "direction forward", "S5.1.1=0x0902 S5.2.5=0x12", "685:0012"),
     ("ssw900", "local_remote remote", "S5.1.1=0x0002 S5.2.5=0x12", "685:0012"),
     ("ssw900", "local_remote local", REST_900, "685:0002"),
@@ -119,12 +79,10 @@ WRITES = [
     ("ssw900", "stop", "", "685&FFFA|0000"),
     ("ssw900", "jog off", "", "685&FFFB|0000"),
     # rows: once, only what differs, neighbours in one request, low word first
-    ("ssw07", "set P314=5", "P314=0", "314:0005"),
     ("ssw07", "set P314=5", "", "314:0005"),
     ("ssw07", "set P314=5", "P314=5", ""),
     ("ssw07", "set P314=30 P313=1 P229=2", "P314=0 P313=0 P229=0 " + REST, "229:0002 313:0001,001E"),
     ("ssw07", "set P314=30 P313=1", "P314=30 P313=0", "313:0001"),
-    ("ssw07", "set P314=30 P313=1", "P314=30 P313=1", ""),
     ("ssw900", "set C11.3.2=7 C11.3.1=-5", "", "1110:FFFB,FFFF,0007,0000"),
     ("ssw900", "set C11.3.1=10000", "", "1110:2710,0000"),
     ("ssw900", "set C8.2.5.1=2", "C8.2.5.1=0 C8.2.5.3=50", "740:0002"),
@@ -318,25 +276,20 @@ REFUSED = [  # before anything is read
     ("ssw07", "set", {"parameters": {"P314": 1, "P003": 1}}, "not_writable", ""),
     ("ssw07", "set", {"parameters": {"P314": 1, "P313": 9}}, "out_of_range", ""),
     ("ssw07", "set", {"parameters": {"P314": 1, "P308": 9}}, "would_cut_connection", ""),
+    # commands and the connection: tests/rules/test_x_rules.py, X-05
+    ("ssw900", *command("set C8.2.1=2"), "would_cut_connection", ""),
     *[
-        (family, *command(f"set {code}=1"), "would_cut_connection", "")
-        for family, codes in (("ssw07", "P308"), ("ssw06", "P312"), ("ssw900", "C8.2.1 c8.2.2 C8.2.3 C8.2.4"))
-        for code in codes.split()
+        (f, *command(f"set {code}=1"), "not_writable", "")
+        for f, code in (("ssw06", "VB03.0"), ("ssw900", "S5.2.1"))
     ],
     *[
-        (family, *command(f"set {code}=1"), "not_writable", "")
-        for family, codes in (
-            ("ssw07", "VB03 P003"),
-            ("ssw06", "VB07 VB03.0 P000"),
-            ("ssw900", "S5.2.1 S5.2.5 S5.2.6"),
-            ("sst", "COIL1 COIL2"),
-        )
-        for code in codes.split()
+        ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action, no setting")
+        for code in ("C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1", "A1.1")
     ],
-    *[
-        ("ssw900", *command(f"set {code}=1"), "not_writable", "is an action on all parameters")
-        for code in ("C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1")
-    ],
+    ("sst", *command("set COIL5=1"), "not_writable", "COIL5 is read-only"),
+    ("sst", *command("set COIL1=1"), "not_writable", "the verbs of the family"),
+    ("ssw900", *command("set HR1600=1"), "not_writable", "no parameter of the manual"),
+    ("ssw900", *command("set C8.6.2=123456"), "not_writable", "how its characters lie"),
     ("ssw06", *command("set P000=1"), "not_writable", "needs no password"),
     ("ssw07", *command("set P000=1"), "not_writable", "needs no password"),
     ("ssw06", *command("set P200=1"), "not_writable", "not accessible through serial"),
@@ -395,17 +348,14 @@ REFUSED_AFTERWARDS = [  # for what was read
         )
     ],
     *[
-        ("ssw06", "local_remote local", f"P220={n} {REST}", "not_set_to_serial")
-        for n in (0, 1, 2, 3, 4, 7, 8)
+        (family, "local_remote local", f"{row}={n} {rest}", None if n in own else "not_set_to_serial")
+        for family, row, rest, last, own in (
+            ("ssw06", "P220", REST, 10, (5, 6)),
+            ("ssw07", "P220", REST, 8, (5, 6)),
+            ("ssw900", "C3.1", REST_900, 12, (9, 10, 11, 12)),
+        )
+        for n in range(last + 1)
     ],
-    *[
-        ("ssw07", "local_remote local", f"P220={n} {REST}", "not_set_to_serial")
-        for n in (0, 1, 2, 3, 4, 7, 8)
-    ],
-    *[("ssw900", "local_remote local", f"C3.1={n} {REST_900}", "not_set_to_serial") for n in range(9)],
-    *[("ssw06", "local_remote local", f"P220={n} {REST}", None) for n in (5, 6)],
-    *[("ssw07", "local_remote local", f"P220={n} {REST}", None) for n in (5, 6)],
-    *[("ssw900", "local_remote local", f"C3.1={n} {REST_900}", None) for n in range(9, 13)],
     *[
         ("ssw900", f"output {o}", f"{code}=1", "not_set_to_serial")
         for o, code in (("DO1=True", "C4.2.1"), ("DO3=True", "C4.2.3"), ("AO1=50", "C4.3.1"))

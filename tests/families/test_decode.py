@@ -6,10 +6,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.profile.decode import is_known
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Point, Variant
 from tests.families.decoding import decoded, points, value
 
 HOLDING = Table.HOLDING
@@ -125,36 +123,14 @@ def test_a_number_has_the_label_of_the_manual(family: str, code: str, number: in
 @pytest.mark.parametrize(
     ("family", "rows", "expected"),
     [
-        *[
-            (
-                "sst",
-                {"R19": (status,)},
-                {
-                    "r19": status,
-                    "running": status in (1, 2),
-                    "accelerating": status == 1,
-                    "full_voltage": status == 2,
-                    "decelerating": status == 3,
-                },
-            )
-            for status in range(4)
-        ],
         ("sst", {"COIL7": (0,)}, {"coil7": False}),  # nothing is said of a point whose rows were not read
-        ("sst", {"COIL6": (1,)}, {"coil6": True}),
-        *[
-            (
-                "sst",
-                {"COIL7": (usb,), "COIL8": (inputs,)},
-                {"coil7": bool(usb), "coil8": bool(inputs), "remote": not usb and not inputs},
-            )
-            for usb in (0, 1)
-            for inputs in (0, 1)
-        ],
         ("sst", {"R18": (0,)}, {"line_voltage": None}),  # not available
         ("sst", {"R18": (400,)}, {"line_voltage": 400.0}),
     ],
 )
-def test_points_of_an_sst(family: str, rows: dict[str, tuple[int, ...]], expected: dict[str, Any]) -> None:
+def test_points_whose_rows_are_not_there_or_not_available(
+    family: str, rows: dict[str, tuple[int, ...]], expected: dict[str, Any]
+) -> None:
     assert points(family, rows) == expected
 
 
@@ -164,4 +140,3 @@ def test_bits_that_old_firmware_does_not_have_are_unknown_there(firmware: str | 
 
     assert found["jog"] is (None if firmware in ("V1.30", "1.3") else True)
     assert found["running"] is True
-    assert is_known(Point(code="VB01").since_firmware, Variant(firmware="V0.01"))

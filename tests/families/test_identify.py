@@ -107,8 +107,21 @@ def test_an_ssw900_is_known_by_the_accessory_in_its_slots(slots: tuple[int, int]
 
     assert (seen.family_seen, seen.slot, seen.firmware) == ("ssw900", slot, "1.25")
     assert (seen.serial, seen.rating) == (str(0x12345678), load_profile("ssw900").enums["S3.3.1"][3])
+    assert seen.rated_current_a is None  # C9.1.1 = 10 A is not of this size
     assert identity("ssw900", slots=slots).model == "SSW900"
     assert identity("ssw900", slots=(7, 2)).accessories == ("Ethernet", "RS-485")
+
+
+@pytest.mark.parametrize(
+    ("size", "current", "rated_a"),
+    [(0, 0, 10), (1, 7, 105), (6, 21, 1400), (1, 8, None), (7, 7, None), (1, 22, None)],
+)
+def test_the_rated_current_of_an_ssw900_is_c9_1_1_where_its_size_has_it(
+    size: int, current: int, rated_a: float | None
+) -> None:
+    seen = identity("ssw900", slots=(2, 0), model=(size, current, 0, 0, 1, 0))
+
+    assert seen.rated_current_a == rated_a
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from gateway.errors import ProfileError, UsageError
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile, read_profile
 from gateway.families.profile.names import meaning_of, printed_name
+from gateway.families.profile.parameters import to_words
 from gateway.families.profile.rows import Confidence
 
 SSW06 = Path(__file__).parents[2] / "gateway" / "families" / "profiles" / "ssw06"
@@ -61,6 +62,10 @@ def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewher
     assert [a.code for a in spanish.alarms] == [a.code for a in english.alarms]
     assert printed_name(spanish, "current") == "corriente del motor en amperes"
     assert meaning_of(spanish, "fault") == "false: sin error; true: con error"
+    assert spanish.enums["P313"][2] == "deshabilita general"
+    for value in ("Fatal error", "causa error fatal", 5):  # programs go on as they are
+        assert to_words(spanish, spanish.parameters["P313"], value) == (5,)
+    assert meaning_of(load_profile("ssw07", "es"), "fault") == meaning_of(load_profile("ssw07"), "fault")
     assert spanish.parameters["P277"].name == "relay RL1 function"
     assert spanish.rows_at.keys() == english.rows_at.keys()
     assert all(row is spanish.parameters[row.code] for rows in spanish.rows_at.values() for row in rows)

@@ -167,7 +167,7 @@ def test_values_that_the_manual_does_not_allow_are_refused(
     [
         (None, (5, 140)),
         ("SST330i-M-ES", (5, 47)),
-        ("SST130i-75-M", (75, 75)),
+        ("SST130i-75-M", (5, 75)),
         ("sst130i-140-m", (5, 140)),
         ("SST130i", (5, 140)),  # which of the two is not known: the widest of both
         ("SST360i", (5, 47)),  # has no column in the table

@@ -86,6 +86,23 @@ def test_a_setting_that_would_refuse_a_start_is_an_error_that_names_it(
     assert named in findings[0].text
 
 
+@pytest.mark.parametrize(
+    ("family", "changes"),
+    [
+        ("ssw06", {"P220": 0, "P229": 2, "P230": 0}),
+        ("ssw07", {"P220": 4, "P229": 2}),
+        ("ssw900", {"C3.1": 0, "C3.2": 4, "C3.3": 1}),
+    ],
+)
+def test_a_starter_that_obeys_the_line_in_local_mode_is_noted_and_is_no_error(
+    family: str, changes: dict[str, int | None]
+) -> None:
+    findings = look(family, changes)
+
+    assert problems(findings) == []
+    assert any("in local mode the commands of this line act" in finding.text for finding in findings)
+
+
 def test_an_accessory_in_slot_2_is_its_own_source_and_an_unknown_slot_refuses_every_command() -> None:
     assert problems(look("ssw900", {"C3.1": 12, "C3.3": 5, "S3.5.1": 0, "S3.5.2": 2}, slot=2)) == []
     assert refuses_start(look("ssw900", slot=2))

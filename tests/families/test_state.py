@@ -6,62 +6,40 @@ import pytest
 
 from gateway.families.devices import device_of
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.state import STATES, hindrance, state_of
+from gateway.families.profile.state import hindrance, state_of
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 WEG = ("ssw06", "ssw07", "ssw900")
 
 
-@pytest.mark.parametrize("family", WEG)
-@pytest.mark.parametrize(
-    ("changes", "state"),
-    [
-        ({}, "ready"),
-        ({"general_enabled": False}, "not_ready"),
-        ({"running": True}, "running"),
-        ({"running": True, "accelerating": True}, "starting"),
-        ({"running": True, "decelerating": True}, "stopping"),
-        ({"jog": True}, "running"),
-        ({"braking": True}, "running"),
-        ({"reversing": True}, "running"),
-        ({"running": True, "fault": True}, "fault"),
-        ({"fault": None}, "unknown"),
-        ({"running": None}, "unknown"),
-        ({"accelerating": None}, "unknown"),
-        ({"general_enabled": None}, "unknown"),
-        ({"fault": True, "running": None}, "fault"),
-    ],
-)
-def test_the_status_word_decides_the_state_of_a_weg_starter(
-    family: str, changes: dict[str, Any], state: str
-) -> None:
-    assert state_of(load_profile(family), {**WEG_AT_REST, **changes}) == state
-    assert state in STATES
-
-
 @pytest.mark.parametrize(
     ("family", "changes", "state"),
     [
-        # an accepted start is one, although the motor does not accelerate yet
-        *[("ssw900", {bit: True}, "starting") for bit in load_profile("ssw900").state.starting],
-        ("ssw900", {"power_present": ...}, "ready"),  # it has no such bit
-        ("ssw900", {"s5_1_1_13": True}, "not_ready"),  # the time after a stop
-        ("ssw900", {"s5_1_1_13": False}, "ready"),
-        ("ssw900", {"s5_1_1_13": True, "running": True}, "running"),
-        # it says that it does not run as soon as the stop is received (S6-20)
-        ("ssw06", {"decelerating": True}, "stopping"),
-        ("ssw06", {"power_present": False}, "not_ready"),
-        ("ssw07", {"power_present": False}, "not_ready"),
         *[
-            ("ssw06", {"vb06": mode}, state)
-            for mode, state in ((1, "not_ready"), (2, "not_ready"), (0, "ready"), (None, "ready"))
+            (family, changes, state)
+            for family in WEG
+            for changes, state in (
+                *(
+                    ({name: None}, "unknown")
+                    for name in ("fault", "running", "accelerating", "general_enabled")
+                ),
+                ({"fault": True, "running": None}, "fault"),
+            )
         ],
-        # bits that old firmware does not have
-        ("ssw07", {"jog": None, "braking": None, "reversing": None}, "ready"),
+        ("ssw900", {"power_present": ...}, "ready"),  # it has no such bit
+        ("ssw900", {"s5_1_1_13": True, "running": True}, "running"),
+        ("ssw06", {"vb06": None}, "ready"),
+        ("ssw07", {"jog": None, "braking": None, "reversing": None}, "ready"),  # old firmware has them not
+        ("sst", {"configured": None}, "unknown"),
+        ("sst", {"decelerating": None}, "unknown"),
     ],
 )
-def test_a_family_has_states_of_its_own(family: str, changes: dict[str, Any], state: str) -> None:
-    points = {name: value for name, value in {**WEG_AT_REST, **changes}.items() if value is not ...}
+def test_what_decides_and_is_not_known_leaves_the_state_open(
+    family: str, changes: dict[str, Any], state: str
+) -> None:
+    """What the words of each family give: tests/scenarios/values/test_states.py."""
+    at_rest = SST_AT_REST if family == "sst" else WEG_AT_REST
+    points = {name: value for name, value in {**at_rest, **changes}.items() if value is not ...}
 
     assert state_of(load_profile(family), points) == state
 
@@ -81,24 +59,6 @@ def test_what_keeps_a_motor_from_being_started_is_said_in_words(
     family: str, points: dict[str, Any], why: str
 ) -> None:
     assert hindrance(load_profile(family), points) == why
-
-
-@pytest.mark.parametrize(
-    ("changes", "state"),
-    [
-        ({}, "ready"),
-        ({"configured": False}, "not_ready"),
-        ({"ready_to_start": False}, "not_ready"),
-        ({"configured": None}, "unknown"),
-        ({"accelerating": True, "running": True}, "starting"),
-        ({"full_voltage": True, "running": True}, "running"),
-        ({"decelerating": True}, "stopping"),
-        ({"decelerating": None}, "unknown"),
-        ({"fault": True, "full_voltage": True}, "fault"),
-    ],
-)
-def test_register_19_and_three_coils_decide_the_state_of_an_sst(changes: dict[str, Any], state: str) -> None:
-    assert state_of(load_profile("sst"), {**SST_AT_REST, **changes}) == state
 
 
 @pytest.mark.parametrize(

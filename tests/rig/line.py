@@ -115,9 +115,9 @@ class _Wires(SimulatedLine):
 
     def send(self, data: bytes, timing: Any = None) -> None:
         super().send(data, timing)
-        if self.has_echo and self._sink is not None:
+        if self.has_echo and self.inbox.sink is not None:
             at_s = self._now_s() + self.timing.wire_s(len(data))
-            self._running().call_at(at_s, self._sink, data, at_s)
+            self._running().call_at(at_s, self.inbox.sink, data, at_s)
 
 
 class RigLine:

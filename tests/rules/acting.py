@@ -57,9 +57,11 @@ class Actor:
         written: list[str] = []
         try:
             if seen is None:
-                preparation = prepare(self.profile, self.variant, verb, given)
+                is_local = self.points(self.rows).get("remote") is False
+                preparation = prepare(self.profile, self.variant, verb, given, is_local=is_local)
                 seen = self.read(preparation.reads)
-                violations = check(self.profile, preparation.requires, self.points(seen))
+                points = self.points(seen)
+                violations = check(self.profile, preparation.requires, points, variant=self.variant)
                 if violations:
                     return Done(violations[0].code, violations[0].text)
             procedure = build(self.profile, self.variant, verb, given, seen=seen)

@@ -98,17 +98,24 @@ def label(verb: str, args: dict[str, Any]) -> str:
     return "local_remote off" if args.get("value") == "local" else verb
 
 
-def send_at_random(family: str, count: int, *, keeps_run_command: bool, seed: object = 1) -> dict[str, int]:
+SERIAL_IN_LOCAL = {"ssw06": {229: 2}, "ssw07": {229: 2}, "ssw900": {229: 4}}  # P229, C3.2
+
+
+def send_at_random(
+    family: str, count: int, *, keeps_run_command: bool, obeys_in_local: bool = False, seed: object = 1
+) -> dict[str, int]:
     """Send so many commands and return how often each had which end; AssertionError when one is wrong."""
     dice = random.Random(f"{family} {keeps_run_command} {seed}")
     options: dict[str, Any] = {"hides_command_bits": keeps_run_command}
     if family != "sst":
         options["keeps_run_command"] = keeps_run_command
+    if obeys_in_local:
+        options["settings"] = SERIAL_IN_LOCAL[family]
     ends: dict[str, int] = {}
     for number in range(count):
         if number % LIFE == 0:  # one whose settings no command has corrupted yet
             actor = Actor(family, **options)
-            actor.unit.keeps_run_command = keeps_run_command
+            actor.unit.quirks.keeps_run_command = keeps_run_command
         end = _send_one(actor, dice)
         ends[end] = ends.get(end, 0) + 1
     return ends
@@ -126,4 +133,4 @@ def _send_one(actor: Actor, dice: random.Random) -> str:
     has_tripped = len(actor.unit.trips) > trips  # a watchdog or protection, not the command
     is_meant = what in STARTS if is_driven(actor) else what in STOPS or has_tripped
     assert was_driven is is_driven(actor) or is_meant, f"{actor.profile.family}: {what} {args}: {done}"
-    return f"{what} {done.end}"
+    return f"{what} {done.end}" + ("" if getattr(actor.unit, "is_remote", True) else " in local")

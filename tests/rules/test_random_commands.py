@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.families.profile.load import FAMILIES
-from tests.rules.random_commands import send_at_random
+from tests.rules.random_commands import SERIAL_IN_LOCAL, send_at_random
 
 COMMANDS = 2_000
 
@@ -22,3 +22,12 @@ def test_no_random_sequence_of_commands_starts_a_motor_unasked_or_stops_one_by_a
 
     assert ends["start confirmed"] > COMMANDS / 200
     assert ends["stop confirmed"] > COMMANDS / 200
+    assert "start confirmed in local" not in ends
+
+
+@pytest.mark.parametrize("family", SERIAL_IN_LOCAL)
+def test_nor_does_one_where_the_starter_obeys_the_line_in_local_mode(family: str) -> None:
+    ends = send_at_random(family, COMMANDS // 2, keeps_run_command=True, obeys_in_local=True)
+
+    assert ends["start confirmed in local"] > 0
+    assert ends["stop confirmed in local"] > 0

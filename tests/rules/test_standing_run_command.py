@@ -11,7 +11,7 @@ import pytest
 
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.sst.unit import Sst
-from gateway.sim.weg.command_sources import P_REMOTE_SOURCE
+from gateway.sim.weg.common import REMOTE_SOURCE
 from gateway.sim.weg.ssw07 import Ssw07
 from tests.rules.acting import RAW_START, Actor
 
@@ -107,7 +107,7 @@ def test_another_command_source_starts_nothing(family: str, code: str, value: in
 def test_serial_as_the_source_again_starts_nothing(family: str) -> None:
     actor = standing(family)
     unit = actor.unit
-    actor.talk.ask(WriteRegister(P_REMOTE_SOURCE, 0))
+    actor.talk.ask(WriteRegister(REMOTE_SOURCE, 0))
     unit.motor.cut()
     rest(actor)
     unit.command |= 0x01  # what was given stands
@@ -141,7 +141,7 @@ def test_an_sst_is_reset_and_initialised_without_a_start(verb: str, args: dict[s
     actor = Actor("sst", hides_command_bits=True)
     unit = actor.unit
     assert isinstance(unit, Sst)
-    unit.keeps_run_command = True
+    unit.quirks.keeps_run_command = True
     assert actor.act("start").end == "confirmed"
     unit.trip(12)
     rest(actor)
@@ -158,7 +158,7 @@ def test_an_sst_is_reset_and_initialised_without_a_start(verb: str, args: dict[s
 def test_without_run_0_these_simulated_starters_would_start(family: str) -> None:
     """The bare reset of the manual starts the motor: what the tests above are worth."""
     actor = Actor(family, hides_command_bits=True)
-    actor.unit.keeps_run_command = True
+    actor.unit.quirks.keeps_run_command = True
     actor.act("start")
     actor.unit.trip(12)
     rest(actor)

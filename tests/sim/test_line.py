@@ -114,7 +114,6 @@ def test_w_03_a_broadcast_reaches_all_units_and_none_answers() -> None:
         (faults.CutShort(3), ANSWER[:-3]),
         (faults.Doubled(), ANSWER * 2),
         (faults.WrongUnit(7), encode(7, ANSWER[1:-2])),
-        (faults.Babbling(every_s=100.0), ANSWER),
     ],
 )
 def test_a_reply_is_damaged_on_order(fault: faults.Impairment, received: bytes) -> None:

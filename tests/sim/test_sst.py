@@ -48,7 +48,7 @@ RULES = {
     "ST-13 ranges of an SST330i": "given model='SST330i-M'; coil 2 := 1; R30 := 47; R30 := 48 refused 3",
     "ST-13 ranges of an SST130i-75": """
         given model='SST130i-75-M'
-        coil 2 := 1; R30 := 75; R30 := 47 refused 3""",
+        coil 2 := 1; R30 := 75; R30 := 5; R30 := 76 refused 3""",
     "ST-13 ranges of an SST130i-140": """
         given model='SST130i-140-M-ES'
         coil 2 := 1; R30 := 140; R30 := 141 refused 3""",

@@ -41,15 +41,12 @@ RULES = {
         trip 5; VB01 & 8000h = 8000h; coil 107 := 1; VB01 & 8000h = 0""",
     "S7-05 E28 is not reset through the network": """
         trip 28; coil 107 := 1; VB01 & 8000h = 8000h; clear; VB01 & 8000h = 0""",
-    "S7-05 E29 is not reset through the network": "trip 29; coil 107 := 1; VB01 & 8000h = 8000h",
-    "S7-05 E30 is not reset through the network": "trip 30; coil 107 := 1; VB01 & 8000h = 8000h",
     "W-13 a reset bit left at 1 does not reset again": """
         coil 107 := 1; trip 5; coil 107 := 1; VB01 & 8000h = 8000h
         coil 107 := 0; coil 107 := 1; VB01 & 8000h = 0""",
     "S7-06, W-12 (motor) in remote the keypad is the source": """
         given P230=0
         start; see motor.state stopped; see starts; see start_frames 0.0""",
-    "S7-06, W-12 (motor) in remote the inputs are the source": "given P230=1; start; see motor.state stopped",
     "S7-06, W-12 (motor) it is always local": "given P220=0; start; see motor.state stopped",
     "S7-06 a command that is not set to serial may be refused": """
         given P230=0 is_command_refused=True
@@ -73,17 +70,10 @@ RULES = {
         given P314=5
         4 s; VB01 = 4102h; 4 s; VB01 = 4102h; 4 s; trips -""",
     "S7-09 P314 = 0 supervises nothing": "given P314=20; run; P314 := 0; 1000 s; trips -; VB01 & 1h = 1",
-    "S7-10 (motor) P313 = 0 does nothing": "given P313=0 P314=20; run; 11 s; VB01 & 1h = 1; trips E28@20.0",
     "S7-10 (motor) P313 = 1 stops by ramp": "given P313=1 P314=20; run; 11 s; see motor.state ramp_down",
     "S7-10 (motor) P313 = 1 does nothing when serial does not control": """
         given P313=1 P314=20 P230=0
         keypad start; 21 s; trips E28@20.0; see motor.state bypass""",
-    "S7-10 (motor) P313 = 2 lets the motor coast": """
-        given P313=2 P314=20
-        run; 11 s; see motor.state coasting; see is_enabled False""",
-    "S7-10 (motor) P313 = 3 goes local": """
-        given P313=3 P314=20
-        run; 11 s; see is_remote False; VB01 & 1h = 1""",
     "S7-10 (motor) P313 = 3 does nothing where serial does not switch": """
         given P313=3 P314=20 P220=1
         run; 11 s; see is_remote True""",

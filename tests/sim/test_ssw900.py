@@ -16,7 +16,7 @@ RULES = {
         10 s; 680 = 163h; 679 = 5; see starts 0.0""",
     "a stop ramps down and waits out the time after a stop": """
         run; stop; 680 = 182h; 679 = 7; 5 s; 680 = 2102h; 679 = 12; 2 s; 680 = 102h; 679 = 0""",
-    "a stop before the ramp calls the start off": "start; 0.3 s; stop; 5 s; see motor.starts 0",
+    "a stop before the ramp calls the start off": "start; 0.3 s; stop; 5 s; see motor.counters.starts 0",
     "(motor) a start during the time after a stop is ignored": """
         run; stop; 4.5 s; start; 5 s; see motor.state stopped; see starts 0.0""",
     "S9-07 (motor) without a mask a bare reset stops and disables": """
@@ -44,7 +44,7 @@ RULES = {
     "bit 4 switches the mode where C3.1 names the slot": "685 := 2; see is_remote False",
     "a reset needs no command source": "given P230=1; trip 5; 685 := 92h; see is_fault False",
     "a fault calls a start off and clears the run bit": """
-        start; trip 5; 685 = 12h; 685 := 92h; 5 s; see motor.starts 0""",
+        start; trip 5; 685 = 12h; 685 := 92h; 5 s; see motor.counters.starts 0""",
     "C with a run command in force a reset starts the motor": """
         given keeps_run_command=True
         run; trip 5; 20 s; 685 = 13h; 685 := 93h; 1 s; 680 & 1h = 1""",
@@ -109,7 +109,7 @@ RULES = {
         run; 1300 := 680; 1300 = 0; 899 := 5; 899 = 5""",
     "S9-23 a value out of range gets exception 3": """
         229 := 6 refused 3; 931 := 4 refused 3; 229 := 9 0 0 refused 3; 229 = 0
-        1110 := 8000h FFFFh refused 3""",
+        1110 := 8000h FFFFh refused 3; 730 := 1 refused 3; 263 := 13 refused 3; 1500 := 1 refused 2""",
 }
 A128_WITHOUT_EFFECT = {
     f"S9-19 (motor) action {action} has no effect while C3.3 is {source}": f"""

@@ -12,10 +12,10 @@ from functools import reduce
 from operator import or_
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.profile.decode import decode_points
+from gateway.families.profile.decode import decode_points, is_there, since_firmware
 from gateway.families.profile.procedure import Seen
 from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Profile, Variant, Write
+from gateway.families.profile.schema import Command, Profile, Variant, Write
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import MaskWriteRegister, WriteCoil, WriteRegister
 
@@ -30,6 +30,14 @@ def word_codes(profile: Profile, variant: Variant) -> tuple[str, ...]:
     if variant.slot is None or len(profile.command_word) < 2:
         return profile.command_word
     return (profile.command_word[variant.slot - 1],)
+
+
+def missing_since(profile: Profile, variant: Variant, command: Command) -> str:
+    """Return the firmware that brought what a command writes, where this starter's is older; else empty."""
+    coils = (write.coil for write in command.writes if write.coil is not None)
+    codes = (profile.rows_at[Table.COIL, coil][0].code for coil in coils)
+    missing = (code for code in codes if not is_there(profile, variant, code))
+    return next((since_firmware(profile, variant, code) for code in missing), "")
 
 
 def run_row(profile: Profile, variant: Variant) -> str:

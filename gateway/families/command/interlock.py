@@ -1,4 +1,8 @@
-"""Rules that must hold on fresh points before a command is written; an unknown reading breaks a rule."""
+"""Rules that must hold on fresh points before a command is written; an unknown reading breaks a rule.
+
+In local mode a starter obeys this line only where one of its own settings says so (`local_source`): that row
+is then among what was read, and what decides.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from typing import Any
 
 from gateway.contract import CommandError, Reason, ResultCode
 from gateway.families.profile.procedure import Seen
-from gateway.families.profile.schema import Profile
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
 
 RULES: dict[str, ResultCode] = {  # what is wrong where one does not hold, never what would have been right
@@ -22,6 +26,8 @@ RULES: dict[str, ResultCode] = {  # what is wrong where one does not hold, never
     "power_present": ResultCode.NO_POWER,
 }
 
+_UNKNOWN = Variant()
+
 _STATE_CODES = {  # of `is_ready`, where the state says more
     "fault": ResultCode.FAULT_ACTIVE,
     "starting": ResultCode.MOTOR_RUNNING,
@@ -30,19 +36,41 @@ _STATE_CODES = {  # of `is_ready`, where the state says more
 }
 
 
-def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> tuple[CommandError, ...]:
-    """Return a refusal for each rule that does not hold on these points, with what was read."""
+def local_source(profile: Profile, variant: Variant) -> tuple[str, int] | None:
+    """Return the row that gives the commands in local mode to this line, and its number then; None: none."""
+    local = profile.local_control
+    if local is None or (variant.slot is None and len(local.serial) > 1):
+        return None
+    return local.code, local.serial[(variant.slot or 1) - 1 if len(local.serial) > 1 else 0]
+
+
+def check(
+    profile: Profile, rules: Sequence[str], points: Mapping[str, Any], *, variant: Variant = _UNKNOWN
+) -> tuple[CommandError, ...]:
+    """Return a refusal for each rule that does not hold on these points, with what was read.
+
+    The row of `local_source` counts where its raw words are among the points, by its code.
+    """
     refusals = []
     for rule in rules:
         reading = _reading(profile, rule, points)
+        if rule == "remote" and points.get(rule) is False and _obeys_in_local(profile, variant, points):
+            continue
         if reading is not None:
             refusals.append(_refusal(profile, rule, reading, points))
     return tuple(refusals)
 
 
-def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> None:
+def _obeys_in_local(profile: Profile, variant: Variant, points: Mapping[str, Any]) -> bool:
+    source = local_source(profile, variant)
+    return source is not None and points.get(source[0]) == (source[1],)
+
+
+def demand(
+    profile: Profile, rules: Sequence[str], points: Mapping[str, Any], *, variant: Variant = _UNKNOWN
+) -> None:
     """Raise CommandError, with the first broken rule's code, unless all these rules hold on these points."""
-    refusals = check(profile, rules, points)
+    refusals = check(profile, rules, points, variant=variant)
     if refusals:
         reasons: dict[str, Reason] = {}
         for refusal in refusals:

@@ -19,16 +19,17 @@ from gateway.families.command.control_word import (
     command_requests,
     has_plain_word,
     is_jogging,
+    missing_since,
     run_row,
     stop_requests,
     word_codes,
 )
-from gateway.families.command.interlock import check_set_to_serial, points_needed
+from gateway.families.command.interlock import check_set_to_serial, local_source, points_needed
 from gateway.families.command.outputs import build_output, prepare_output
 from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import check_names, choice, switch
-from gateway.families.profile.decode import is_known
+from gateway.families.profile.decode import is_there
 from gateway.families.profile.procedure import (
     Expect,
     Preparation,
@@ -39,7 +40,7 @@ from gateway.families.profile.procedure import (
 )
 from gateway.families.profile.schema import Command, Profile, Variant
 from gateway.families.profile.state import moving
-from gateway.families.reading import reads_for, rows_of_points
+from gateway.families.reading import reads_for, rows_of_points, with_rows
 from gateway.modbus.pdu import Request
 
 
@@ -64,7 +65,7 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
 def _other_motions(profile: Profile, variant: Variant) -> list[str]:
     """Return the other motions that a stop has to end: a jog, and a reversal, which runs again by itself."""
     names = [each for each in ("jog", "reversing") if each in profile.points]
-    return [each for each in names if is_known(profile.points[each].since_firmware, variant)]
+    return [each for each in names if _is_there(profile, variant, each)]
 
 
 GENERIC_VERBS = ("read", "set")  # of every family, by the code of a row
@@ -75,13 +76,19 @@ def verbs(profile: Profile) -> tuple[str, ...]:
     return (*(name for name in profile.commands if not name.endswith(_PARTS)), *GENERIC_VERBS)
 
 
-def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+def prepare(
+    profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, is_local: bool = False
+) -> Preparation:
     """Return what must be read, and hold, before this command is built; CommandError when it makes no sense.
 
-    A stop needs nothing, whatever comes with it.
+    A stop needs nothing, whatever comes with it. `is_local`: the starter was last seen in local mode, so that
+    the row which may give the commands there to this line is read as well.
     """
     _check_verb(profile, verb)
     preparation = _prepare(profile, variant, verb, args)
+    source = local_source(profile, variant) if is_local else None
+    if source is not None and _REMOTE in preparation.requires:
+        preparation = replace(preparation, reads=with_rows(profile, preparation.reads, (source[0],)))
     wakes, is_source = _effects(profile, variant, verb, args)
     if not wakes:
         return preparation
@@ -137,6 +144,7 @@ def _build(
 _OFF, _WHOLE = "_off", "_whole"
 _PARTS = (_OFF, _WHOLE)
 _VALUE = "value"
+_REMOTE = "remote"  # the rule and its point
 
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
@@ -169,8 +177,8 @@ def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any
     name = "_".join((verb, *flags))
     if command.args == (_VALUE,) and not _is_first(command, args):
         name += _OFF
-    if not is_known(profile.commands[name].since_firmware, variant):
-        since = profile.commands[name].since_firmware
+    since = "" if name in _RELEASES else missing_since(profile, variant, profile.commands[name])
+    if since:
         raise CommandError(ResultCode.NOT_IN_FIRMWARE, verb=verb, since=since, firmware=variant.firmware)
     return name
 
@@ -196,7 +204,7 @@ def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mappin
 def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
     command = profile.commands[name]
     check_set_to_serial(profile, command.needs, seen)
-    _check_ceilings(variant, command, seen)
+    _check_ceilings(profile, variant, command, seen)
     requests = _requests(profile, variant, name, seen=seen)
     last = len(requests) - 1
     steps = tuple(
@@ -207,24 +215,27 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
     procedure = Procedure(steps, verify=verification(profile, variant, verb, command), notes=notes)
     if name not in TAKEN_BACK:
         return procedure
-    return replace(procedure, take_back=_take_back(profile, variant))
+    return replace(procedure, take_back=_take_back(profile, variant, seen))
 
 
-def _take_back(profile: Profile, variant: Variant) -> TakeBack:
+def _take_back(profile: Profile, variant: Variant, seen: Seen) -> TakeBack:
     """Return when a start or a jog is seen not to act, and when it is seen to be taken back."""
     names = [name for name in moving(profile) if _is_there(profile, variant, name)]
     reads = reads_for(profile, rows_of_points(profile, names))
     first, *others = (Expect(reads, name, (False,), _AT_REST_WITHIN_S) for name in names)
     row = run_row(profile, variant)
     bits = [command_bit(profile, name) for name in TAKEN_BACK if name in profile.commands]
-    shown = reads_for(profile, (row, *rows_of_points(profile, ("remote",))))
-    is_remote = Expect(shown, "remote", (True,), _AT_REST_WITHIN_S)
+    source = local_source(profile, variant)
+    local = (source,) if source is not None and source[0] in seen else ()  # it was decided in local mode
+    shown = reads_for(profile, (row, *rows_of_points(profile, (_REMOTE,)), *(code for code, _ in local)))
+    obeys = tuple(Expect(shown, code, ((number,),), _AT_REST_WITHIN_S) for code, number in local)
+    is_remote = Expect(shown, _REMOTE, (True,), _AT_REST_WITHIN_S, or_else=obeys)
     run_off = Expect(shown, row, ((0,),), _AT_REST_WITHIN_S, mask=reduce(or_, bits), also=(is_remote,))
     return TakeBack(at_rest=replace(first, also=tuple(others)), released=run_off)
 
 
 def _is_there(profile: Profile, variant: Variant, name: str) -> bool:
-    return name in profile.points and is_known(profile.points[name].since_firmware, variant)
+    return name in profile.points and is_there(profile, variant, profile.points[name].source)
 
 
 def stop(profile: Profile, variant: Variant, *, seen: Seen, with_jog: bool) -> Procedure:
@@ -250,12 +261,12 @@ def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> S
     return command_requests(profile, variant, writes, seen=seen)
 
 
-def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:
+def _check_ceilings(profile: Profile, variant: Variant, command: Command, seen: Seen) -> None:
     """Raise the ceiling's refusal when a row was seen to read more, on a model that has the reading."""
     model = (variant.model or "").casefold()
     for code, ceiling in command.ceilings.items():
-        is_there = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
-        if not is_there or not is_known(ceiling.since_firmware, variant):
+        has_reading = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
+        if not has_reading or not is_there(profile, variant, code):
             continue
         if code in seen and seen[code][0] > ceiling.most:
             raise CommandError(

@@ -23,12 +23,12 @@ from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command.control_word import (
     flags_of,
     has_plain_word,
+    missing_since,
     run_row,
     stop_requests,
     word_codes,
 )
 from gateway.families.command.interlock import points_needed
-from gateway.families.profile.decode import is_known
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading import reads_for, rows_of_points
@@ -114,8 +114,7 @@ def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep,
 def jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request]:
     """Return what takes a jog back; nothing where the stop does so, or the starter has no jog."""
     command = profile.commands.get("jog_off")
-    since = profile.commands["jog"].since_firmware if command is not None else ""
-    if command is None or has_plain_word(command.writes) or not is_known(since, variant):
+    if command is None or has_plain_word(command.writes) or missing_since(profile, variant, command):
         return ()  # a plain word takes the jog back with the run command
     return stop_requests(profile, variant, command.writes, seen=seen)
 

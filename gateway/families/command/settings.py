@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from gateway.contract import CommandError, ResultCode
+from gateway.contract import CommandError, Note, ResultCode
 from gateway.families.command.interlock import points_needed
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import asked_codes, asked_values
@@ -16,7 +16,7 @@ from gateway.families.profile.procedure import Preparation, Procedure, Read, See
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import in_order_of
-from gateway.families.reading import holds, read_back, read_of, reads_for, rows_of_points
+from gateway.families.reading import holds, is_setting, read_back, read_of, reads_for, rows_of_points
 
 Wanted = list[RowWords]
 
@@ -81,8 +81,10 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
     if _is_configuration(wanted):
         procedure = device_of(profile).build_configure(profile, variant, asked_values(args)[0], seen=seen)
         return replace(procedure, subject=subject, subjects=subjects)
+    note = profile.rows.set_note if any(is_setting(profile, row) for row, _ in changes) else ""
     return Procedure(
         tuple(_steps(profile, changes)),
+        notes=(Note("family", note=note),) if note else (),
         verify=read_back(profile, wanted),
         subject=subject,
         subjects=subjects,

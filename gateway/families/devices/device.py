@@ -42,7 +42,7 @@ class Identity:
     firmware: str | None = None
     serial: str | None = None
     rated_current_a: float | None = None
-    rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1)
+    rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1), which no setting changes
     slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
     accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
     hardware: str | None = None  # SST: its version
@@ -55,6 +55,7 @@ class Device:
 
     # How object 1 of FC43 names the family (None: it has no FC43), and whether with the rated current.
     product: re.Pattern[str] | None = None
+    names: re.Pattern[str] | None = None  # how its models are named where that is not `product`
     is_current_named = True
     slot_rows: tuple[str, ...] = ()  # what slots 1 and 2 hold
     distinctive_rows: tuple[str, ...] = ()  # they show another family where a status might look plausible

@@ -94,18 +94,21 @@ def sources(
     remote itself.
     """
     mode, local, remote = (settings.number(code) for code in codes)
-    if remote not in (None, own):
+    if remote not in (None, own) and (mode != ALWAYS_LOCAL or local != own):
         what = "a start is not executed: in remote mode the commands come from elsewhere"
         fix = f"set {codes[2]} = {own}, {name}"
         yield start(Weight.ERROR, f"{what}: {settings.shown(codes[2])} ({fix})")
-    if mode == ALWAYS_LOCAL:
+    if mode == ALWAYS_LOCAL and local != own:
         what = "a start needs remote mode, and the starter is never in it"
-        fix = f"set {codes[0]} = {ALWAYS_REMOTE} or {own_modes[-1]}"
+        fix = f"set {codes[0]} = {ALWAYS_REMOTE} or {own_modes[-1]}, or {codes[1]} = {own}"
         yield start(Weight.ERROR, f"{what}: {settings.shown(codes[0])} ({fix})")
-    elif mode not in (None, ALWAYS_REMOTE, *own_modes):
+    elif mode not in (None, ALWAYS_LOCAL, ALWAYS_REMOTE, *own_modes) and local != own:
         what = "somebody else chooses local or remote, and in local mode a start is refused"
         yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[0])}")
-    if local not in (None, own) and mode != ALWAYS_REMOTE:
+    if local == own and mode != ALWAYS_REMOTE:
+        what = "in local mode the commands of this line act as well"
+        yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
+    elif local is not None and mode != ALWAYS_REMOTE:
         what = "in local mode neither a start nor a stop of the gateway acts"
         yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
 

@@ -6,6 +6,7 @@ A configuration register written outside the configuration mode stops the motor,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -33,6 +34,7 @@ _FLASH_WITHIN_S = 5.0  # until coil 5 shows that the configuration is in flash (
 class SstDevice(Device):
     """SST330i, SST360i, SST130i."""
 
+    names = re.compile(r"SST *(?:330|360|130)i?(?![0-9])", re.IGNORECASE)
     distinctive_rows = (_MODEL,)
     start_rows = (_COMPLETE, _USB, _INPUTS, _READY)
     watchdog_rows = (_STOP_AFTER, _RESTART_AFTER)

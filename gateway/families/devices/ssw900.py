@@ -56,7 +56,7 @@ class Ssw900Device(Device):
     watchdog_action = "C8.2.5.2"
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
-        """The slots' contents, the firmware, S3.3.1 to S3.3.4, and FC43.
+        """The slots' contents, the firmware, S3.3.1 to S3.3.4 with C9.1.1 between them, and FC43.
 
         The serial number's two words must stay together [7.3].
         """
@@ -83,6 +83,7 @@ class Ssw900Device(Device):
             firmware=seen.firmware if firmware is None else f"{firmware[0] / 100:.2f}",
             serial=None if model is None else str(model[4] | model[5] << 16),  # S3.3.4, low word first
             rating=None if model is None else profile.enums["S3.3.1"].get(model[0]),
+            rated_current_a=None if model is None else _rated_current_a(profile, *model[:2]),
             slot=_slot(slots),
             accessories=tuple(profile.enums["S3.5.1"].get(content, str(content)) for content in slots),
             reason=f"{seen.reason}; slots 1 and 2 hold {slots}" if slots else seen.reason,
@@ -142,6 +143,13 @@ class Ssw900Device(Device):
         else:
             does, is_felt = _ALARM_ACTIONS[action], True
         return (Watchdog("C8.2.5.3", tenths / 10, does, is_felt),)
+
+
+def _rated_current_a(profile: Profile, size: int, current: int) -> float | None:
+    """Return what C9.1.1 says; None where the size of S3.3.1 does not have it [table A.2]."""
+    set_a = profile.enums["C9.1.1"].get(current, "").removesuffix(" A")
+    low_a, _, high_a = profile.enums["S3.3.1"].get(size, "").removesuffix(" A").partition(" to ")
+    return float(set_a) if set_a and low_a and float(low_a) <= float(set_a) <= float(high_a) else None
 
 
 def _are_slots(contents: Sequence[int]) -> bool:

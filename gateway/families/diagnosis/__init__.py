@@ -3,6 +3,7 @@
 Start at `identification` and `readiness_check`.
 """
 
+from gateway.families.diagnosis.configured import wrong_settings
 from gateway.families.diagnosis.identification import (
     candidates,
     contradiction,

@@ -44,21 +44,15 @@ def shortest_s(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int,
 def written_rows(profile: Profile, requests: Iterable[Request]) -> dict[str, tuple[int, ...]]:
     """Return those rows of `watchdog_codes` that these requests write, with the words they get."""
     found: dict[str, tuple[int, ...]] = {}
-    rows = [profile.parameters[code] for code in watchdog_codes(profile)]
     for request in requests:
-        match request:
-            case WriteRegister():
-                start = request.address
-                words: tuple[int, ...] = (request.word,)
-            case WriteRegisters():
-                start = request.address
-                words = tuple(request.words)
-            case _:
-                continue
-        for row in rows:
-            at = row.address - start
+        if not isinstance(request, WriteRegister | WriteRegisters):
+            continue
+        words = (request.word,) if isinstance(request, WriteRegister) else tuple(request.words)
+        for code in watchdog_codes(profile):
+            row = profile.parameters[code]
+            at = row.address - request.address
             if row.table is not Table.COIL and at >= 0 and at + row.words <= len(words):
-                found[row.code] = words[at : at + row.words]
+                found[code] = words[at : at + row.words]
     return found
 
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from gateway.families.profile.parameters import READS
 from gateway.families.profile.rows import Access, Parameter, Table, Type
-from gateway.families.profile.schema import Output, Point, Profile, Write
+from gateway.families.profile.schema import Point, Profile, Write
 from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
 
 _ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
@@ -24,7 +24,11 @@ def contradictions(profile: Profile) -> list[str]:
         *_names(profile),
         *(problem for name, point in profile.points.items() for problem in _point(profile, name, point)),
         *(problem for verb in profile.commands for problem in _command(profile, verb)),
-        *(problem for name, output in profile.outputs.items() for problem in _output(profile, name, output)),
+        *(
+            f"outputs.{name}: needs either a bit or full_scale"
+            for name, output in profile.outputs.items()
+            if (output.bit is None) == (output.full_scale is None)
+        ),
         *_limits(profile),
         *_history(profile),
     ]
@@ -83,20 +87,28 @@ def _labels(profile: Profile) -> Iterator[str]:
 
 
 def _names(profile: Profile) -> Iterator[str]:
-    named = {profile.status_word, *profile.command_word} - {""}
-    yield from (f"family.toml: {code} is no parameter" for code in sorted(named - set(profile.parameters)))
-    protected = profile.protected
+    """Name every row and point that another part names, and that is not there."""
+    protected, state, commands = profile.protected, profile.state, profile.commands
     kinds = (protected.command_sources, protected.waking, protected.connection, protected.actions)
-    rows_named = [code for kind in (*kinds, protected.password) for code in kind]
-    rows_named += [each.code for each in profile.shown_by.values()] + list(profile.shown_by)
-    if protected.timeout is not None:
-        rows_named += [protected.timeout.mode, protected.timeout.time]
-    yield from (f"protected: {code} is no parameter" for code in rows_named if code not in profile.parameters)
-    rows = (code for code in profile.alarm_rows if code not in profile.parameters)
-    yield from (f"family.toml: {code} is no parameter" for code in rows)
-    state = profile.state
-    points = {*state.order, *state.ready, *state.starting, *state.waiting, state.adjusting} - {""}
-    yield from (f"state: {name} is no point" for name in sorted(points - set(profile.points)))
+    guarded = [code for kind in (*kinds, protected.password, profile.shown_by) for code in kind]
+    guarded += [each.code for each in profile.shown_by.values()] + list(profile.since_firmware)
+    guarded += [protected.timeout.mode, protected.timeout.time] if protected.timeout is not None else []
+    guarded += [profile.local_control.code] if profile.local_control is not None else []
+    rows = {
+        "family.toml": (profile.status_word, *profile.command_word, *profile.alarm_rows),
+        "protected": guarded,
+        **{f"commands.{verb}": (*each.needs, *each.ceilings) for verb, each in commands.items()},
+        **{f"outputs.{name}": (each.word, each.function) for name, each in profile.outputs.items()},
+    }
+    points = {
+        "state": (*state.order, *state.ready, *state.starting, *state.waiting, state.adjusting),
+        **{f"points.{name}": each.none_of for name, each in profile.points.items()},
+        **{f"commands.{verb}": (each.verify.point,) for verb, each in commands.items() if each.verify},
+    }
+    for kind, named, known in (("parameter", rows, profile.parameters), ("point", points, profile.points)):
+        for where, names in named.items():
+            missing = (name for name in dict.fromkeys(names) if name and name not in known)
+            yield from (f"{where}: {name} is no {kind}" for name in missing)
     codes = [alarm.code for alarm in profile.alarms]
     yield from (f"alarms.csv: {code} stands twice" for code in sorted(set(codes)) if codes.count(code) > 1)
 
@@ -105,7 +117,6 @@ def _point(profile: Profile, name: str, point: Point) -> Iterator[str]:
     where = f"points.{name}"
     if bool(point.code) == bool(point.none_of):
         yield f"{where}: needs either a code or none_of"
-    yield from (f"{where}: {other} is no point" for other in point.none_of if other not in profile.points)
     if not point.code:
         return
     row = profile.parameters.get(point.code)
@@ -122,25 +133,10 @@ def _command(profile: Profile, verb: str) -> Iterator[str]:
     where = f"commands.{verb}"
     for write in command.writes:
         yield from (f"{where}: {problem}" for problem in _write(profile, write))
-    if command.verify is not None and command.verify.point not in profile.points:
-        yield f"{where}: {command.verify.point} is no point"
-    yield from (
-        f"{where}: {code} is no parameter"
-        for code in (*command.needs, *command.ceilings)
-        if code not in profile.parameters
-    )
     others = [f"{verb}_{flag}" for flag in command.flags]
     if command.args == ("value",) and not verb.endswith("_off"):
         others.append(f"{verb}_off")
     yield from (f"{where}: commands.{other} is missing" for other in others if other not in profile.commands)
-
-
-def _output(profile: Profile, name: str, output: Output) -> Iterator[str]:
-    where = f"outputs.{name}"
-    rows = (output.word, output.function)
-    yield from (f"{where}: {code} is no parameter" for code in rows if code not in profile.parameters)
-    if (output.bit is None) == (output.full_scale is None):
-        yield f"{where}: needs either a bit or full_scale"
 
 
 def _write(profile: Profile, write: Write) -> Iterator[str]:

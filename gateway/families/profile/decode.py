@@ -88,24 +88,37 @@ def decode_words(
         if not rows:
             found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
         address += max((row.words for row in rows), default=1)
-    return found | _joined(profile, found)
+    return found | _joined(profile, variant, found)
 
 
-def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def _joined(
+    profile: Profile, variant: Variant, found: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
     """Return what lies over several of these rows, under the first and the last of them: R22-R29."""
     shown = {}
     for name, join in profile.joins.items():
         if all(code in found for code in join.codes):
             raw = [word for code in join.codes for word in found[code]["raw"]]
-            value = JOINS[join.how](raw, join.begins)
+            is_known = all(is_there(profile, variant, code) for code in join.codes)
+            value = JOINS[join.how](raw, join.begins) if is_known else None
             as_json = {"name": name, "point": name, "value": value, "unit": "", "label": None, "raw": raw}
             shown[f"{join.codes[0]}-{join.codes[-1]}"] = as_json
     return shown
 
 
-def is_known(since_firmware: str, variant: Variant) -> bool:
-    """Return whether this starter's firmware knows what exists since then; it does while it is unknown."""
-    seen, wanted = _version(variant.firmware or ""), _version(since_firmware)
+def since_firmware(profile: Profile, variant: Variant, code: str) -> str:
+    """Return the firmware from which this model has a row, or a bit of it (VB01.2); empty: any has it."""
+    model = (variant.model or "").casefold()
+    by_model = profile.since_firmware.get(code, {}).items()
+    return next((since for begins, since in by_model if model.startswith(begins.casefold())), "")
+
+
+def is_there(profile: Profile, variant: Variant, code: str) -> bool:
+    """Return whether this starter has a row, or a bit of it; it does while its firmware is unknown."""
+    if code not in profile.since_firmware:  # most of all points, of each reply
+        return True
+    since = since_firmware(profile, variant, code)
+    seen, wanted = _version(variant.firmware or ""), _version(since)
     return seen is None or wanted is None or seen >= wanted
 
 
@@ -152,7 +165,7 @@ def _value(variant: Variant, row: Parameter, number: int) -> Value:
 
 def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
     row = profile.parameters[point.code]
-    if not is_known(point.since_firmware, variant):
+    if not is_there(profile, variant, point.source):
         return Decoded(None, label=None, unit="", raw=words)
     if point.bit is not None or row.type is Type.BIT:
         return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)
@@ -179,13 +192,13 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
 
 def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decoded) -> dict[str, Any]:
     point = _point_of(profile, row)
-    is_there = _is_there(profile, variant, point)
+    is_known = is_there(profile, variant, row.code)
     shown: dict[str, Any] = {
         "name": row.name,
         "point": point,
-        "value": decoded.value if is_there else None,
+        "value": decoded.value if is_known else None,
         "unit": decoded.unit,
-        "label": decoded.label if is_there else None,
+        "label": decoded.label if is_known else None,
         "raw": list(decoded.raw),
     }
     if row.type is Type.BITS:
@@ -199,18 +212,14 @@ def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decode
 
 def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on: bool) -> dict[str, Any]:
     point = profile.points_of.get((code, bit))
-    is_there = _is_there(profile, variant, point)
+    is_known = is_there(profile, variant, f"{code}.{bit}")
     return {
         "bit": bit,
         "label": profile.bits[code][bit],
         "point": point,
-        "value": is_on if is_there else None,
-        "meaning": profile.enums.get(f"{code}.{bit}", {}).get(int(is_on)) if is_there else None,
+        "value": is_on if is_known else None,
+        "meaning": profile.enums.get(f"{code}.{bit}", {}).get(int(is_on)) if is_known else None,
     }
-
-
-def _is_there(profile: Profile, variant: Variant, point: str | None) -> bool:
-    return point is None or is_known(profile.points[point].since_firmware, variant)
 
 
 def _point_of(profile: Profile, row: Parameter) -> str | None:

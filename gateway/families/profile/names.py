@@ -77,6 +77,7 @@ def translated(profile: Profile, rows: Iterable[tuple[str, Translation]], proble
             number = "" if row.number is None else f" {row.number}"
             problems.append(f"{where}: {row.code}{number} is nothing that has a name")
     named = {"parameters": parameters, "alarms": tuple(alarms.values()), "enums": enums}
+    named["english_enums"] = profile.enums if enums != profile.enums else {}
     others = {field: getattr(profile, field) for field in Profile.model_fields if field not in named}
     return Profile.model_validate({**others, **named})  # anew: what a profile caches names its rows
 

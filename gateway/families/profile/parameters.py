@@ -193,7 +193,7 @@ def settable_words(profile: Profile, variant: Variant, row: Parameter, value: ob
         raise CommandError(ResultCode.WOULD_CUT_CONNECTION, parameter=row.code)
     if row.code in profile.protected.actions:
         raise CommandError(ResultCode.NOT_WRITABLE, "action", parameter=row.code)
-    if row.table.is_bits or row.access is Access.COMMAND:
+    if row.access is Access.COMMAND:
         raise CommandError(ResultCode.NOT_WRITABLE, "verb", parameter=row.code)
     return to_words(profile, row, value, variant=variant)
 
@@ -236,7 +236,7 @@ def to_words(
     if limits is None:
         raise _not_settable(profile, parameter)
     members = profile.enums.get(parameter.enum, {})
-    raw = _member(parameter, members, value)
+    raw = _member(parameter, members, profile.english_enums.get(parameter.enum, {}), value)
     if raw is None:
         raw = _raw_number(parameter, value, members)
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
@@ -275,25 +275,33 @@ def _not_settable(profile: Profile, parameter: Parameter) -> CommandError:
         note = parameter.note
         return CommandError(ResultCode.NOT_WRITABLE, "access", title=title, parameter=code, note=note)
     if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
-        return CommandError(ResultCode.NOT_WRITABLE, "not_serial", title=title, parameter=code)
+        is_raw = bool(_REGISTER_CODE.fullmatch(code))
+        return CommandError(
+            ResultCode.NOT_WRITABLE, "no_row" if is_raw else "not_serial", title=title, parameter=code
+        )
     if parameter.access is not Access.RW:
         return CommandError(ResultCode.NOT_WRITABLE, "read_only", title=title, parameter=code)
     if parameter.code in profile.protected.password:
         return CommandError(ResultCode.NOT_WRITABLE, "password", title=title, parameter=code)
     if not parameter.is_sure:
         return CommandError(ResultCode.NOT_WRITABLE, "illegible", title=title, parameter=code)
+    if parameter.type is Type.STRING:
+        return CommandError(ResultCode.NOT_WRITABLE, "byte_order", title=title, parameter=code)
     if parameter.ranges:
         return CommandError(ResultCode.NOT_WRITABLE, "other_model", title=title, parameter=code)
     return CommandError(ResultCode.NOT_WRITABLE, "no_range", title=title, parameter=code)
 
 
-def _member(parameter: Parameter, members: dict[int, str], value: object) -> int | None:
+def _member(
+    parameter: Parameter, members: dict[int, str], english: dict[int, str], value: object
+) -> int | None:
     if not isinstance(value, str):
         return None
     wanted = value.strip().casefold()
     if wanted == OFF and parameter.off is not None:
         return parameter.off
-    numbers = [number for number, label in members.items() if label.casefold() == wanted]
+    named = (*members.items(), *english.items())
+    numbers = list(dict.fromkeys(number for number, label in named if label.casefold() == wanted))
     if len(numbers) > 1:
         raise CommandError(ResultCode.BAD_VALUE, "ambiguous", parameter=parameter.code, label=value.strip())
     return numbers[0] if numbers else None

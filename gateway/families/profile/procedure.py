@@ -71,7 +71,7 @@ class TakeBack:
     """When a start or a jog that did not act is taken back, by the starter's stop, and how that shows."""
 
     at_rest: Expect  # the motor stands: one that cannot be seen is left alone
-    released: Expect  # both commands read 0, in remote mode: in local mode a starter may ignore the write
+    released: Expect  # both commands read 0 while the starter obeys this line: else it may ignore the write
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,12 @@ class Point(Model):
     every_s: float | None = Field(default=None, gt=0)  # of an extra point; None: as its group
     deadband: float = 0.0  # in the row's unit
     zero_is_missing: bool = False  # the manual: 0 means "not available"
-    since_firmware: str = ""  # e.g. "1.40"; older firmware does not have it (SSW-07 4.2.1)
     meaning: str = ""  # of a quantity that is this family's alone
+
+    @cached_property
+    def source(self) -> str:
+        """The row that it is read from, or the bit of it: VB01.8."""
+        return self.code if self.bit is None else f"{self.code}.{self.bit}"
 
 
 class Timing(Model):
@@ -100,7 +104,6 @@ class Command(Model):
     values: tuple[str, str] = ("true", "false")  # of the argument `value`; the second chooses `<verb>_off`
     needs: dict[str, tuple[int, ...]] = {}  # rows that must hold one of these numbers
     ceilings: dict[str, Ceiling] = {}  # rows that must not read more
-    since_firmware: str = ""  # older firmware does not know it
     note: str = ""  # what the operator must know once it is done
     refused_unless: str = ""  # a point: while it is false the starter may refuse it, and needs it not
 
@@ -141,6 +144,7 @@ class Rows(Model):
     optional: tuple[str, ...] = ()  # only with an accessory: read alone, so that a missing one is refused
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
+    set_note: str = ""  # what the operator must know once a setting was written
 
 
 class Timeout(Model):
@@ -165,7 +169,7 @@ class Protected(Model):
     command_sources: dict[str, str] = {}  # who commands the motor; a restore leaves them alone unless asked
     waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
-    actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
+    actions: dict[str, str] = {}  # no settings, but what the starter then does: refused
     password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
     site: dict[str, str] = {}  # by how their codes begin: no site may describe them as rows to be set
     stand_ins: tuple[tuple[int, int], ...] = ()  # first and last registers that are any others: no site may
@@ -182,8 +186,14 @@ class Ceiling(Model):
     most: int  # raw
     unit: str
     models: tuple[str, ...]  # how the names of the models begin that have the reading
-    since_firmware: str = ""  # older firmware does not give it
     refusal: ResultCode  # it says what to do
+
+
+class LocalControl(Model):
+    """The row that says who commands the motor in local mode."""
+
+    code: str
+    serial: tuple[int, ...]  # its number for this line; where there are two slots, that of each
 
 
 class HistoryRows(Model):
@@ -229,15 +239,19 @@ class Profile(Model):
     commands: dict[str, Command]
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
+    local_control: LocalControl | None = None  # None: nothing gives the commands in local mode to this line
     shown_by: dict[str, ShownBy] = {}  # by the row that is written
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
+    english_enums: dict[str, dict[int, str]] = {}  # of a translated profile: what a `set` takes as well
     bits: dict[str, dict[int, str]] = {}  # code -> bit -> label
     alarms: tuple[Alarm, ...] = ()
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
+    exceptions: dict[int, str] = {}  # what the manual gives as the causes of a Modbus exception
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
     first_coil: int = 0  # the number of the coil at address 0
+    since_firmware: dict[str, dict[str, str]] = {}  # by row or bit, then by how the model begins; "": any
     simulated: dict[str, tuple[str, ...]] = {}  # options of its simulation; or the rows that set them
 
     @cached_property

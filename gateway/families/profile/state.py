@@ -51,4 +51,4 @@ def is_decisive(profile: Profile, name: str) -> bool:
 
     The SSW-07 has jog, braking and reversal from V1.4x on only (ssw07 4.2.1).
     """
-    return name in profile.points and not profile.points[name].since_firmware
+    return name in profile.points and profile.points[name].source not in profile.since_firmware

@@ -17,8 +17,14 @@ from operator import itemgetter
 from gateway.errors import BadFrameError
 from gateway.modbus.adu import BROADCAST, Adu, decode, encode
 from gateway.modbus.timing import LineTiming
-from gateway.sim.bus.faults import Babbling, Impairment, Noisy, Reply
+from gateway.sim.bus.faults import Impairment, Noisy, Reply
 from gateway.sim.core.unit import SimulatedUnit
+
+Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and when the last of them had
+SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
+MOST_VIOLATIONS = 10_000
+_GARBAGE = 0xA5  # what a collision makes of a byte
+_ARRIVAL = itemgetter(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,23 +65,13 @@ class IncomingFrame:
     data: bytearray = field(default_factory=bytearray)
     longest_gap_s: float = 0.0
     defect: str = ""  # why no unit can decode it
+    ending: asyncio.TimerHandle | None = None  # once the silence after it is long enough
 
     def extend(self, data: bytes, *, start_s: float) -> None:
         """Add bytes that follow on."""
         self.longest_gap_s = max(self.longest_gap_s, start_s - self.end_s)
         self.data += data
         self.end_s = start_s + self.timing.wire_s(len(data))
-
-
-Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and when the last of them had
-
-SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
-
-MOST_VIOLATIONS = 10_000
-
-_GARBAGE = 0xA5  # what a collision makes of a byte
-
-_ARRIVAL = itemgetter(0)
 
 
 @dataclass(slots=True)
@@ -85,6 +81,63 @@ class _SendOrder:
     impairment: Impairment
     left: int | None  # replies that it still concerns; None = until healed
     chance: float
+
+
+class Inbox:
+    """What is on its way to the master: pieces of replies, and when each arrives."""
+
+    def __init__(self, loop: Callable[[], asyncio.AbstractEventLoop], timing: LineTiming) -> None:
+        self.sink: Sink | None = None  # the master; what it does not read is lost
+        self.garbled_until_s = float("-inf")  # by a collision
+        self._loop = loop
+        self._timing = timing
+        self._under_way: list[tuple[float, bytes]] = []
+        self._wanted = 1  # bytes for which the master is woken
+        self._timer: asyncio.TimerHandle | None = None
+
+    def put(self, data: bytes, *, start_s: float, size: int) -> None:
+        """Send bytes from a time on, in pieces of this size."""
+        for at in range(0, len(data), size):
+            piece = data[at : at + size]
+            self._under_way.append((start_s + self._timing.wire_s(at + len(piece)), piece))
+        self._under_way.sort(key=_ARRIVAL)  # another unit may be sending
+        self._plan()
+
+    def want(self, count: int) -> None:
+        """Wake the master once so many bytes have arrived, or all that is under way."""
+        self._wanted = count
+        self._plan()
+
+    def deliver(self, by_s: float | None = None) -> None:
+        """Hand the master what has arrived by then: by now."""
+        if not self._under_way:
+            return
+        until_s = self._loop().time() if by_s is None else by_s
+        count = bisect_right(self._under_way, until_s, key=_ARRIVAL)
+        arrived = self._under_way[:count]
+        del self._under_way[:count]
+        if arrived and self.sink is not None:
+            garbled_s = self.garbled_until_s + self._timing.character_s
+            received = b"".join(_garbled(piece) if at_s <= garbled_s else piece for at_s, piece in arrived)
+            self.sink(received, arrived[-1][0])
+
+    def _plan(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if not self._under_way:
+            return
+        lacking = self._wanted
+        for by_s, piece in self._under_way:  # noqa: B007 - the last of them counts, else
+            lacking -= len(piece)
+            if lacking <= 0:
+                break
+        self._timer = self._loop().call_at(by_s, self._wake, by_s)
+
+    def _wake(self, by_s: float) -> None:
+        self._timer = None
+        self.deliver(by_s)
+        self._plan()
 
 
 class Bus:
@@ -115,16 +168,11 @@ class Bus:
         self.transcript: deque[Frame] = deque(maxlen=frames_stored)
         self._dice = random.Random(seed)
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._sink: Sink | None = None
+        self.inbox = Inbox(self._running, timing)
         self._orders: dict[int, _SendOrder] = {}
         self._incoming: IncomingFrame | None = None
-        self._frame_timer: asyncio.TimerHandle | None = None
-        self._under_way: list[tuple[float, bytes]] = []  # to the master: when each piece arrives
-        self._wanted = 1  # bytes for which the master is woken
-        self._delivery: asyncio.TimerHandle | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone
         self._free_s: dict[SimulatedUnit, float] = {}  # when a unit may send: it answers in order
-        self._garbled_until_s = float("-inf")
         self._turnaround_until_s = float("-inf")
         for unit in units:
             self.add(unit)
@@ -149,9 +197,7 @@ class Bus:
         self, address: int, impairment: Impairment, *, count: int | None = None, chance: float = 1.0
     ) -> None:
         """Impair the replies of a unit: the next `count`, or until it is healed; each with this chance."""
-        self._orders[address] = order = _SendOrder(impairment, count, chance)
-        if isinstance(impairment, Babbling):
-            self._plan_babble(address, order)
+        self._orders[address] = _SendOrder(impairment, count, chance)
 
     def heal(self, address: int) -> None:
         """End a unit's impairment."""
@@ -166,42 +212,19 @@ class Bus:
 
     def attach(self, sink: Sink) -> None:
         """Connect the master of the running loop; what it does not read is lost."""
-        was_idle, self._loop = self._loop is None, asyncio.get_running_loop()
-        self._sink = sink
+        self._loop = asyncio.get_running_loop()
+        self.inbox.sink = sink
         for unit in self.units:
             self._give_time(unit)
-        if was_idle:
-            for address, order in self._orders.items():
-                self._plan_babble(address, order)
 
     def detach(self) -> None:
         """Disconnect the master."""
-        self.deliver()
-        self._sink = None
-
-    def await_bytes(self, count: int) -> None:
-        """Wake the master once so many bytes have arrived, or all that is under way."""
-        self._wanted = count
-        self._plan_delivery()
-
-    def deliver(self, by_s: float | None = None) -> None:
-        """Hand the master what has arrived by then: by now."""
-        if not self._under_way:
-            return
-        until_s = self._now_s() if by_s is None else by_s
-        if self._under_way[0][0] > until_s:
-            return
-        count = bisect_right(self._under_way, until_s, key=_ARRIVAL)
-        arrived = self._under_way[:count]
-        del self._under_way[:count]
-        if self._sink is not None:
-            garbled_s = self._garbled_until_s + self.timing.character_s
-            received = b"".join(_garbled(piece) if at_s <= garbled_s else piece for at_s, piece in arrived)
-            self._sink(received, arrived[-1][0])
+        self.inbox.deliver()
+        self.inbox.sink = None
 
     def send(self, data: bytes, timing: LineTiming | None = None) -> None:
         """Put bytes of the master on the wires, behind those that it has not yet sent."""
-        self.deliver()  # what a collision from now on does not garble
+        self.inbox.deliver()  # what a collision from now on does not garble
         timing = timing or self.timing
         start_s = max(self._now_s(), self._incoming.end_s if self._incoming else 0.0)
         frame = self._incoming
@@ -213,11 +236,11 @@ class Bus:
             frame.defect = self._judge_start(start_s, timing)
         frame.extend(data, start_s=start_s)
         if frame.defect == "collision":
-            self._garbled_until_s = frame.end_s
+            self.inbox.garbled_until_s = frame.end_s
         self._busy_until_s = max(self._busy_until_s, frame.end_s)
-        if self._frame_timer is not None:
-            self._frame_timer.cancel()
-        self._frame_timer = self._running().call_at(frame.end_s + timing.silence_s, self._end_frame)
+        if frame.ending is not None:
+            frame.ending.cancel()
+        frame.ending = self._running().call_at(frame.end_s + timing.silence_s, self._end_frame)
 
     # How a frame of the master is taken
 
@@ -239,11 +262,10 @@ class Bus:
     def _end_frame(self) -> None:
         """Take the master's frame as whole: the silence after it is long enough."""
         frame, self._incoming = self._incoming, None
-        if self._frame_timer is not None:
-            self._frame_timer.cancel()
-            self._frame_timer = None
         if frame is None:
             return
+        if frame.ending is not None:
+            frame.ending.cancel()
         data = self.noise.flip(bytes(frame.data), self._dice) if self.noise else bytes(frame.data)
         self.transcript.append(Frame(frame.start_s, frame.end_s, 0, data, frame.defect))
         adu = None if frame.defect else self._decode(frame, data)
@@ -298,52 +320,21 @@ class Bus:
 
     def _transmit(self, address: int, data: bytes) -> None:
         """Let a unit send from now on; whatever else is sent meanwhile becomes garbage, as does this."""
-        self.deliver()
+        self.inbox.deliver()
         start_s = self._now_s()
         end_s = start_s + self.timing.wire_s(len(data))
         frame = self._incoming
         if frame is not None:  # the master's bytes, or the silence that should have followed them
             self._violate(frame.start_s, "collision", f"unit {address} had not yet answered")
             frame.defect = "collision"
-            self._garbled_until_s = max(self._garbled_until_s, frame.end_s)
+            self.inbox.garbled_until_s = max(self.inbox.garbled_until_s, frame.end_s)
         elif start_s < self._busy_until_s - self.tolerance_s:  # another unit is sending
-            self._garbled_until_s = max(self._garbled_until_s, min(self._busy_until_s, end_s))
+            overlap_s = min(self._busy_until_s, end_s)
+            self.inbox.garbled_until_s = max(self.inbox.garbled_until_s, overlap_s)
         self._busy_until_s = max(self._busy_until_s, end_s)
         sent = self.noise.flip(data, self._dice) if self.noise else data
         self.transcript.append(Frame(start_s, end_s, address, sent))
-        size = self.chunk_bytes or len(sent)
-        for at in range(0, len(sent), size):
-            piece = sent[at : at + size]
-            self._under_way.append((start_s + self.timing.wire_s(at + len(piece)), piece))
-        self._under_way.sort(key=_ARRIVAL)  # another unit may be sending
-        self._plan_delivery()
-
-    def _plan_delivery(self) -> None:
-        if self._delivery is not None:
-            self._delivery.cancel()
-            self._delivery = None
-        if self._under_way:
-            lacking = self._wanted
-            for by_s, piece in self._under_way:  # noqa: B007 - the last of them counts, else
-                lacking -= len(piece)
-                if lacking <= 0:
-                    break
-            self._delivery = self._running().call_at(by_s, self._wake_master, by_s)
-
-    def _wake_master(self, by_s: float) -> None:
-        self._delivery = None
-        self.deliver(by_s)
-        self._plan_delivery()
-
-    def _plan_babble(self, address: int, order: _SendOrder) -> None:
-        if isinstance(order.impairment, Babbling) and self._loop is not None:
-            after_s, burst = order.impairment.babble(self._dice)
-            self._loop.call_later(after_s, self._babble, address, order, burst)
-
-    def _babble(self, address: int, order: _SendOrder, burst: bytes) -> None:
-        if self._orders.get(address) is order:
-            self._transmit(address, burst)
-            self._plan_babble(address, order)
+        self.inbox.put(sent, start_s=start_s, size=self.chunk_bytes or len(sent))
 
     def _violate(self, at_s: float, kind: str, detail: str) -> None:
         if len(self.violations) >= MOST_VIOLATIONS:  # a master that never learns

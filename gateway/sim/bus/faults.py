@@ -94,19 +94,3 @@ class Doubled:
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
         """Return the reply twice."""
         return reply, replace(reply, after_s=reply.after_s + self.pause_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Babbling:
-    """Answers rightly, but also sends unrequested bytes, again and again."""
-
-    every_s: float = 0.5  # on average
-    byte_count: int = 6
-
-    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
-        """Return the reply as it is."""
-        return (reply,)
-
-    def babble(self, dice: random.Random) -> tuple[float, bytes]:
-        """Return after what time the next burst comes, and its bytes."""
-        return dice.uniform(0.5, 1.5) * self.every_s, dice.randbytes(self.byte_count)

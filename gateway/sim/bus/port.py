@@ -25,7 +25,7 @@ class SimulatedPort:
     @property
     def last_byte_s(self) -> float:
         """When the latest byte received so far had arrived; minus infinity before the first."""
-        self._line.deliver()
+        self._line.inbox.deliver()
         return self._last_byte_s
 
     def write(self, frame: bytes) -> None:
@@ -37,10 +37,10 @@ class SimulatedPort:
         """Return what has arrived, once it is `count` bytes or at `until_s`."""
         loop = asyncio.get_running_loop()
         self._require_open()
-        self._line.deliver()
+        self._line.inbox.deliver()
         if len(self._received) < count and loop.time() < until_s:
             self._wanted = count
-            self._line.await_bytes(count - len(self._received))
+            self._line.inbox.want(count - len(self._received))
             self._waiter = loop.create_future()
             timer = loop.call_at(until_s, self._wake)
             try:
@@ -49,7 +49,7 @@ class SimulatedPort:
                 timer.cancel()
                 self._waiter = None
             self._require_open()
-            self._line.deliver()
+            self._line.inbox.deliver()
         received = bytes(self._received)
         self._received.clear()
         return received

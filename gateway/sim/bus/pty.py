@@ -19,15 +19,8 @@ from gateway.modbus.timing import LineTiming
 from gateway.sim.bus.bus import Bus
 
 _READ_SIZE = 4096
-_RATES = {  # bit/s -> what termios calls it
-    1200: termios.B1200,
-    2400: termios.B2400,
-    4800: termios.B4800,
-    9600: termios.B9600,
-    19200: termios.B19200,
-    38400: termios.B38400,
-    57600: termios.B57600,
-    115200: termios.B115200,
+_RATES: dict[int, int] = {  # bit/s -> what termios calls it
+    rate: getattr(termios, f"B{rate}") for rate in (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 }
 _BAUDS = {rate: baud for baud, rate in _RATES.items()}
 

@@ -20,10 +20,6 @@ class Meter:
         self._drawn_s = -math.inf
         self._value = 0.0
 
-    def pass_time(self) -> None:
-        """Let the readings jitter as if they had been read now."""
-        self._noise()
-
     @property
     def current_pct(self) -> float:
         """The current in percent of the rated one, with the noise of measuring."""
@@ -96,7 +92,7 @@ class Meter:
 
     def _noise(self) -> float:
         """Return the present noise, in standard deviations; drawn again now and then."""
-        now_s = self._motor.powered_s
+        now_s = self._motor.counters.powered_s
         if now_s - self._drawn_s >= _NOISE_EVERY_S:
             self._drawn_s = now_s
             self._value = max(-2.5, min(2.5, self._random.gauss(0.0, 1.0)))

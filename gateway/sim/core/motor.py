@@ -6,6 +6,7 @@ It can age (`friction_pct`), lose a phase and suffer dips of the supply. `start_
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from gateway.sim.core.power import (
     AT_SPEED,
@@ -20,14 +21,10 @@ from gateway.sim.core.power import (
 from gateway.sim.core.start_curve import (
     FALLING,
     RISEN,
-    StartCurve,
     load_current_pct,
     ramp_current_pct,
     ramp_s,
-    start_curve,
 )
-
-__all__ = ["AMBIENT_C", "PHASES", "Motor", "StartCurve", "start_curve"]
 
 AMBIENT_C = 25.0
 PHASES = ("r", "s", "t")
@@ -42,6 +39,19 @@ _COARSE_STEP_S = 1.0  # while the thermal image heads for a trip
 _WEARING_STEP_S = 600.0  # while friction grows by the hour
 
 
+@dataclass(slots=True)
+class Counters:
+    """What a starter counts and remembers of its motor."""
+
+    starts: int = 0
+    running_s: float = 0.0
+    powered_s: float = 0.0
+    energy_kwh: float = 0.0
+    start_s: float = 0.0  # length of the latest ramp, so far
+    start_max_a: float = 0.0
+    full_voltage_max_a: float = 0.0
+
+
 class Motor:
     """One motor; `step` lets time pass, the verbs act at once."""
 
@@ -49,7 +59,6 @@ class Motor:
         self.data = data if data is not None else MotorData()
         self.state = MotorState.STOPPED
         self.speed = 0.0  # 0..1 of the rated speed
-        self.load_pct = self.data.load_pct
         self.friction_pct = self.data.friction_pct  # grows with starts and hours
         self.line_voltage_pct = 100.0
         self.lost_phase: int | None = None  # of `PHASES`, on the side of the supply
@@ -58,26 +67,18 @@ class Motor:
         self.standstill_s = math.inf  # since the motor came to rest
         self.thermal_pct = self.data.thermal_pct  # 100 trips
         self.heatsink_c = AMBIENT_C
-        self.starts = 0
-        self.running_s = 0.0
-        self.powered_s = 0.0
-        self.energy_kwh = 0.0
-        self.start_s = 0.0  # length of the latest ramp, so far
-        self.start_max_a = 0.0
-        self.full_voltage_max_a = 0.0
+        self.counters = Counters()
         self._wrong_s = dict.fromkeys(MotorTrip, 0.0)  # for how long a protection has seen its cause
         self._dip_left_s = math.inf  # of the present line voltage
-        self._full_voltage_left_s = 0.0
-        self._braking_left_s = 0.0
+        self._left_s = 0.0  # of full voltage before the bypass, or of braking
 
     def start(self) -> None:
         """Accelerate by ramp; without mains nothing happens."""
         if not self.is_mains_present or self.state in TURNED_ON or self.state is MotorState.JOG:
             return
         self._enter(MotorEvent.START)
-        self.starts += 1
-        self.start_s = 0.0
-        self.start_max_a = 0.0
+        self.counters.starts += 1
+        self.counters.start_s = self.counters.start_max_a = 0.0
 
     def stop(self) -> None:
         """Decelerate by ramp, or by DC braking where that is set."""
@@ -95,12 +96,7 @@ class Motor:
 
     def become(self, data: MotorData) -> None:
         """Be another motor from now on: its load, friction and heat are those of the new one."""
-        self.data = data
-        self.load_pct, self.friction_pct, self.thermal_pct = (
-            data.load_pct,
-            data.friction_pct,
-            data.thermal_pct,
-        )
+        self.data, self.friction_pct, self.thermal_pct = data, data.friction_pct, data.thermal_pct
 
     def set_line_voltage(self, percent: float, *, for_s: float = math.inf) -> None:
         """Let the supply have another voltage, in percent of the rated one, until it is 100 % again."""
@@ -119,6 +115,11 @@ class Motor:
             piece_s = min(left_s, self._piece_s())
             self._pass(piece_s)
             left_s -= piece_s
+
+    @property
+    def load_pct(self) -> float:
+        """The load, in percent of the rated one."""
+        return self.data.load_pct
 
     @property
     def is_turned_on(self) -> bool:
@@ -211,11 +212,11 @@ class Motor:
         elif following is MotorState.JOG:
             self.speed = _JOG_SPEED
         elif following is MotorState.BRAKING:
-            self._braking_left_s = self.data.braking_s
+            self._left_s = self.data.braking_s
         elif following is MotorState.FULL_VOLTAGE:
             self.speed = 1.0
-            self.full_voltage_max_a = 0.0
-            self._full_voltage_left_s = self.data.full_voltage_s
+            self.counters.full_voltage_max_a = 0.0
+            self._left_s = self.data.full_voltage_s
             self.friction_pct += self.data.wear_per_start_pct
 
     def _piece_s(self) -> float:
@@ -236,14 +237,12 @@ class Motor:
         match self.state:
             case MotorState.RAMP_UP:
                 return (1 - self.speed) * self._ramp_s() if self.lost_phase is None else math.inf
-            case MotorState.FULL_VOLTAGE:
-                return self._full_voltage_left_s
+            case MotorState.FULL_VOLTAGE | MotorState.BRAKING:
+                return self._left_s
             case MotorState.RAMP_DOWN:
                 return self.speed * self.data.ramp_down_s
             case MotorState.COASTING:
                 return self.speed * self.data.coast_s
-            case MotorState.BRAKING:
-                return self._braking_left_s
             case MotorState.STOPPED | MotorState.BYPASS | MotorState.JOG:
                 return math.inf
 
@@ -270,28 +269,29 @@ class Motor:
             case MotorState.COASTING:
                 self.speed = max(0.0, self.speed - piece_s / max(self.data.coast_s, 1e-9))
             case MotorState.BRAKING:
-                self.speed *= max(0.0, 1 - piece_s / max(self._braking_left_s, 1e-9))
-                self._braking_left_s -= piece_s
+                self.speed *= max(0.0, 1 - piece_s / max(self._left_s, 1e-9))
+                self._left_s -= piece_s
             case MotorState.FULL_VOLTAGE:
-                self._full_voltage_left_s -= piece_s
+                self._left_s -= piece_s
             case MotorState.STOPPED:
                 self.standstill_s += piece_s
             case MotorState.BYPASS | MotorState.JOG:
                 pass
 
     def _count(self, piece_s: float) -> None:
+        counters = self.counters
         if self.is_fed:
-            self.running_s += piece_s
+            counters.running_s += piece_s
             self.friction_pct += self.data.wear_per_hour_pct * piece_s / 3600
             volts = self.data.rated_voltage_v * self.line_voltage_pct / 100 * self.output_pct / 100
             active_kw = math.sqrt(3) * volts * self.current_a * self.power_factor / 1000
-            self.energy_kwh += active_kw * piece_s / 3600
+            counters.energy_kwh += active_kw * piece_s / 3600
         if self.state is MotorState.RAMP_UP:
-            self.start_s += piece_s
-            self.start_max_a = max(self.start_max_a, self.current_a)
+            counters.start_s += piece_s
+            counters.start_max_a = max(counters.start_max_a, self.current_a)
         elif self.state in AT_SPEED:
-            self.full_voltage_max_a = max(self.full_voltage_max_a, self.current_a)
-        self.powered_s += piece_s
+            counters.full_voltage_max_a = max(counters.full_voltage_max_a, self.current_a)
+        counters.powered_s += piece_s
 
     def _warm(self, piece_s: float) -> None:
         """Let the thermal image and the heatsink follow the current."""

@@ -40,42 +40,30 @@ class MotorTrip(enum.Enum):
 
 
 _S, _E = MotorState, MotorEvent
+_DRIVEN = (_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS)
 TRANSITIONS: dict[tuple[MotorState, MotorEvent], MotorState] = {
-    (_S.STOPPED, _E.START): _S.RAMP_UP,
+    (state, event): following
+    for event, states, following in (
+        (_E.START, (_S.STOPPED, _S.RAMP_UP, _S.RAMP_DOWN, _S.COASTING, _S.BRAKING), _S.RAMP_UP),
+        (_E.STOP, (*_DRIVEN, _S.RAMP_DOWN), _S.RAMP_DOWN),
+        (_E.STOP, (_S.JOG, _S.COASTING), _S.COASTING),
+        (_E.BRAKE, _DRIVEN, _S.BRAKING),
+        (_E.CUT, (*_DRIVEN, _S.RAMP_DOWN, _S.JOG, _S.BRAKING, _S.COASTING), _S.COASTING),
+        (_E.JOG, (_S.STOPPED,), _S.JOG),
+        (_E.ELAPSED, (_S.RAMP_UP,), _S.FULL_VOLTAGE),
+        (_E.ELAPSED, (_S.FULL_VOLTAGE,), _S.BYPASS),
+        (_E.ELAPSED, (_S.RAMP_DOWN, _S.COASTING, _S.BRAKING), _S.STOPPED),
+    )
+    for state in states
+} | {  # they change nothing
     (_S.STOPPED, _E.STOP): _S.STOPPED,
     (_S.STOPPED, _E.CUT): _S.STOPPED,
-    (_S.STOPPED, _E.JOG): _S.JOG,
-    (_S.RAMP_UP, _E.START): _S.RAMP_UP,
-    (_S.RAMP_UP, _E.STOP): _S.RAMP_DOWN,
-    (_S.RAMP_UP, _E.CUT): _S.COASTING,
-    (_S.RAMP_UP, _E.ELAPSED): _S.FULL_VOLTAGE,
-    (_S.FULL_VOLTAGE, _E.START): _S.FULL_VOLTAGE,
-    (_S.FULL_VOLTAGE, _E.STOP): _S.RAMP_DOWN,
-    (_S.FULL_VOLTAGE, _E.CUT): _S.COASTING,
-    (_S.FULL_VOLTAGE, _E.ELAPSED): _S.BYPASS,
-    (_S.BYPASS, _E.START): _S.BYPASS,
-    (_S.BYPASS, _E.STOP): _S.RAMP_DOWN,
-    (_S.BYPASS, _E.CUT): _S.COASTING,
-    (_S.RAMP_DOWN, _E.START): _S.RAMP_UP,
-    (_S.RAMP_DOWN, _E.STOP): _S.RAMP_DOWN,
-    (_S.RAMP_DOWN, _E.CUT): _S.COASTING,
-    (_S.RAMP_DOWN, _E.ELAPSED): _S.STOPPED,
-    (_S.COASTING, _E.START): _S.RAMP_UP,
-    (_S.COASTING, _E.STOP): _S.COASTING,
-    (_S.COASTING, _E.CUT): _S.COASTING,
-    (_S.COASTING, _E.ELAPSED): _S.STOPPED,
-    (_S.RAMP_UP, _E.BRAKE): _S.BRAKING,
-    (_S.FULL_VOLTAGE, _E.BRAKE): _S.BRAKING,
-    (_S.BYPASS, _E.BRAKE): _S.BRAKING,
-    (_S.BRAKING, _E.START): _S.RAMP_UP,
     (_S.BRAKING, _E.STOP): _S.BRAKING,
-    (_S.BRAKING, _E.CUT): _S.COASTING,
-    (_S.BRAKING, _E.ELAPSED): _S.STOPPED,
-    (_S.JOG, _E.STOP): _S.COASTING,
-    (_S.JOG, _E.CUT): _S.COASTING,
+    (_S.FULL_VOLTAGE, _E.START): _S.FULL_VOLTAGE,
+    (_S.BYPASS, _E.START): _S.BYPASS,
 }
 
-TURNED_ON = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS})
+TURNED_ON = frozenset(_DRIVEN)
 AT_SPEED = frozenset({_S.FULL_VOLTAGE, _S.BYPASS})
 FED = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS, _S.RAMP_DOWN, _S.JOG, _S.BRAKING})
 

@@ -23,7 +23,6 @@ from gateway.modbus.writes import (
 class RequestHandlers:
     """Tables without a row; a family fills them. Refusals are BadRequestErrors with their exception code."""
 
-    functions: ClassVar[frozenset[int]] = frozenset()
     conformity: ClassVar[int] = 0x81  # basic identification, stream and one object [APP 6.21]
 
     def answer(self, request: KnownRequest) -> bytes:
@@ -103,8 +102,3 @@ def refuse_value(reason: str) -> BadRequestError:
 def refuse_function(reason: str) -> BadRequestError:
     """Return exception 1: this function is not served, or not now."""
     return BadRequestError(reason, ExceptionCode.ILLEGAL_FUNCTION)
-
-
-def word(value: float, decimals: int = 0) -> int:
-    """Return a measured value as the starters send it: an integer of 16 bits, never below 0."""
-    return max(0, min(0xFFFF, round(value * 10.0**decimals)))

@@ -14,14 +14,17 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from gateway.errors import BadRequestError
-from gateway.modbus.codes import EXCEPTION_BIT
+from gateway.families import Table, Variant, load_profile
+from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.pdu import encode_exception
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import LineTiming
 from gateway.sim.core.meter import Meter
 from gateway.sim.core.motor import Motor
 from gateway.sim.core.power import MotorData, MotorTrip
+from gateway.sim.core.registers import Registers
 from gateway.sim.core.requests import RequestHandlers, refuse_function
+from gateway.sim.core.setup import Quirks, Setup
 
 _MOST_WRITES = 10_000
 
@@ -42,28 +45,38 @@ class RegisterWrite:
     pdu: bytes
 
 
+class Lifetime:
+    """The time up to which a starter has lived, and what is due when; a name has one appointment at most."""
+
+    def __init__(self) -> None:
+        self.now_s: float | None = None  # None: it has not begun
+        self.silent_until_s = 0.0  # infinite without control supply
+        self.appointments: dict[str, tuple[float, Callable[[], None]]] = {}
+
+    def next_due(self, by_s: float) -> tuple[str, float, Callable[[], None]] | None:
+        """Return the first appointment up to a time."""
+        name = min(self.appointments, key=lambda each: self.appointments[each][0], default=None)
+        if name is None or self.appointments[name][0] > by_s:
+            return None
+        return name, *self.appointments[name]
+
+
 class SimulatedUnit(RequestHandlers, ABC):
     """One starter on a line; times are seconds on whatever clock the callers use."""
 
     family: ClassVar[str]
+    table: ClassVar[Table] = Table.HOLDING
+    delivered: ClassVar[Setup]  # as it comes, unless said otherwise
     longest_gap_characters: ClassVar[float] = 3.5  # silence inside a frame beyond which it is thrown away
 
-    def __init__(
-        self,
-        address: int,
-        *,
-        seed: int = 0,
-        motor: MotorData | None = None,
-        response_s: tuple[float, float],
-        restart_s: float,
-    ) -> None:
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         self.address = address
-        self.motor = Motor(motor)
-        self.meter = Meter(self.motor, seed=seed)
-        self.random = random.Random(seed)
-        self.response_s = response_s  # shortest and longest, from the request's last byte
-        self.restart_s = restart_s  # silence while the device starts up
-        self.is_powered = True  # the control electronics
+        self.setup = setup
+        self.quirks = quirks
+        self.registers = Registers(load_profile(self.family), self.table, variant=Variant(model=setup.model))
+        self.motor = Motor(setup.motor or MotorData(rated_current_a=setup.rated_current_a))
+        self.meter = Meter(self.motor, seed=setup.seed)
+        self.random = random.Random(setup.seed)
         self.clock: Callable[[], float] | None = None  # the line's, once the unit is on one
         self.starts: list[float] = []  # when a start was accepted over the line
         self.start_frames: list[float] = []  # when one was asked for, accepted or not
@@ -71,9 +84,17 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.trips: list[Trip] = []
         self.handled = 0  # requests that this unit acted on
         self._joined: LineTiming | None = None
-        self._now_s: float | None = None
-        self._silent_until_s = 0.0
-        self._timers: dict[str, tuple[float, Callable[[], None]]] = {}
+        self._life = Lifetime()
+
+    @property
+    def settings(self) -> dict[int, int]:
+        """What people have set, by register."""
+        return self.registers.words
+
+    @property
+    def fixed(self) -> dict[int, int]:
+        """Registers that a test nails down."""
+        return self.registers.fixed
 
     # What the line asks
 
@@ -86,7 +107,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.handled += 1
         function = pdu[0] if pdu else 0
         try:
-            if function not in self.functions:
+            if function not in self.registers.profile.limits.functions:
                 raise refuse_function(f"function {function}")
             self._check_function(function)
             request = decode_request(pdu)
@@ -108,28 +129,29 @@ class SimulatedUnit(RequestHandlers, ABC):
 
     def listens_to(self, timing: LineTiming) -> bool:
         """Return whether speed and framing are the ones this unit is set to."""
-        return self._joined in (None, timing)
+        wanted = self._line_settings(timing)
+        if self._joined is None or not wanted:
+            return self._joined in (None, timing)
+        return all(self.settings[register] == word for register, word in wanted.items())
 
     def join(self, timing: LineTiming) -> None:
         """Set speed and framing to those of the line it is put on, as at its installation."""
         self._joined = timing
+        self.settings.update(self._line_settings(timing))
 
     def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
         """Count a frame that was on the line, but could not be understood."""
 
     def advance(self, now_s: float) -> None:
         """Let time pass up to `now_s`: the motor moves, watchdogs act."""
-        if self._now_s is None:
-            self._now_s = now_s
+        if self._life.now_s is None:
+            self._life.now_s = now_s
             self._switched_on()
             return
-        while self._timers:
-            name = min(self._timers, key=lambda each: self._timers[each][0])
-            due_s, action = self._timers[name]
-            if due_s > now_s:
-                break
+        while (due := self._life.next_due(now_s)) is not None:
+            name, due_s, action = due
             self._pass(due_s)
-            del self._timers[name]
+            del self._life.appointments[name]
             action()
         self._pass(now_s)
 
@@ -138,15 +160,14 @@ class SimulatedUnit(RequestHandlers, ABC):
     def power_off(self) -> None:
         """Take the control supply away: the motor coasts, the unit is silent."""
         self._catch_up()
-        self.is_powered = False
-        self._timers.clear()
+        self._life.silent_until_s = math.inf
+        self._life.appointments.clear()
         self.motor.cut()
         self._forget()
 
     def power_on(self) -> None:
         """Give the control supply back; the unit is silent until it has started up."""
         self._catch_up()
-        self.is_powered = True
         self._start_up()
 
     def set_mains(self, *, is_present: bool) -> None:
@@ -170,9 +191,25 @@ class SimulatedUnit(RequestHandlers, ABC):
         """Change `load_pct`, `friction_pct`, the heat of the motor, or other fields of its `MotorData`."""
         self._catch_up()
         motor = self.motor
-        present = {"load_pct": motor.load_pct, "friction_pct": motor.friction_pct}
         heat_pct = motor.thermal_pct if thermal_pct is None else thermal_pct
-        motor.become(replace(motor.data, **{**present, "thermal_pct": heat_pct, **changes}))
+        present = {"friction_pct": motor.friction_pct, "thermal_pct": heat_pct}
+        motor.become(replace(motor.data, **{**present, **changes}))
+
+    @abstractmethod
+    def keypad_start(self) -> None:
+        """Press start; it counts only while the starter itself is the command source."""
+
+    @abstractmethod
+    def keypad_stop(self) -> None:
+        """Press stop; the same."""
+
+    @abstractmethod
+    def reset_at_keypad(self) -> None:
+        """Reset any fault at the starter itself."""
+
+    @abstractmethod
+    def set_remote(self, *, is_remote: bool) -> None:
+        """Give the commands to the line, or to the starter itself."""
 
     @abstractmethod
     def trip(self, number: int) -> None:
@@ -181,14 +218,23 @@ class SimulatedUnit(RequestHandlers, ABC):
     @property
     def is_listening(self) -> bool:
         """Whether requests reach it: powered and started up."""
-        return self.is_powered and self.now_s >= self._silent_until_s
+        return self.now_s >= self._life.silent_until_s
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether the control electronics are supplied."""
+        return self._life.silent_until_s < math.inf
 
     @property
     def now_s(self) -> float:
         """The time up to which this unit has lived."""
-        return 0.0 if self._now_s is None else self._now_s
+        return self._life.now_s or 0.0
 
     # What a family adds
+
+    def _line_settings(self, timing: LineTiming) -> dict[int, int]:  # noqa: ARG002
+        """Return the settings that stand for a speed and framing; empty where none do."""
+        return {}
 
     def _is_received(self, pdu: bytes) -> bool:  # noqa: ARG002
         """Return whether a request fits the unit's memory."""
@@ -217,42 +263,47 @@ class SimulatedUnit(RequestHandlers, ABC):
     def _motor_tripped(self, cause: MotorTrip) -> None:
         """Show the fault for what the motor's protections found."""
 
-    def _response_range_s(self, pdu: bytes) -> tuple[float, float]:  # noqa: ARG002
-        return self.response_s
+    def _response_range_s(self, pdu: bytes) -> tuple[float, float]:
+        """Return the stated times; those of FC16 may be no range, but so long for each register."""
+        each_s = self.registers.profile.timing.write_per_register_s
+        if not each_s or pdu[:1] != bytes((Function.WRITE_REGISTERS,)):
+            return self.setup.response_s
+        written_s = each_s * max(int.from_bytes(pdu[3:5], "big"), 1)
+        return written_s, written_s
 
     # Below the surface
 
     def _restart(self) -> None:
         """Restart the whole device: the motor coasts, what is not stored is lost, requests are ignored."""
         self.motor.cut()
-        self._timers.clear()
+        self._life.appointments.clear()
         self._forget()
         self._start_up()
 
     def _start_up(self) -> None:
-        self._silent_until_s = self.now_s + self.restart_s
+        self._life.silent_until_s = self.now_s + self.setup.restart_s
         self._switched_on()
 
     def _catch_up(self) -> None:
         """Simulate up to the line's present time, before a change from outside."""
         if self.clock is not None:
             self.advance(self.clock())
-        elif self._now_s is None:
+        elif self._life.now_s is None:
             self.advance(0.0)
 
     def _at(self, name: str, due_s: float, action: Callable[[], None]) -> None:
         """Do something once the time comes; a name has one appointment at most."""
-        self._timers[name] = (due_s, action)
+        self._life.appointments[name] = (due_s, action)
 
     def _cancel(self, name: str) -> None:
-        self._timers.pop(name, None)
+        self._life.appointments.pop(name, None)
 
     def _pass(self, until_s: float) -> None:
         step_s = until_s - self.now_s
         if step_s <= 0:
             return
         self.motor.step(step_s)
-        self._now_s = until_s
+        self._life.now_s = until_s
         if self.motor.trip is not None:
             cause, self.motor.trip = self.motor.trip, None
             self._motor_tripped(cause)

@@ -6,12 +6,13 @@ Where the text of the manual (sst-intecma) leaves it open, the stricter reading 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal
 
+from gateway.families import Table
 from gateway.sim.core.power import MotorData, MotorTrip
 from gateway.sim.core.requests import refuse_address
+from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.core.unit import SimulatedUnit, Trip
 from gateway.sim.sst import registers
 
@@ -37,48 +38,33 @@ class SstMotion(SimulatedUnit):
     """One SST; initialised (coils 5 and 26 are 1) unless `is_configured` is False."""
 
     family: ClassVar[str] = "sst"
-    hides_command_bits = False  # coil 1 reads 0, whatever stands in it
-    keeps_run_command = False  # not stated: coil 1 outlives an error, and starts the motor after its reset
+    table: ClassVar[Table] = Table.INPUT
+    delivered: ClassVar[Setup] = Setup(
+        model="SST330i-M",
+        motor=MotorData(rated_current_a=20.0, load_pct=70.0),
+        response_s=(0.010, 0.050),
+        restart_s=2.0,
+    )
 
-    def __init__(
-        self,
-        address: int,
-        *,
-        seed: int = 0,
-        model: str = "SST330i-M",
-        firmware: str = "",
-        serial_number: int = 0,
-        is_configured: bool = True,
-        motor: MotorData | None = None,
-        response_s: tuple[float, float] = (0.010, 0.050),
-        restart_s: float = 2.0,
-        flash_s: float = 0.3,
-        settings: Mapping[int, int] | None = None,
-    ) -> None:
-        self.model = registers.find_model(model)
-        self.name = model
-        self.firmware = firmware or self.model.firmware
-        self.serial_number = serial_number or 500_000 + seed
-        self.is_configured = is_configured  # coil 5
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
+        super().__init__(address, setup, quirks)
+        self.model = registers.find_model(setup.model)
+        self.is_configured = setup.is_configured  # coil 5
         self.is_configuring = False  # coil 2
         self.is_start_set = False  # coil 1
         self.errors: set[int] = set()  # numbers of the coils 10-21 that are 1
         self.control: Control = "modbus"
-        self.flash_s = flash_s
         self.flash_writes = 0  # configurations that were really written
-        zeros = dict.fromkeys((*registers.OWN_NUMBERS, *registers.SETTINGS), 0)
-        self.settings = {**zeros, **self.model.first_values, **(settings or {})}
+        self.settings.update({**dict.fromkeys(self.settings, 0), **self.model.first_values, **setup.settings})
         self._is_changed = False
         self._charged_until_s = -math.inf
         self._auto_reset_s = 0.0
-        super().__init__(
-            address,
-            seed=seed,
-            motor=motor or MotorData(rated_current_a=20.0, load_pct=70.0),
-            response_s=response_s,
-            restart_s=restart_s,
-        )
         self._take_up_settings()
+
+    @property
+    def firmware(self) -> str:
+        """Its software version."""
+        return self.setup.firmware or self.model.firmware
 
     # For people and tests
 
@@ -87,23 +73,27 @@ class SstMotion(SimulatedUnit):
         self._catch_up()
         self._fail(number)
 
-    def reset_locally(self) -> None:
+    def reset_at_keypad(self) -> None:
         """Clear all errors by what the starter itself has for it."""
         self._catch_up()
         self._clear_errors()
+
+    def set_remote(self, *, is_remote: bool) -> None:
+        """Give control to Modbus, or to the parallel input."""
+        self.set_control("modbus" if is_remote else "parallel")
 
     def set_control(self, control: Control) -> None:
         """Give control to USB (coil 7), the parallel input (coil 8) or back to Modbus."""
         self._catch_up()
         self.control = control
 
-    def local_start(self) -> None:
+    def keypad_start(self) -> None:
         """Start through USB or the parallel input, whichever controls."""
         self._catch_up()
         if self.control != "modbus" and self._is_ready() and not self.errors:
             self._start()
 
-    def local_stop(self) -> None:
+    def keypad_stop(self) -> None:
         """Stop through it; the motor then stays stopped, also when another source takes control."""
         self._catch_up()
         if self.control != "modbus":
@@ -112,7 +102,7 @@ class SstMotion(SimulatedUnit):
     @property
     def is_writing_flash(self) -> bool:
         """Whether the configuration is being stored: writes get exception 6 (when it comes is ours; E-03)."""
-        return "flash" in self._timers
+        return "flash" in self._life.appointments
 
     @property
     def capacitor_v(self) -> float:
@@ -146,7 +136,7 @@ class SstMotion(SimulatedUnit):
             self._is_changed = False
         elif not is_on and self.is_configuring:
             self.is_configuring = False
-            self._at("flash", self.now_s + self.flash_s, self._finish_configuration)
+            self._at("flash", self.now_s + self.setup.flash_s, self._finish_configuration)
 
     def _finish_configuration(self) -> None:
         self.is_configured = True
@@ -214,7 +204,7 @@ class SstMotion(SimulatedUnit):
         self.trips.append(Trip(self.now_s, f"COIL{number}"))
         was_set = self.is_start_set
         self._stop()
-        self.is_start_set = was_set and self.keeps_run_command
+        self.is_start_set = was_set and self.quirks.keeps_run_command
         self.motor.cut()
         minutes = self.settings[registers.AUTO_RESET]
         if minutes != registers.AUTO_RESET_OFF:
@@ -225,7 +215,7 @@ class SstMotion(SimulatedUnit):
         self.errors.clear()
         self._auto_reset_s = 0.0
         self._cancel("auto-reset")
-        if self.is_start_set and self.keeps_run_command and self._is_ready():
+        if self.is_start_set and self.quirks.keeps_run_command and self._is_ready():
             self._start()
 
     def _motor_tripped(self, cause: MotorTrip) -> None:

@@ -1,55 +1,34 @@
-"""The registers of the simulated SSTs: ranges and first values by model (sst-intecma, register table)."""
+"""The registers of the simulated SSTs: what its models differ in, and how versions and names lie in words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-LAST = 42  # registers 0-42 can be read, the unused 21 as well
-NAME = range(22, 30)
-CAPACITOR_VOLTAGE = 20
-OWN_NUMBERS = range(4, 7)  # free for the user; both bytes count
-SETTINGS = range(30, 43)  # only the low byte counts
+NAME = tuple(f"R{number}" for number in range(22, 30))
 DECELERATION, ACCELERATION, AUTO_RESET, TIMEOUT_STOP, TIMEOUT_RESET = 39, 37, 40, 41, 42
 AUTO_RESET_OFF = 97
 
-_COMMON = {
-    32: (5, 30),
-    35: (1, 10),
-    36: (20, 55),
-    37: (1, 4),
-    38: (0, 2),
-    40: (1, 97),
-    41: (0, 255),
-    42: (0, 255),
-}
-_THREE_PHASE = {**_COMMON, 30: (5, 47), 31: (5, 47), 33: (1, 100), 34: (0, 100), 39: (0, 200)}
-_ONE_PHASE = {**_COMMON, 33: (1, 6), 34: (0, 6), 39: (0, 10)}
+_FIRST = {30: 30, 31: 40, 32: 20, 33: 6, 34: 6, 35: 5, 36: 35, 37: 2, 38: 2, 39: 10, 40: AUTO_RESET_OFF}
 
 
 @dataclass(frozen=True, slots=True)
 class SstModel:
-    """One SST: its number in register 0, its ranges, and since when its name can be read."""
+    """One SST: its number in register 0, and since when its name can be read; its ranges: the profile."""
 
     name: str  # as registers 22-29 give it, but for the variant at its end
     number: int
     hardware: str
     firmware: str  # what it has unless said otherwise
     name_since: str  # firmware that added registers 22-29
-    ranges: Mapping[int, tuple[int, int]]
-    first_values: Mapping[int, int]
+    first_values: Mapping[int, int]  # ours
 
-
-_FIRST = {30: 30, 31: 40, 32: 20, 33: 6, 34: 6, 35: 5, 36: 35, 37: 2, 38: 2, 39: 10, 40: AUTO_RESET_OFF}
-_SLOW = {**_FIRST, 39: 20}
-_RANGES_75 = {**_ONE_PHASE, 30: (75, 75), 31: (75, 75)}
-_RANGES_140 = {**_ONE_PHASE, 30: (5, 140), 31: (5, 140)}
 
 MODELS = (
-    SstModel("SST330i", 330, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
-    SstModel("SST360i", 360, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
-    SstModel("SST130i-75", 130, "4.4", "2.04", "2.00", _RANGES_75, {**_FIRST, 30: 75, 31: 75}),
-    SstModel("SST130i-140", 130, "4.4", "2.04", "2.00", _RANGES_140, _FIRST),
+    SstModel("SST330i", 330, "6.1", "4.04", "4.04", {**_FIRST, 39: 20}),
+    SstModel("SST360i", 360, "6.1", "4.04", "4.04", {**_FIRST, 39: 20}),
+    SstModel("SST130i-75", 130, "4.4", "2.04", "2.00", {**_FIRST, 30: 75, 31: 75}),
+    SstModel("SST130i-140", 130, "4.4", "2.04", "2.00", _FIRST),
 )
 
 

@@ -3,39 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from gateway.errors import BadRequestError
+from gateway.families import Type
 from gateway.modbus.codes import ExceptionCode, Function
 from gateway.modbus.pdu import encode_exception
 from gateway.sim.core.power import MotorState
-from gateway.sim.core.requests import refuse_address, refuse_function, refuse_value, word
+from gateway.sim.core.registers import Measured
+from gateway.sim.core.requests import refuse_address, refuse_function
 from gateway.sim.sst import registers
 from gateway.sim.sst.motion import CONFIGURE, RESET_ERRORS, RESET_STARTER, SINGLE_PHASE, START, SstMotion
 
-MAX_FRAME = 54  # bytes, address and CRC included, both ways (NOTES)
 COILS = range(26)  # coil n is at address n - 1
 
 _WRITES = (Function.WRITE_COIL, Function.WRITE_REGISTER, Function.WRITE_REGISTERS)
+LOW_BYTE = (Type.LOW_U8, Type.LOW_ENUM)
 _OVERHEAD = 3  # address and CRC around a PDU
 
 
 class Sst(SstMotion):
     """One SST: coils and input registers in frames of 54 bytes at most."""
 
-    functions: ClassVar[frozenset[int]] = frozenset({1, 4, 5, 6, 16})
     longest_gap_characters: ClassVar[float] = 1.5
 
-    def __init__(self, address: int, **options: Any) -> None:
-        self.fixed: dict[int, int] = {}  # registers that a test nails down
-        super().__init__(address, **options)
-
     def _is_received(self, pdu: bytes) -> bool:
-        return len(pdu) + _OVERHEAD <= MAX_FRAME
+        return len(pdu) + _OVERHEAD <= self.registers.profile.limits.frame_bytes
 
     def _checked_reply(self, reply: bytes) -> bytes | None:
         """Return exception 4 instead of what does not fit the memory (NOTES)."""
-        if len(reply) + _OVERHEAD <= MAX_FRAME:
+        if len(reply) + _OVERHEAD <= self.registers.profile.limits.frame_bytes:
             return reply
         return encode_exception(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
 
@@ -52,14 +49,13 @@ class Sst(SstMotion):
         return [number in ones for number in range(address + 1, address + 1 + count)]
 
     def _read_registers(self, address: int, count: int) -> Sequence[int]:
-        if address + count - 1 > registers.LAST:
-            raise refuse_address(registers.LAST + 1)
-        readings = {**self._readings(), **self.settings, **self.fixed}
-        wanted = range(address, address + count)
-        missing = [register for register in wanted if register not in readings]
-        if missing:
-            raise refuse_address(missing[0])
-        return [readings[register] for register in wanted]
+        measured, wanted = self._readings(), range(address, address + count)
+        has_name = float(self.firmware) >= float(self.model.name_since)
+        for register in wanted:
+            row = self.registers.owners.get(register)
+            if row is None or (row.code in registers.NAME and not has_name):
+                raise refuse_address(register)
+        return [self.registers.word(register, measured) for register in wanted]
 
     def _write_coils(self, address: int, bits: Sequence[bool]) -> None:
         (is_on,) = bits
@@ -77,29 +73,23 @@ class Sst(SstMotion):
             raise refuse_address(address)
 
     def _write_registers(self, address: int, words: Sequence[int]) -> None:
-        changes = dict(enumerate(words, address))
-        writable = {*registers.OWN_NUMBERS, *registers.SETTINGS}
-        if not self.is_configuring and writable & changes.keys():
+        rows = [self.registers.owners.get(address + place) for place in range(len(words))]
+        writable = [row for row in rows if row is not None and row.is_configuration]
+        if writable and not self.is_configuring:
             self._stop()  # the write is refused, and the motor is stopped too (register table)
+        if not self.is_configuring or len(writable) < len(words):
             raise refuse_address(address)
-        for register in changes:
-            if register not in writable:
-                raise refuse_address(register)
-        stored = {
-            register: value if register in registers.OWN_NUMBERS else value & 0xFF
-            for register, value in changes.items()
-        }
-        for register, value in stored.items():
-            lowest, highest = self.model.ranges.get(register, (0, 0xFFFF))
-            if not lowest <= value <= highest:
-                raise refuse_value(f"register {register}: {value} is not in {lowest}..{highest}")
-        self._is_changed = self._is_changed or any(self.settings[each] != stored[each] for each in stored)
-        self.settings.update(stored)
+        for row, value in zip(writable, words, strict=True):
+            self.registers.check(row, (value,))
+        before = dict(self.settings)
+        for row, value in zip(writable, words, strict=True):  # of 30 to 42 only the low byte counts
+            self.registers.hold(row, (value & 0xFF if row.type in LOW_BYTE else value,))
+        self._is_changed = self._is_changed or self.settings != before
 
     def _coils(self) -> dict[int, bool]:
         """Return the coils that are no errors, by number."""
         return {
-            1: self.is_start_set and not self.hides_command_bits,
+            1: self.is_start_set and not self.quirks.hides_command_bits,
             2: self.is_configuring,
             5: self.is_configured,
             6: True,
@@ -109,7 +99,7 @@ class Sst(SstMotion):
             26: self._is_ready(),
         }
 
-    def _readings(self) -> dict[int, int]:
+    def _readings(self) -> Measured:
         status = {
             MotorState.RAMP_UP: 1,
             MotorState.FULL_VOLTAGE: 2,
@@ -117,30 +107,26 @@ class Sst(SstMotion):
             MotorState.RAMP_DOWN: 3,
         }
         # The single-phase models show the stator current, which is higher than the total one (notes).
-        current_a = self.meter.current_a * (1.2 if self.model.number == SINGLE_PHASE else 1.0)
         left_s = max(0, round(self._auto_reset_s - self.now_s)) if self._auto_reset_s else 0
-        version, more_version = registers.version_words(self.firmware)
-        readings = {
-            0: self.model.number,
-            1: registers.hardware_word(self.model.hardware),
-            2: version,
-            3: more_version,
-            7: 0x0101,
-            8: self.serial_number >> 16,
-            9: self.serial_number & 0xFFFF,
-            10: 0,
-            11: 0,
-            12: min(word(current_a), 0xFF),
-            13: round(self.motor.heatsink_c) & 0xFF,
-            14: word(self.motor.output_pct),
-            15: left_s % 60,
-            16: left_s // 60,
-            17: 24,
-            18: word(self.meter.line_voltage_v),
-            19: status.get(self.motor.state, 0),
-            registers.CAPACITOR_VOLTAGE: word(self.capacitor_v),
-            21: 0,
+        versions = registers.version_words(self.firmware)
+        serial_number = self.setup.serial_number or 500_000 + self.setup.seed
+        names = registers.name_words(self.setup.model)
+        return {
+            "R0": self.model.number,
+            "R1": (registers.hardware_word(self.model.hardware),),
+            "R2": versions[:1],
+            "R3": versions[1:],
+            "R7": (0x0101,),
+            "R8": serial_number >> 16,
+            "R9": serial_number & 0xFFFF,
+            "R12": self.meter.current_a * (1.2 if self.model.number == SINGLE_PHASE else 1.0),
+            "R13": self.motor.heatsink_c,
+            "R14": self.motor.output_pct,
+            "R15": left_s % 60,
+            "R16": left_s // 60,
+            "R17": 24,
+            "R18": self.meter.line_voltage_v,
+            "R19": status.get(self.motor.state, 0),
+            "R20": self.capacitor_v,
+            **{code: (word,) for code, word in zip(registers.NAME, names, strict=True)},
         }
-        if float(self.firmware) >= float(self.model.name_since):
-            readings.update(zip(registers.NAME, registers.name_words(self.name), strict=True))
-        return readings

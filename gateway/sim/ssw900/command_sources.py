@@ -5,16 +5,13 @@ Sections are those of ssw900; S9-xx are the rules this follows.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.setup import Quirks, Setup
+from gateway.sim.weg.common import ALL_COMMANDS, JOG, MODE, REMOTE, RESET, RUN, Commanded
 
-from gateway.sim.core.power import MotorData, MotorState
-from gateway.sim.weg.common import ALL_COMMANDS, JOG, REMOTE, RESET, RUN, Commanded
-
-C3_MODE, C3_LOCAL_SOURCE, C3_REMOTE_SOURCE = 220, 229, 230  # C3.1, C3.2, C3.3
 C5_BEFORE_START, C5_AFTER_STOP = 931, 932  # C5.7.1, C5.7.2
 
-SOURCE_KEYS, SOURCE_SLOT_1 = 0, 4  # values of C3.2 and C3.3; slot 2 follows
-REMOTE_AT_POWER_UP = (1, 3, 6, 8, 10, 12)  # values of C3.1
+SOURCE_SLOT_1 = 4  # a value of C3.2 and C3.3; slot 2 follows
 SLOT_1_DECIDES = (9, 10)  # values of C3.1; slot 2's follow
 
 INITIAL_TEST_S = 0.2  # not stated: ours
@@ -23,32 +20,11 @@ INITIAL_TEST_S = 0.2  # not stated: ours
 class CommandSources(Commanded):
     """The part of an SSW900 that carries out command words."""
 
-    def __init__(
-        self,
-        address: int,
-        *,
-        slot: int,
-        seed: int,
-        motor: MotorData,
-        response_s: tuple[float, float],
-        restart_s: float,
-        keeps_run_command: bool,
-    ) -> None:
-        self.slot = slot  # where the RS-485 accessory sits
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
+        self.slot = setup.slot  # where the RS-485 accessory sits
         self.command_words = {1: 0, 2: 0}  # S5.2.5, S5.2.6
         self.phase = ""  # between an accepted start and the ramp: "delay", then "test"
-        super().__init__(
-            address,
-            seed=seed,
-            motor=motor,
-            response_s=response_s,
-            restart_s=restart_s,
-            keeps_run_command=keeps_run_command,
-        )
-
-    @abstractmethod
-    def setting(self, net_id: int) -> int:
-        """Return a parameter of one register."""
+        super().__init__(address, setup, quirks)
 
     # Sources
 
@@ -71,11 +47,6 @@ class CommandSources(Commanded):
     def is_in_control(self) -> bool:
         """Whether a slot is the command source (C3)."""
         return self.active_slot is not None
-
-    @property
-    def is_keypad_in_control(self) -> bool:
-        """Whether the HMI's keys are."""
-        return self._source() == SOURCE_KEYS
 
     def active_source(self) -> int:
         """Return S3.1.2: source and mode in one number."""
@@ -103,8 +74,8 @@ class CommandSources(Commanded):
 
     def sources_changed(self) -> None:
         """Take up a change of menu C3."""
-        if self.setting(C3_MODE) in (0, 1):
-            self._set_remote(is_remote=self.setting(C3_MODE) == 1)
+        if self.settings[MODE] in (0, 1):
+            self._set_remote(is_remote=self.settings[MODE] == 1)
         self._drop_inactive()
 
     def _set_remote(self, *, is_remote: bool) -> None:
@@ -125,14 +96,11 @@ class CommandSources(Commanded):
 
     def _deciding_slot(self) -> int | None:
         """Return the slot whose bit 4 chooses local or remote (C3.1)."""
-        mode = self.setting(C3_MODE) - SLOT_1_DECIDES[0]
+        mode = self.settings[MODE] - SLOT_1_DECIDES[0]
         return mode // 2 + 1 if mode >= 0 else None
 
     def _may_switch_mode(self) -> bool:
         return False  # `command_slot` has done it
-
-    def _source(self) -> int:
-        return self.setting(C3_REMOTE_SOURCE if self.is_remote else C3_LOCAL_SOURCE)
 
     # From a start to the ramp (C5.7, S5.1 bits 3, 12, 13)
 
@@ -144,7 +112,7 @@ class CommandSources(Commanded):
     @property
     def is_after_stop(self) -> bool:
         """Whether the time after a stop still runs; a start is then ignored (not stated: ours)."""
-        return self.motor.standstill_s < self.setting(C5_AFTER_STOP) / 10
+        return self.motor.standstill_s < self.settings[C5_AFTER_STOP] / 10
 
     def _is_start_delayed(self) -> bool:
         is_slowing = self.motor.is_turning and not self.motor.is_turned_on
@@ -152,7 +120,7 @@ class CommandSources(Commanded):
 
     def _start_motor(self) -> None:
         self.phase = "delay"
-        self._at("start", self.now_s + self.setting(C5_BEFORE_START) / 10, self._begin_test)
+        self._at("start", self.now_s + self.settings[C5_BEFORE_START] / 10, self._begin_test)
 
     def _begin_test(self) -> None:
         self.phase = "test"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import ClassVar
 
-from gateway.sim.core.power import MotorTrip
+from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.core.unit import Trip
 from gateway.sim.ssw900.command_sources import CommandSources
-from gateway.sim.weg.common import ENABLE, FAULT_NUMBERS, REMOTE, RUN
+from gateway.sim.weg.common import ENABLE, REMOTE, RUN
 
 C8_TIMEOUT, C8_TIMEOUT_MODE, C8_TIMEOUT_ACTION = 734, 740, 741
 
@@ -19,12 +19,12 @@ _MODE_FAULT, _MODE_ALARM = 1, 2  # C8.2.5.1
 class Faults(CommandSources):
     """The part of an SSW900 that trips."""
 
-    def __init__(self, address: int, **options: Any) -> None:
-        self.fault = 0  # D1.1.1
+    fault_code: ClassVar[str] = "F{:03d}"
+
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         self.alarms: list[int] = []  # D2.1.1-D2.1.5
-        self.is_silence_shown = False  # S5.4.1 = 2
         self.received = self.transmitted = self.crc_errors = self.byte_errors = 0  # S5.4.2-S5.4.5
-        super().__init__(address, **options)
+        super().__init__(address, setup, quirks)
 
     # For people and tests
 
@@ -34,11 +34,6 @@ class Faults(CommandSources):
         self.alarms = [each for each in self.alarms if each != number]
         if is_on:
             self.alarms.append(number)
-
-    def reset_at_keypad(self) -> None:
-        """Reset any fault at the starter itself."""
-        self._catch_up()
-        self._clear_fault()
 
     def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
         """Count S5.4.4 or S5.4.5."""
@@ -60,42 +55,29 @@ class Faults(CommandSources):
         self.is_silence_shown = self.fault == FAULT_SILENCE
         self._watch()
 
-    def _watch(self) -> None:
-        """Count again from 0; the first valid telegram begins it (C8.2.5)."""
-        is_on = self.setting(C8_TIMEOUT_MODE) in (_MODE_FAULT, _MODE_ALARM) and self.setting(C8_TIMEOUT)
-        if is_on:
-            self._at("C8.2.5", self.now_s + self.setting(C8_TIMEOUT) / 10, self._miss_telegrams)
-        else:
-            self._cancel("C8.2.5")
+    def _timeout_s(self) -> float:
+        is_on = self.settings[C8_TIMEOUT_MODE] in (_MODE_FAULT, _MODE_ALARM)
+        return self.settings[C8_TIMEOUT] / 10 if is_on else 0.0
 
     def _miss_telegrams(self) -> None:
         self.is_silence_shown = True
-        if self.setting(C8_TIMEOUT_MODE) == _MODE_FAULT:
+        if self.settings[C8_TIMEOUT_MODE] == _MODE_FAULT:
             self._fail(FAULT_SILENCE)
             return
         self.alarms.append(FAULT_SILENCE)
         self.trips.append(Trip(self.now_s, "A128"))
-        action = self.setting(C8_TIMEOUT_ACTION)
+        action = self.settings[C8_TIMEOUT_ACTION]
         bits = self.command_words[self.slot]
         words = {1: bits & ~RUN, 2: bits & ~ENABLE, 3: bits & ~REMOTE, 4: bits | REMOTE}
         if action in words:
             self.command_slot(self.slot, words[action])
 
-    def _fail(self, number: int) -> None:
-        self.fault = number
-        self.trips.append(Trip(self.now_s, f"F{number:03d}"))
-        self.motor.cut()
-        self._stopped_otherwise()
-
     def _clear_fault(self) -> None:
-        self.fault = 0
         self.is_silence_shown = False
-        self._run_if_commanded()
-
-    def _motor_tripped(self, cause: MotorTrip) -> None:
-        self._fail(FAULT_NUMBERS[cause])
+        super()._clear_fault()
 
     def _forget(self) -> None:
-        self.fault = 0
         self.alarms = []
-        self.is_silence_shown = False
+        self.phase = ""
+        self.command_words = {1: ENABLE, 2: ENABLE}
+        super()._forget()

@@ -6,10 +6,13 @@ The bits stand alike in VB03 (ssw06-es 4.2.3, ssw07 4.2.2) and S5.2.5/S5.2.6 (ss
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
-from gateway.sim.core.power import MotorData, MotorState, MotorTrip
+from gateway.families import Variant, decode
+from gateway.sim.core.power import MotorState, MotorTrip
 from gateway.sim.core.requests import refuse_value
-from gateway.sim.core.unit import SimulatedUnit
+from gateway.sim.core.setup import Quirks, Setup
+from gateway.sim.core.unit import SimulatedUnit, Trip
 
 RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80
 ALL_COMMANDS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET
@@ -23,33 +26,23 @@ FAULT_NUMBERS = {
     MotorTrip.UNDERVOLTAGE: 2,
 }
 
+# Alike in all three: P220, P229, P230 (2.5-2.7), C3.1, C3.2, C3.3 (table A.2); C3.1 alone has 12.
+MODE, LOCAL_SOURCE, REMOTE_SOURCE = 220, 229, 230
+KEYPAD = 0  # as a source
+REMOTE_AT_POWER_UP = (1, 3, 6, 8, 10, 12)  # as a mode
+
 _MOTION = RUN | ENABLE | JOG | REVERSE
 
 
 class Commanded(SimulatedUnit):
-    """A starter whose motor is moved by a command word or by its keypad.
+    """A starter whose motor is moved by a command word or by its keypad."""
 
-    The manuals do not say what becomes of a run command when the motor is stopped by a fault or a general
-    disable. Here it is forgotten; with `keeps_run_command` it stands, and starts the motor once it can.
-    """
+    fault_code: ClassVar[str]  # how a fault is printed
 
-    fault = 0  # the number of the latched one
-    is_command_refused = False  # erratum A-06: exception 3 for what is not set to serial, instead of nothing
-    is_running_while_stopping = False  # whether "running" stays 1 during the ramp down
-    hides_command_bits = False  # the command word and its coils read 0, whatever stands in them
-
-    def __init__(
-        self,
-        address: int,
-        *,
-        seed: int,
-        motor: MotorData,
-        response_s: tuple[float, float],
-        restart_s: float,
-        keeps_run_command: bool,
-    ) -> None:
-        super().__init__(address, seed=seed, motor=motor, response_s=response_s, restart_s=restart_s)
-        self.keeps_run_command = keeps_run_command
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
+        super().__init__(address, setup, quirks)
+        self.fault = 0  # the number of the latched one
+        self.is_silence_shown = False  # the communication watchdog has acted
         self.is_remote = False
         self.command = 0  # the bits that stand
         self.is_enable_input_on = True  # a digital input set to general enable
@@ -87,6 +80,12 @@ class Commanded(SimulatedUnit):
         self._catch_up()
         self._fail(number)
 
+    def reset_at_keypad(self) -> None:
+        """Reset any fault at the starter itself."""
+        self._catch_up()
+        if self.fault:
+            self._clear_fault()
+
     def set_remote(self, *, is_remote: bool) -> None:
         """Switch local/remote by whatever key or input is there for it."""
         self._catch_up()
@@ -97,6 +96,37 @@ class Commanded(SimulatedUnit):
         """Whether a fault is latched."""
         return self.fault != 0
 
+    def status_word(self) -> int:
+        """Return the status word: bits that the profile names as points, as far as the firmware has them."""
+        profile, variant = self.registers.profile, Variant(firmware=self.setup.firmware)
+        flags = {name for name, is_set in self._flags().items() if is_set}
+        return sum(
+            1 << (point.bit or 0)
+            for name, point in profile.points.items()
+            if point.code == profile.status_word and name in flags
+            if decode.is_there(profile, variant, point.source)
+        )
+
+    def _flags(self) -> dict[str, bool]:
+        """Return what the status can say, by the name of its point."""
+        motor = self.motor
+        return {
+            "running": self.is_running,
+            "general_enabled": self.is_enabled,
+            "jog": motor.state is MotorState.JOG,
+            "accelerating": motor.state is MotorState.RAMP_UP,
+            "current_limit": motor.is_current_limited,
+            "full_voltage": motor.is_at_full_voltage,
+            "bypass_closed": motor.state is MotorState.BYPASS,
+            "decelerating": motor.state is MotorState.RAMP_DOWN,
+            "remote": self.is_remote,
+            "braking": motor.state is MotorState.BRAKING,
+            "reversing": self.is_reversing,
+            "reverse": self.is_reverse,
+            "power_present": motor.has_all_phases,  # in all three phases (ssw06-es 4.2.2)
+            "fault": self.is_fault,
+        }
+
     # What a family defines
 
     @property
@@ -105,9 +135,12 @@ class Commanded(SimulatedUnit):
         """Whether the serial line is the command source in the present mode."""
 
     @property
-    @abstractmethod
     def is_keypad_in_control(self) -> bool:
         """Whether the keypad is."""
+        return self._source() == KEYPAD
+
+    def _source(self) -> int:
+        return self.settings[REMOTE_SOURCE if self.is_remote else LOCAL_SOURCE]
 
     @property
     def is_operable(self) -> bool:
@@ -127,7 +160,7 @@ class Commanded(SimulatedUnit):
     @property
     def is_running(self) -> bool:
         """What the status bit "running" says."""
-        is_stopping = self.is_running_while_stopping and self.motor.state is MotorState.RAMP_DOWN
+        is_stopping = self.quirks.is_running_while_stopping and self.motor.state is MotorState.RAMP_DOWN
         return self.motor.is_turned_on or is_stopping
 
     @property
@@ -143,13 +176,41 @@ class Commanded(SimulatedUnit):
     def _is_start_delayed(self) -> bool:
         """Return whether a start would be ignored for now."""
 
-    @abstractmethod
     def _fail(self, number: int) -> None:
         """Latch a fault."""
+        self.fault = number
+        self.trips.append(Trip(self.now_s, self.fault_code.format(number)))
+        self.motor.cut()
+        self._stopped_otherwise()
 
-    @abstractmethod
+    def _motor_tripped(self, cause: MotorTrip) -> None:
+        self._fail(FAULT_NUMBERS[cause])
+
     def _clear_fault(self) -> None:
         """Carry out a reset."""
+        self.fault = 0
+        self._run_if_commanded()
+
+    @abstractmethod
+    def _timeout_s(self) -> float:
+        """Return after how long without a telegram the watchdog acts; 0: it is off."""
+
+    @abstractmethod
+    def _miss_telegrams(self) -> None:
+        """Do what the watchdog is set to do."""
+
+    def _watch(self) -> None:
+        """Count again from 0."""
+        timeout_s = self._timeout_s()
+        if timeout_s:
+            self._at("watchdog", self.now_s + timeout_s, self._miss_telegrams)
+        else:
+            self._cancel("watchdog")
+
+    def _forget(self) -> None:
+        self.fault = 0
+        self.is_silence_shown = self.is_disabled = False
+        self._set_remote(is_remote=self.settings[MODE] in REMOTE_AT_POWER_UP)
 
     def _is_resettable(self) -> bool:
         """Return whether the present fault can be reset through the network."""
@@ -166,7 +227,7 @@ class Commanded(SimulatedUnit):
     @property
     def shown_command(self) -> int:
         """The command word as it reads back."""
-        return 0 if self.hides_command_bits else self.command
+        return 0 if self.quirks.hides_command_bits else self.command
 
     def _set_remote(self, *, is_remote: bool) -> None:
         self.is_remote = is_remote
@@ -189,7 +250,7 @@ class Commanded(SimulatedUnit):
         if not self.is_in_control:
             if was_in_control:
                 self._stop_as_commanded(values, mask)
-            elif self.is_command_refused:
+            elif self.quirks.is_command_refused:
                 raise refuse_value("commands are not set to serial")
             self.command &= ~(RUN | JOG)
             return
@@ -236,7 +297,7 @@ class Commanded(SimulatedUnit):
             self.command |= RUN
             self.starts.append(self.now_s)
             self._start_motor()
-        elif self.keeps_run_command and not self._is_start_delayed():
+        elif self.quirks.keeps_run_command and not self._is_start_delayed():
             self.command |= RUN
 
     def _obey_jog(self, *, is_on: bool) -> None:
@@ -278,10 +339,11 @@ class Commanded(SimulatedUnit):
 
     def _stopped_otherwise(self) -> None:
         self.is_reversing = False
-        if not self.keeps_run_command:
+        if not self.quirks.keeps_run_command:
             self.command &= ~(RUN | JOG)
 
     def _run_if_commanded(self) -> None:
         """Start the motor for a run command that still stands."""
-        if self.keeps_run_command and self.command & RUN and self.is_in_control and self._can_start():
+        stands = self.quirks.keeps_run_command and self.command & RUN
+        if stands and self.is_in_control and self._can_start():
             self._start_motor()

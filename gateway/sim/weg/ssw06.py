@@ -6,64 +6,40 @@ Sections are those of ssw06-es.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from gateway.sim.core.requests import refuse_value, word
+from gateway.sim.core.requests import refuse_value
+from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.weg.command_sources import OUTPUT_BY_SERIAL, P_ADDRESS, P_SERIAL, P_START_DELAY
 from gateway.sim.weg.common import ALL_COMMANDS
-from gateway.sim.weg.registers import VB00, VB01, VB03, VB06, VB07, VB08, VB09, VB10, BasicVariables
+from gateway.sim.weg.registers import BasicVariables
 
+VB07, VB09, VB10 = 5007, 5009, 5010
 MODEL_NUMBER = 15  # VB00 (4.2.1)
 FULL_SCALE = 16383  # VB09, VB10 (4.2.8)
 DIVIDED_FROM_A = 820.0  # models from here on send currents and powers divided by ten (4.4)
 AFTER_FACTORY_RESET, AFTER_P202 = 0x01, 0x02  # bits of VB06 and VB07 (4.2.4, 4.2.5)
 FACTORY_RESET = 5  # P204 (4.3)
 
-_FACTORY = {220: 2}  # what else chapter 2 prints is 0
 _OUTPUTS = {VB09: (251, 252), VB10: (253, 254)}  # function and gain of the analog outputs (4.2.8)
-_UNNAMED_DIVIDED = (47, 48, 53, 60, 63, 66, 69, 72, 75)  # of the list in 4.4
+_GAINS = {252: 1000, 254: 1000}  # as delivered: 1; ours
 
 
 class Ssw06(BasicVariables):
-    """One SSW-06; `answers_before_restart` None leaves it to chance (4.3: it may not answer)."""
+    """One SSW-06."""
 
     family: ClassVar[str] = "ssw06"
-    product_name: ClassVar[str] = "SSW-06"
-    per_register_s: ClassVar[float] = 0.010  # 5.3.1
-    limits: ClassVar[Mapping[int, tuple[int, int]]] = {
-        202: (0, 20),
-        204: (0, 20),
-        220: (0, 10),
-        229: (0, 4),
-        230: (0, 4),
-        251: (0, 20),
-        252: (0, 9999),
-        253: (0, 20),
-        254: (0, 9999),
-        277: (0, 20),
-        278: (0, 20),
-        279: (0, 20),
-        308: (1, 247),
-        312: (1, 9),
-        313: (0, 5),
-        314: (0, 999),
-    }
-    delivered: ClassVar[Mapping[int, int]] = {252: 1000, 254: 1000}  # gain 1; ours
-    outputs: ClassVar[Mapping[int, int]] = {0: 277, 1: 278, 2: 279}
+    delivered: ClassVar[Setup] = Setup(
+        product="SSW-06", firmware="1.60", response_s=(0.005, 0.010), restart_s=3.0
+    )
 
-    def __init__(
-        self,
-        address: int,
-        *,
-        answers_before_restart: bool | None = None,
-        **options: Any,
-    ) -> None:
-        self.answers_before_restart = answers_before_restart
+    def __init__(self, address: int, setup: Setup, quirks: Quirks) -> None:
         self.is_alarm = False  # VB01 bit 6
         self.adjusting = 0  # VB06
         self.analog = {VB09: 0, VB10: 0}  # as far as the outputs follow them
         self._has_just_restarted = False
-        super().__init__(address, **{"firmware": "1.60", "restart_s": 3.0, **options})
+        super().__init__(address, setup, quirks)
+        self.settings.update({**_GAINS, **setup.settings})
 
     @property
     def is_operable(self) -> bool:
@@ -79,9 +55,8 @@ class Ssw06(BasicVariables):
         )
         return first, second
 
-    def status_word(self) -> int:
-        """Return VB01 (4.2.2)."""
-        return self._common_status() | self.is_alarm << 6
+    def _flags(self) -> dict[str, bool]:
+        return {**super()._flags(), "alarm": self.is_alarm}
 
     def _write_command_word(self, value: int) -> None:
         """Obey the bits whose mask bit, eight places up, is set (4.2.3)."""
@@ -97,19 +72,14 @@ class Ssw06(BasicVariables):
         has_restarted, self._has_just_restarted = self._has_just_restarted, False
         if not has_restarted:
             return reply
-        answers = self.answers_before_restart
+        answers = self.quirks.answers_before_restart
         if answers is None:
             answers = self.random.random() < 0.5
         return reply if answers else None
 
-    def _writable_variables(self) -> tuple[int, ...]:
-        return VB03, VB07, VB08, VB09, VB10
-
     def _check_write(self, number: int, value: int) -> None:
         super()._check_write(number, value)
-        if number in _OUTPUTS and value > FULL_SCALE:
-            raise refuse_value(f"{value} is more than 16383")
-        if number == VB07 and value & ~self.adjusting and self.is_command_refused:
+        if number == VB07 and value & ~self.adjusting and self.quirks.is_command_refused:
             raise refuse_value("not in that adjusting mode")
 
     def _write(self, number: int, value: int) -> None:
@@ -133,7 +103,8 @@ class Ssw06(BasicVariables):
     def _load_factory(self) -> None:
         """Take up the factory settings, but stay on the line."""
         preserved = {number: self.settings[number] for number in (P_ADDRESS, P_SERIAL, P_START_DELAY)}
-        self.settings = {**dict.fromkeys(self.limits, 0), **self.delivered, **_FACTORY, **preserved}
+        self.registers.deliver()
+        self.settings.update({**_GAINS, **preserved})
         self._watch()
         self._adjust(AFTER_FACTORY_RESET)
 
@@ -148,28 +119,16 @@ class Ssw06(BasicVariables):
         super()._clear_outputs()
         self.analog = {VB09: 0, VB10: 0}
 
-    def _readings(self) -> Mapping[int, int]:
-        meter = self.meter
-        decimals = 0 if self.rated_current_a >= DIVIDED_FROM_A else 1
-        to_rated = self.motor.data.rated_current_a / self.rated_current_a
-        return {
-            0: 0,
-            1: word(meter.current_pct * to_rated, 1),
-            2: word(meter.current_pct, 1),
-            3: word(meter.current_a, decimals),
-            6: self._state_number(),
-            10: word(meter.active_kw, decimals),
-            11: word(meter.apparent_kva, decimals),
-            **{30 + place: word(each_a, decimals) for place, each_a in enumerate(meter.phase_currents_a)},
-            **dict.fromkeys(_UNNAMED_DIVIDED, 0),
-            100: 0,
-            295: word(self.rated_current_a),
-            951: 0,
-            VB00: MODEL_NUMBER,
-            VB01: self.status_word(),
-            VB03: self.shown_command,
-            VB06: self.adjusting,
-            VB07: 0,
-            VB08: self.relays,
-            **self.analog,
+    def _readings(self) -> Mapping[str, float]:
+        analog = dict(zip(("VB09", "VB10"), self.analog.values(), strict=True))
+        found: dict[str, float] = {
+            "P010": self.meter.active_kw,
+            "VB00": MODEL_NUMBER,
+            "VB06": self.adjusting,
+            **analog,
         }
+        if self.setup.rated_current_a < DIVIDED_FROM_A:
+            return found
+        rows = self.registers.profile.parameters
+        whole = {**self._electric(), **found}
+        return {code: value / 10 if rows[code].is_rated_scaled else value for code, value in whole.items()}

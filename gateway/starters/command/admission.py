@@ -103,7 +103,8 @@ class Admission:
         """Judge a command, as if it were selected, by what was read last; nothing is counted or used up."""
         preparation = self._check_now(request, starter, load)
         points = starter.snapshot.good_values()
-        command.demand(starter.profile, preparation.requires, points)
+        known = {**starter.snapshot.rows, **points}
+        command.demand(starter.profile, preparation.requires, known, variant=starter.variant)
         self._policy.guard(request, ()).check(points)
         rows = starter.snapshot.rows
         if all(code in rows for read in preparation.reads for code in read.codes):
@@ -122,7 +123,10 @@ class Admission:
     def check_target(self, request: CommandRequest, starter: StarterIo) -> Preparation:
         """Demand that a command makes sense for a starter that answers, is known and not locked."""
         self.check_journal()
-        preparation = command.prepare(starter.profile, starter.variant, request.verb, request.args)
+        is_local = starter.snapshot.good_values().get("remote") is False
+        preparation = command.prepare(
+            starter.profile, starter.variant, request.verb, request.args, is_local=is_local
+        )
         lock = self._policy.motor_history.lock_of(request.starter)
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)

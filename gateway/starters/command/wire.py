@@ -8,9 +8,9 @@ from contextlib import suppress
 from math import inf
 from typing import Any, TypeVar, assert_never
 
-from gateway.contract import CommandError, Reason, ResultCode
+from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.errors import GatewayError
-from gateway.families import Expect, Read, decode, reading
+from gateway.families import Expect, Profile, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import Request
@@ -41,12 +41,14 @@ class OverdueError(GatewayError):
 class RefusedError(GatewayError):
     """The starter refused a request with a Modbus exception."""
 
-    def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
+    def __init__(self, profile: Profile, number: int, codes: Iterable[str] = ()) -> None:
         code, rows = exception_result(number), ", ".join(codes)
         if rows:
-            self.reason = Reason(code, "read", number=number, rows=rows)
+            reason = Reason(code, "read", number=number, rows=rows)
         else:
-            self.reason = Reason(code, "write", number=number)
+            reason = Reason(code, "write", number=number)
+        cause = profile.exceptions.get(number)
+        self.reason = reason.noted(None if cause is None else Note("cause", cause=cause))
         super().__init__(self.reason.text)
 
 
@@ -166,7 +168,7 @@ class Wire:
                 self._starter.take_rows(rows, at_s=outcome.at_s)
                 return rows
             case Refused():
-                raise RefusedError(outcome.code, read.codes)
+                raise RefusedError(self._starter.profile, outcome.code, read.codes)
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 raise CommandError(ResultCode.LINE_DOWN, "read", reason=outcome.reason)
             case Silent() | Garbled():

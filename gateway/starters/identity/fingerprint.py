@@ -56,7 +56,7 @@ def fingerprint_of(identity: Identity) -> Fingerprint:
     return Fingerprint(
         family=identity.family_seen,
         model=identity.model,
-        rated_current=f"{current_a:g} A" if current_a else identity.rating,
+        rated_current=identity.rating or (f"{current_a:g} A" if current_a else None),
         firmware=identity.firmware,
         serial=identity.serial,
     )

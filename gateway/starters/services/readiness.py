@@ -54,7 +54,7 @@ class ReadinessService:
                 rows = found.rows
                 self._starter.note_settings(rows)
                 self.on_rows(rows)
-                self._publish(rows)
+                self._publish(rows, await self._starter.gap_s())
                 if not self._report_refused_watchdog(found):
                     return
 
@@ -79,13 +79,13 @@ class ReadinessService:
         ask = partial(self._starter.ask, lane=Priority.PATROL)
         return await read_in_bulk(ask, profile, reads, tries=1)
 
-    def _publish(self, rows: dict[str, tuple[int, ...]]) -> None:
+    def _publish(self, rows: dict[str, tuple[int, ...]], gap_s: float | None) -> None:
         starter = self._starter
         findings = diagnosis.readiness(
             starter.profile,
             starter.variant,
             rows,
-            gap_s=starter.status_period_s or None,
+            gap_s=gap_s,
             watchdog_s=starter.setup.watchdog_s,
             slot_trouble=diagnosis.slot_trouble(
                 starter.setup.profile, starter.setup.variant, starter.identity

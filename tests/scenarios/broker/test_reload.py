@@ -301,7 +301,7 @@ REFUSALS = [
         ("another state_dir", gateway(state_dir="elsewhere") + SSW07 + ALICE, "state_dir"),
         (
             "a watchdog that the line cannot keep",
-            line() + starter("pump", 1, "ssw07", watchdog_s=0.1) + ALICE,
+            line() + starter("pump", 1, "ssw900", watchdog_s=0.1) + ALICE,
             "watchdog",
         ),
     )

@@ -24,6 +24,7 @@ from tests.rig import (
 from tests.rig.sites import ALICE, SSW07, line, starter
 from tests.rig.state import stored_document, with_document
 from tests.scenarios.broker.support import codes
+from tests.scenarios.commands import do
 
 SLOW = line(baud=9600)
 PUMP = starter("pump", 1, "ssw07")
@@ -51,6 +52,19 @@ ROWS = [
         then={
             40.0: [
                 never("starter/pump/alarm/e28", active=True),
+                never("gateway/event", code="watchdog_unkept"),
+            ]
+        },
+    ),
+    row(
+        "a watchdog that the line can keep is set, and no event says that it may act",
+        given=SSW07 + ALICE,
+        at={6.0: do("pump set", parameter="P314", value=1)},
+        then={
+            30.0: [
+                result("set confirmed ok"),
+                seen("starter/pump/event", code="readiness", severity="info", since=6.0),
+                never("starter/pump/event", code="readiness", severity="error"),
                 never("gateway/event", code="watchdog_unkept"),
             ]
         },

@@ -74,6 +74,26 @@ DECODE = [
         json={"VB01.2/point": "jog", "VB01.2/value": None, "VB01.2/label": None},
     ),
     line_row(
+        "nor does the command's coil, and the command's bit",  # SSW-07 4.2.2
+        "decode ssw07 coil 102 1 --firmware 1.30",
+        json={"VB03.2/value": None, "VB03.2/label": None},
+    ),
+    line_row(
+        "the rest of a command word means what it did",
+        "decode ssw07 holding VB03 0x0007 --firmware 1.30",
+        json={"VB03/bits/1/value": True, "VB03/bits/2/value": None, "VB03/bits/3/value": None},
+    ),
+    line_row(
+        "an SST130i has its capacitor's voltage and its name from 2.00 on",  # SW version changes
+        "decode sst input R20 5 0 0x5353 0x5431 0x3330 0x692D 0 0 0 0 --model SST130i --firmware 1.14",
+        json={"R20/value": None, "R20/raw": [5], "R22/value": None, "R22-R29/value": None},
+    ),
+    line_row(
+        "and an SST330i its name from 4.04 on",
+        "decode sst input R22 0x5353 0x5433 0x3330 0x692D 0x4D00 0 0 0 --model SST330i --firmware 4.02",
+        json={"R22-R29/value": None},
+    ),
+    line_row(
         "from the firmware on that has it, it does",
         "decode ssw07 coil 2 1 --firmware 1.40",
         json={"VB01.2/value": True, "VB01.2/label": "with jog"},

@@ -187,6 +187,21 @@ ONCE = [
 ]
 
 NOT_SEEN = [
+    *[
+        row(
+            f"the refusal of a write by exception {code} names its causes on {name}",
+            given=FAMILIES[name] + ALICE,
+            sim={name: QUICK},
+            at={3.0: [refuses_writes(name, code, 3.0), do(f"{name} start")]},
+            then={8.0: msg(f"result/{name}/alice", phase="failed", code=word, text=re.compile(cause))},
+        )
+        for name, code, word, cause in (
+            ("belt", 1, "illegal_function", "USB or the parallel input is in control"),
+            ("belt", 2, "illegal_data_address", "a start came before the initialisation"),
+            ("fan", 3, "illegal_data_value", "the command is not set to serial"),
+            ("mill", 3, "illegal_data_value", "or the data are read-only$"),
+        )
+    ],
     row(
         "a start that is seen not to act is taken back, and says so",
         given=SITE,
@@ -212,6 +227,18 @@ NOT_SEEN = [
             10.0: [
                 result("start unconfirmed not_seen"),
                 frames("fan", "06 13 8b 01 01", "06 13 8b 01 00", "06 13 8b 04 00"),
+            ]
+        },
+    ),
+    row(
+        "a start in local mode, where the starter obeys the serial line, is taken back alike",
+        given=SSW900 + ALICE,
+        sim={"mill": {**QUICK, "settings": {229: 4}}},
+        at={2.0: ["mill control local", "mill mains off"], 3.0: do("mill start")},
+        then={
+            9.5: [
+                msg("result/mill/alice", phase="unconfirmed", text=re.compile("cannot start later")),
+                frames("mill", "06 02 ad 00 03", "06 02 ad 00 02"),
             ]
         },
     ),

@@ -187,6 +187,13 @@ STEPS = [
         },
     ),
     row(
+        "a start is selected in local mode where the starter obeys the line there",
+        given=TWO_STEP,
+        sim={"pump": {**QUICK, "settings": {229: 2}}},
+        at={2.0: "pump control local", 4.0: SELECT, 6.0: selected("pump/alice/start")},
+        then={8.0: [result("start confirmed ok"), frames("pump", START)]},
+    ),
+    row(
         "a selection is valid for 10 s",
         given=TWO_STEP,
         at={3.0: SELECT, 14.0: selected("pump/alice/start")},

@@ -72,6 +72,21 @@ SSW07_ROWS = [  # coils 100 to 107 are the bits of VB03, 5.3.2 and 4.2.2; VB03 i
     verb_row("pump read", args={"parameter": "P314"}),
 ]  # fmt: skip
 
+LOCAL_ROWS = [  # in local mode, where the starter's own setting gives the commands there to the serial line
+    verb_row("pump start", "05 00 64 ff 00", first=("pump control local",), settings={229: 2}),  # 2.6
+    verb_row("fan start", "06 13 8b 01 01", first=("fan control local",), settings={229: 2}),  # 2.6
+    verb_row("mill start", "06 02 ad 00 03", first=("mill control local",), settings={229: 4}),  # bit 4 is 0
+    verb_row("mill start", "06 02 ae 00 03", first=("mill control local",), settings={229: 5}, slot=2),
+    verb_row("pump jog", "05 00 66 ff 00", args={"value": True}, first=("pump control local",),
+             settings={229: 2}),
+    verb_row("pump stop", "05 00 64 00 00", first=("pump control local", do("pump start")),
+             settings={229: 2}),
+    verb_row(
+        "pump direction", "05 00 64 00 00", "05 00 66 00 00", "05 00 67 ff 00", args={"value": "reverse"},
+        first=("pump control local",), settings={229: 2},
+    ),
+]  # fmt: skip
+
 SSW06_ROWS = [  # VB03 is 138Bh; a bit counts only with its mask, eight places higher (4.2.3)
     verb_row("fan start", "06 13 8b 01 01"),
     verb_row("fan stop", "06 13 8b 01 00", first=(do("fan start"),)),
@@ -142,7 +157,7 @@ SST_ROWS = [  # COIL1 is coil 0 on the wire; a register is written in configurat
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", SSW07_ROWS + SSW06_ROWS + SSW900_ROWS + SST_ROWS)
+@pytest.mark.parametrize("row", SSW07_ROWS + LOCAL_ROWS + SSW06_ROWS + SSW900_ROWS + SST_ROWS)
 def test_a_verb_writes_what_the_manual_prints_and_is_confirmed(row: ScenarioRow) -> None:
     play(row)
 
@@ -164,6 +179,19 @@ READS = [
                 ),
                 frames("pump", "10 01 39 00 02 04 00 02 00 1e"),
             ]
+        },
+    ),
+    row(
+        "after a set of an SSW900 its text names what saves changed parameters; an output has none",
+        given=SSW900 + ALICE,
+        sim={"mill": {"settings": {275: 12}}},
+        at={
+            3.0: do("mill set", parameter="C8.2.5.3", value=30.0),
+            6.0: do("mill output", output="DO1", value=True),
+        },
+        then={
+            5.0: msg("result/mill/alice", phase="confirmed", text=re.compile("C10.5.1")),
+            9.0: msg("result/mill/alice", phase="confirmed", text=re.compile("^(?!.*C10)")),
         },
     ),
     row(

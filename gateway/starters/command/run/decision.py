@@ -92,7 +92,7 @@ class Judge:
         points = self._points(rows)
         if request.verb != READ:  # which does no harm, in whatever words
             self._demand_identity(rows)
-        command.demand(profile, self._preparation.requires, points)
+        self._demand_rules(rows)
         if self._guard is not None:
             self._guard.check(points)
         return command.build(profile, self._starter.variant, request.verb, request.args, seen=rows)
@@ -111,7 +111,12 @@ class Judge:
         """Read once more; CommandError unless the family's rules hold still."""
         rows = await self._wire.read(self._preparation.reads, lane=self._lane)
         self._demand_identity(rows)
-        command.demand(self._starter.profile, self._preparation.requires, self._points(rows))
+        self._demand_rules(rows)
+
+    def _demand_rules(self, rows: Rows) -> None:
+        starter = self._starter
+        values = self._wire.values(rows)
+        command.demand(starter.profile, self._preparation.requires, values, variant=starter.variant)
 
     def _judge_polls(self) -> Procedure | None:
         """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""

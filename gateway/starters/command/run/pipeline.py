@@ -282,7 +282,8 @@ class CommandRun:
                 self.report.write()
                 return None
             case Refused():
-                refusal, procedure = RefusedError(outcome.code).reason, self._outlook.procedure
+                refusal = RefusedError(self._starter.profile, outcome.code).reason
+                procedure = self._outlook.procedure
                 if outcome.code in _MAY_ACT and procedure and procedure.take_back:
                     self._outlook = replace(self._outlook, refusal=refusal)
                     self.report.write()

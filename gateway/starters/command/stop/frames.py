@@ -154,7 +154,7 @@ class Frames:
         counting = [each for step, each in zip(steps, asked, strict=True) if not _is_excused(step, each)]
         for each in counting:
             if not each.cancelled() and isinstance(outcome := each.result(), Refused):
-                self.facts.refusal = RefusedError(outcome.code).reason
+                self.facts.refusal = RefusedError(self._starter.profile, outcome.code).reason
         self._note_mask_refused(steps, asked)
         if self._is_mask_refused or any(_may_have_left(each) for each in counting):
             self._on_left(number, is_acknowledged=all(map(_is_acknowledged, counting)))
