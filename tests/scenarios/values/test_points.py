@@ -41,7 +41,7 @@ from tests.rig.sites import (
 from tests.scenarios.cli.lines import cli, ended
 from tests.scenarios.commands import do
 from tests.scenarios.plugins.doors import answer, born, device, entity, sample, shown
-from tests.scenarios.values.words import bad, value
+from tests.scenarios.values.words import answers, bad, value
 
 FAN = line() + starter("fan", 2, "ssw06", points=["P314", "P220"])
 MILL = line() + starter("mill", 3, "ssw900", points=["D4.1.1", "D6.2", "s1.1.1", "S4.3.*"])
@@ -257,9 +257,15 @@ HELD = {"pump": {**QUICK, "settings": {102: 12}}}
 
 
 def takes_writes(plant: RigPlant) -> None:
-    """The simulated pump has the row, as its programming manual says."""
-    unit: Any = plant.starter("pump").unit
-    unit.limits = {**unit.limits, 102: (1, 90)}
+    """The pump takes writes of P102, as its programming manual says."""
+
+    def written(pdu: bytes) -> bytes:
+        if pdu[:3] != bytes.fromhex("06 00 66"):
+            return b""
+        plant.starter("pump").unit.settings[102] = int.from_bytes(pdu[3:5], "big")
+        return pdu
+
+    answers("pump", written)(plant)  # type: ignore[operator]
 
 
 def own(
