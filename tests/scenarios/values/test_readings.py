@@ -9,21 +9,9 @@ import pytest
 from tests.rig import ScenarioRow, msg, play, row
 from tests.rig.rows import Expectation
 from tests.rig.sites import SST, SSW06, SSW07, SSW900, line, starter
+from tests.scenarios.values.words import bad, value
 
-BAD = {"value": None, "quality": "bad"}
 SSW06_820A = line() + starter("fan", 2, "ssw06", model="SSW-06 820A")
-
-
-def value(topic: str, value: Any, unit: str = "", **fields: Any) -> Expectation:
-    """A value that was read, with its unit."""
-    starter, point = topic.split("/")
-    fields = {"value": value, "unit": unit, "quality": "good", **fields}
-    return msg(f"starter/{starter}/value/{point}", retain=True, qos=1, time=..., seq=..., boot=..., **fields)
-
-
-def bad(topic: str) -> Expectation:
-    starter, point = topic.split("/")
-    return msg(f"starter/{starter}/value/{point}", retain=True, **BAD)
 
 
 def read(name: str, given: str, words: str, at_s: float, *then: Expectation, **sim: Any) -> ScenarioRow:
