@@ -38,7 +38,7 @@ from tests.rig.sites import (
     starter,
     table,
 )
-from tests.scenarios.cli.lines import cli, ended
+from tests.scenarios.cli.lines import beside, cli
 from tests.scenarios.commands import do
 from tests.scenarios.plugins.doors import answer, born, device, entity, sample, shown
 from tests.scenarios.values.words import answers, bad, value
@@ -344,9 +344,10 @@ ROWS = [
         at={900.0: lambda plant: plant.starter("pump").unit.settings.update({102: 40})},
         then={3000.0: event("parameter_changed", topic="starter/pump/event", data={"parameter": "P102"})},
     ),
-    ended(
+    beside(
         "it is saved, compared and restored",
         WRITABLE,
+        takes_writes,  # type: ignore[arg-type]
         cli("parameters save CONFIG pump DIR/set.toml", out="68 parameters of pump\n"),
         lambda plant: plant.starter("pump").unit.settings.update({102: 40}),  # type: ignore[arg-type,return-value]
         cli(
@@ -362,8 +363,6 @@ ROWS = [
         ),
         cli("parameters restore CONFIG pump DIR/set.toml", out="P102"),
         frames("pump", "06 00 66 00 0c"),
-        end_s=1.0,
-        then=[takes_writes],
         sim=HELD,
     ),
 ]
