@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, isinf
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
@@ -40,6 +40,30 @@ class LineCapacity:
     table: LineTable
     forecast: capacity.Forecast  # while starters are being identified, too
     starters: tuple[StarterCapacity, ...]  # the enabled ones
+
+
+class ExtraCost(NamedTuple):
+    """What the points that a configuration asks for cost a line."""
+
+    points: Mapping[str, int]  # how many, by starter
+    already: Mapping[str, Sequence[str]]  # rows asked for that are points of the family, by starter
+    reads: int  # requests besides those that are made without them
+    load: float  # share of the line's time
+
+
+def extra_cost_of(line: LineTable) -> ExtraCost:
+    """Return what the extra points of a line cost it; of disabled starters nothing."""
+    plain = line.model_copy(update={"starters": tuple(each.plain() for each in line.starters)})
+    counts, already = {}, {}
+    for each in line.starters:
+        points = each.profile().points.values()
+        codes = {point.code for point in points if point.every_s is not None}
+        counts[each.name] = len(codes)
+        already[each.name] = [asked.code for asked in each.asked if asked.code not in codes]
+    polls, fewer = _polls_of(line), _polls_of(plain)
+    allowance_s, timing = line.adapter_allowance_s, timing_of(line)
+    load, least = (capacity.forecast(each, timing, allowance_s=allowance_s).load for each in (polls, fewer))
+    return ExtraCost(counts, already, len(polls) - len(fewer), load - least)
 
 
 def prospects_of(config: Config) -> tuple[LineCapacity, ...]:

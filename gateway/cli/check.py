@@ -18,6 +18,7 @@ from typing import Any
 from gateway.app.capacity import (
     LineCapacity,
     StarterCapacity,
+    extra_cost_of,
     prospects_of,
     relief_of,
 )
@@ -165,6 +166,7 @@ def _print_line(line: LineCapacity) -> None:
     print(f"\nline {table.name}: {table.port}, {table.baud} {table.framing}")
     stop = f"a stop waits at most {whole.stop_latency_s:.3f} s"
     print(f"  load {whole.load:.0%}, sweep {whole.sweep_s:.3f} s, {stop}")
+    _print_extra(table)
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
@@ -276,6 +278,23 @@ def _problems(error: ConfigError) -> list[dict[str, Any]]:
     ]
 
 
+def _print_extra(table: LineTable) -> None:
+    """Print what the points cost that the configuration asks for, where it asks for some."""
+    if not any(each.asked for each in table.starters):
+        return
+    cost = extra_cost_of(table)
+    counts = ", ".join(f"{name} {count}" for name, count in cost.points.items() if count) or "none"
+    print(f"  points asked for: {counts}; {counted(cost.reads, 'read')} more, {cost.load:.1%} of its time")
+    for name, codes in cost.already.items():
+        if codes:
+            print(f"  {name} has as points already: {', '.join(codes)}")
+
+
+def _extra_json(table: LineTable) -> dict[str, Any]:
+    cost = extra_cost_of(table)
+    return {"count": sum(cost.points.values()), "reads": cost.reads, "load": round(cost.load, 4)}
+
+
 def _as_json(line: LineCapacity) -> dict[str, Any]:
     return {
         "line": line.table.name,
@@ -284,6 +303,7 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
         "watchdog_load": round(line.forecast.watchdog_load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
+        "extra_points": _extra_json(line.table),
         "starters": [
             {
                 "starter": starter.table.name,

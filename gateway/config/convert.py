@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
 from gateway.contract import Operator
-from gateway.families import ENGLISH, Variant, load_profile
+from gateway.families import ENGLISH, Variant
 from gateway.line import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt import BrokerSettings, TlsSettings, Version
@@ -122,7 +122,7 @@ def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetu
         name=starter.name,
         line=line.name,
         address=starter.address,
-        profile=load_profile(starter.family, language),
+        profile=starter.profile(language),
         variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
         every_s=starter.every_s,
         response_time_s=starter.response_time_s,

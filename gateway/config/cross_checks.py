@@ -1,7 +1,7 @@
-"""Rules across the tables of a configuration.
+"""Rules that no single value shows: between the keys of a table, and across tables.
 
-The rules look at the document as parsed, before the models: a mistake in one table must not hide those in
-others. A value of the wrong type is the models' business and passes here.
+They look at the tables that are right by themselves: a mistake in one must not hide those in others. Names
+that others refer to are looked up in the whole document, so that a wrong table is not missing besides.
 """
 
 from __future__ import annotations
@@ -9,72 +9,65 @@ from __future__ import annotations
 import fnmatch
 import os
 import posixpath
-import re
-from collections.abc import Iterator, Mapping
-from typing import get_args
+from collections.abc import Iterator
+from typing import TypeVar
 
-from gateway.config.mistakes import (
-    Document,
-    Mistake,
-    again,
-    choose,
-    lines_in,
-    list_in,
-    short,
-    starters_in,
-    starters_of,
-    table_in,
-    text_in,
-)
+from gateway.config.mistakes import Document, Mistake, Tables, again, choose, texts_in
 from gateway.config.network_checks import network_mistakes
-from gateway.config.schema import Baud, FramingText
+from gateway.config.schema import GroupTable, LineTable, OperatorTable, SharedRulesTable, StarterTable
+from gateway.config.site_checks import site_mistakes
+from gateway.config.site_tables import PointsTable
 from gateway.config.toml_lines import Key
+from gateway.config.values import ConfigTable, short
 from gateway.contract import CommandError
 from gateway.families import FAMILIES, Profile, diagnosis, load_profile, parameters
 
-_SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
+_Table = TypeVar("_Table", bound=ConfigTable)
 
 
-def broken_rules(document: Document) -> list[Mistake]:
-    """Return every mistake that no single value shows."""
-    return [
-        *network_mistakes(document),
-        *_ports(document),
-        *_duplicates(document),
-        *_orders(document),
-        *_families(document),
-        *_patterns(document),
-        *_groups(document),
-        *_feeders(document),
-        *_simulated(document),
-    ]
+def broken_rules(document: Document, tables: Tables) -> Iterator[Mistake]:
+    """Yield every mistake that no single value shows."""
+    yield from network_mistakes(document, tables)
+    yield from _duplicates(tables)
+    names = texts_in(document, "line", "starter", "name")
+    for key, table in tables.items():
+        match table:
+            case LineTable():
+                yield from _order(key, table)
+                yield from _serial(key, table)
+            case StarterTable():
+                yield from _feeder(key, table, tables)
+                yield from _of_family(key, table, load_profile(table.family))
+            case OperatorTable() | SharedRulesTable() | GroupTable() | PointsTable():
+                for position, pattern in enumerate(table.starters):
+                    if not fnmatch.filter(names, pattern):
+                        hint = choose(pattern, names) if names else ""
+                        where = (*key, "starters", position)
+                        yield Mistake(where, f"{short(pattern)} fits no starter", hint)
+    yield from site_mistakes(tables)
 
 
-def _ports(document: Document) -> Iterator[Mistake]:
-    for key, line in lines_in(document):
-        port = text_in(line, "port")
-        if not port or posixpath.isabs(port):
-            continue
-        socket = _SOCKET.fullmatch(port)
-        if socket is None or not 0 < int(socket[1]) <= 0xFFFF:
-            hint = "an absolute path such as /dev/serial/by-id/..., or socket://host:port"
-            yield Mistake((*key, "port"), f"{short(port)} is no port", hint)
+def _of(tables: Tables, kind: type[_Table]) -> list[tuple[Key, _Table]]:
+    return [(key, table) for key, table in tables.items() if isinstance(table, kind)]
 
 
-def _duplicates(document: Document) -> Iterator[Mistake]:
+def _duplicates(tables: Tables) -> Iterator[Mistake]:
     lines: dict[object, Key] = {}
     ports: dict[object, Key] = {}
-    starters: dict[object, Key] = {}
-    for key, line in lines_in(document):
-        addresses: dict[object, Key] = {}
-        yield from again(lines, (*key, "name"), text_in(line, "name"), "each line needs its own name")
-        port, hint = text_in(line, "port"), "put all starters of a port under one [[line]]"
-        yield from again(ports, (*key, "port"), port, hint, by=_adapter(port))
-        for starter_key, starter in starters_of(key, line):
-            hint = "each starter needs its own name, whatever its line"
-            yield from again(starters, (*starter_key, "name"), text_in(starter, "name"), hint)
-            hint = "each starter on a line needs its own address"
-            yield from again(addresses, (*starter_key, "address"), starter.get("address"), hint)
+    names: dict[object, Key] = {}  # of starters and groups: a command's topic must name one target
+    addresses: dict[object, Key] = {}
+    for key, line in _of(tables, LineTable):
+        yield from again(lines, (*key, "name"), line.name, "each line needs its own name")
+        hint = "put all starters of a port under one [[line]]"
+        yield from again(ports, (*key, "port"), line.port, hint, by=_adapter(line.port))
+    for key, starter in _of(tables, StarterTable):
+        hint = "each starter needs its own name, whatever its line"
+        yield from again(names, (*key, "name"), starter.name, hint)
+        hint, by = "each starter on a line needs its own address", (key[1], starter.address)
+        yield from again(addresses, (*key, "address"), starter.address, hint, by=by)
+    for key, group in _of(tables, GroupTable):
+        hint = "each group needs a name that no starter and no other group has"
+        yield from again(names, (*key, "name"), group.name, hint)
 
 
 def _adapter(port: str) -> object:
@@ -88,115 +81,70 @@ def _adapter(port: str) -> object:
     return number or posixpath.normpath(port)
 
 
-def _orders(document: Document) -> Iterator[Mistake]:
+def _order(key: Key, line: LineTable) -> Iterator[Mistake]:
     """Yield what an order along the cable names that is not on the line, names twice or leaves out."""
-    for key, line in lines_in(document):
-        if not isinstance(line.get("order"), list):
-            continue
-        names = [name for _, starter in starters_of(key, line) if (name := text_in(starter, "name"))]
-        order, where = list_in(line, "order"), (*key, "order")
-        for position, name in enumerate(order):
-            if isinstance(name, str) and name not in names:
-                yield Mistake((*where, position), f"{short(name)} is not on this line", choose(name, names))
-            elif isinstance(name, str) and name in order[:position]:
-                yield Mistake((*where, position), f"{short(name)} stands twice", "name each starter once")
-        missing = [name for name in names if name not in order]
-        if missing and all(name in names for name in order):
-            text = f"leaves out {short(missing[0])}"
-            yield Mistake(where, text, "name all starters of the line as the cable passes them")
+    names, order, where = [each.name for each in line.starters], line.order, (*key, "order")
+    for position, name in enumerate(order or ()):
+        if name not in names:
+            yield Mistake((*where, position), f"{short(name)} is not on this line", choose(name, names))
+        elif order and name in order[:position]:
+            yield Mistake((*where, position), f"{short(name)} stands twice", "name each starter once")
+    missing = [] if order is None else [name for name in names if name not in order]
+    if missing and all(name in names for name in order or ()):
+        hint = "name all starters of the line as the cable passes them"
+        yield Mistake(where, f"leaves out {short(missing[0])}", hint)
 
 
-def _families(document: Document) -> Iterator[Mistake]:
-    for key, line in lines_in(document):
-        by_family = {s["family"]: text_in(s, "name") for _, s in starters_of(key, line) if _is_family(s)}
-        for family, name in by_family.items():
-            yield from _serial(key, line, load_profile(family), name)
-        for starter_key, starter in starters_of(key, line):
-            profile = load_profile(starter["family"]) if _is_family(starter) else None
-            if profile and "slot" in starter and len(profile.command_word) < 2:
-                yield Mistake((*starter_key, "slot"), f"{profile.family} has no slots", "leave it out")
-            if profile:
-                said = {"model": starter.get("model"), "watchdog_s": starter.get("watchdog_s")}
-                for name, why in diagnosis.wrong_settings(profile, **said):
-                    yield Mistake((*starter_key, name), f"{short(said[name])} {why}", "see its manual")
+def _serial(key: Key, line: LineTable) -> Iterator[Mistake]:
+    """Yield what a family's serial interface cannot be set to, with a starter of it on this line."""
+    for family, name in {each.family: each.name for each in line.starters}.items():
+        profile = load_profile(family)
+        for setting, value, allowed in (
+            ("baud", line.baud, profile.bauds or (line.baud,)),
+            ("framing", line.framing, profile.framings),
+        ):
+            if value not in allowed:
+                shown = value if setting == "baud" else short(value)
+                hint = f"its manual allows {', '.join(map(str, allowed))}"
+                yield Mistake((*key, setting), f"{shown} is not for {family} ({name})", hint)
 
 
-def _is_family(starter: Document) -> bool:
-    return text_in(starter, "family") in FAMILIES
+def _feeder(key: Key, starter: StarterTable, tables: Tables) -> Iterator[Mistake]:
+    """Yield a feeder that is named without a time, or a time without a feeder."""
+    given = set(starter.rules.model_fields_set if starter.rules else ())
+    for _, rules in _of(tables, SharedRulesTable):
+        if any(fnmatch.fnmatchcase(starter.name, pattern) for pattern in rules.starters):
+            given |= rules.model_fields_set
+    for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
+        if one in given and other not in given:
+            hint = "a feeder and the time between two starts on it go together"
+            yield Mistake((*key, "name"), f"{short(starter.name)} has {one} without {other}", hint)
 
 
-def _serial(key: Key, line: Document, profile: Profile, name: str) -> Iterator[Mistake]:
-    """Yield what a family's serial interface cannot be set to; `name` is a starter of it on this line."""
-    baud, framing = line.get("baud"), line.get("framing")
-    if baud in get_args(Baud) and profile.bauds and baud not in profile.bauds:
-        hint = f"its manual allows {', '.join(map(str, profile.bauds))}"
-        yield Mistake((*key, "baud"), f"{baud} is not for {profile.family} ({name})", hint)
-    if framing in get_args(FramingText) and framing not in profile.framings:
-        hint = f"its manual allows {', '.join(profile.framings)}"
-        what = f"{short(framing)} is not for {profile.family} ({name})"
-        yield Mistake((*key, "framing"), what, hint)
-
-
-def _patterns(document: Document) -> Iterator[Mistake]:
-    names = [name for _, starter in starters_in(document) if (name := text_in(starter, "name"))]
-    for where in ("operator", "rules", "group"):
-        for index, table in enumerate(list_in(document, where)):
-            patterns = list_in(table, "starters") if isinstance(table, Mapping) else []
-            for position, pattern in enumerate(patterns):
-                if isinstance(pattern, str) and not fnmatch.filter(names, pattern):
-                    hint = choose(pattern, names) if names else ""
-                    key = (where, index, "starters", position)
-                    yield Mistake(key, f"{short(pattern)} fits no starter", hint)
-
-
-def _groups(document: Document) -> Iterator[Mistake]:
-    """Yield groups whose name is used twice: a command's topic must name one target."""
-    seen: dict[object, Key] = {}
-    for starter_key, starter in starters_in(document):
-        seen.setdefault(text_in(starter, "name"), (*starter_key, "name"))
-    for index, group in enumerate(list_in(document, "group")):
-        if isinstance(group, Mapping):
-            hint = "each group needs a name that no starter and no other group has"
-            yield from again(seen, ("group", index, "name"), text_in(group, "name"), hint)
-
-
-def _feeders(document: Document) -> Iterator[Mistake]:
-    """Yield starters for which a feeder is named without a time, or a time without a feeder."""
-    shared = [table for table in list_in(document, "rules") if isinstance(table, Mapping)]
-    for starter_key, starter in starters_in(document):
-        name = text_in(starter, "name")
-        tables = [t for t in shared if any(_fits(name, p) for p in list_in(t, "starters"))]
-        own = {named for table in (*tables, table_in(starter, "rules")) for named in table}
-        for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
-            if one in own and other not in own:
-                hint = "a feeder and the time between two starts on it go together"
-                yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", hint)
-
-
-def _simulated(document: Document) -> Iterator[Mistake]:
-    """Yield what a simulated starter of its family does not have."""
-    for starter_key, starter in starters_in(document):
-        if not _is_family(starter):
-            continue
-        profile = load_profile(starter["family"])
-        table = table_in(starter, "simulated")
-        for code in table_in(table, "parameters"):
-            row = profile.parameters.get(code)
-            if row is None or row.table.is_bits or row.words != 1:
-                hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
-                where = (*starter_key, "simulated", "parameters", code)
-                yield Mistake(where, f"{profile.family} has no such parameter", hint)
-        if "markers" in table and "markers" not in profile.simulated:
-            yield Mistake((*starter_key, "simulated", "markers"), _is_for("markers"), "leave it out")
-        for code in table_in(table, "markers") if "markers" in profile.simulated else ():
-            if not _is_marker(profile, code):
-                where = (*starter_key, "simulated", "markers", code)
-                hint = "write COIL or DI and its address, such as DI7"
-                yield Mistake(where, f"{profile.family} has no such marker", hint)
-        rows = profile.simulated.get("braking_s")
-        if table.get("braking_s") and rows != ():
-            hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
-            yield Mistake((*starter_key, "simulated", "braking_s"), _is_for("braking_s"), hint)
+def _of_family(key: Key, starter: StarterTable, profile: Profile) -> Iterator[Mistake]:
+    """Yield what a starter of its family, or a simulated one, does not have."""
+    if starter.slot is not None and len(profile.command_word) < 2:
+        yield Mistake((*key, "slot"), f"{profile.family} has no slots", "leave it out")
+    said = {"model": starter.model, "watchdog_s": starter.watchdog_s}
+    for name, why in diagnosis.wrong_settings(profile, **said):
+        yield Mistake((*key, name), f"{short(said[name])} {why}", "see its manual")
+    table, where = starter.simulated, (*key, "simulated")
+    for code in table.parameters:
+        row = profile.parameters.get(code)
+        if row is None or row.table.is_bits or row.words != 1:
+            hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
+            yield Mistake((*where, "parameters", code), f"{profile.family} has no such parameter", hint)
+    has_markers = "markers" in profile.simulated
+    if "markers" in table.model_fields_set and not has_markers:
+        yield Mistake((*where, "markers"), _is_for("markers"), "leave it out")
+    for code in table.markers if has_markers else ():
+        if not _is_marker(profile, code):
+            hint = "write COIL or DI and its address, such as DI7"
+            yield Mistake((*where, "markers", code), f"{profile.family} has no such marker", hint)
+    rows = profile.simulated.get("braking_s")
+    if table.braking_s and rows != ():
+        hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+        yield Mistake((*where, "braking_s"), _is_for("braking_s"), hint)
 
 
 def _is_for(option: str) -> str:

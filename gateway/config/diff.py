@@ -104,10 +104,14 @@ def _compared(
 
 
 def _port(line: LineTable) -> LineTable:
-    """Return a line without its starters and their order: when that differs, the line is restarted."""
-    return line.model_copy(update={"starters": (), "order": None})
+    """Return a line without its starters, their order and points: when it differs, it is restarted."""
+    return line.model_copy(update={"starters": (), "order": None, "points": ()})
 
 
 def _machine(starter: StarterTable) -> StarterTable:
-    """Return a starter without what does not concern its polls (rules, simulation), or only their pace."""
-    return starter.model_copy(update={"rules": None, "simulated": SimulatedTable(), "every_s": 1.0})
+    """Return a starter without what does not concern its polls (rules, simulation), or only their pace.
+
+    The points and rows that the configuration adds stay, wherever they are asked for.
+    """
+    others = {"rules": None, "simulated": SimulatedTable(), "every_s": 1.0, "points": ()}
+    return starter.model_copy(update=others)

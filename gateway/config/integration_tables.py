@@ -7,14 +7,17 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from gateway.config.values import (
-    BASE_PATH_PATTERN,
     PROM_FILE_PATTERN,
     TOPIC_PATTERN,
     URL_PATTERN,
     USER_PATTERN,
+    BrokerUrl,
     ConfigTable,
     HostName,
+    Listen,
     Name,
+    Network,
+    PagePath,
     SparkplugId,
     Text,
 )
@@ -38,22 +41,20 @@ class WebUserTable(ConfigTable):
 class WebTable(ConfigTable):
     """`[web]`: the status page; without this table nothing listens."""
 
-    listen: Text = Field(
+    listen: Listen = Field(
         default="127.0.0.1:8480",
         description="address:port or [::1]:port; other addresses than loopback only with logins.",
     )
     hosts: tuple[HostName, ...] = Field(
         default=(), strict=False, description="Further names that the page is called by."
     )
-    base_path: Annotated[str, Field(pattern=BASE_PATH_PATTERN, max_length=128)] = Field(
-        default="/", description="The path below which a proxy serves the page."
-    )
+    base_path: PagePath = Field(default="/", description="The path below which a proxy serves the page.")
     cert_file: Text | None = Field(
         default=None, description="The page's certificate, PEM; with key_file it speaks TLS only."
     )
     key_file: Text | None = Field(default=None, description="The page's private key, PEM; with cert_file.")
     allow_plaintext: bool = Field(default=False, description="Permits http:// to other machines.")
-    trusted_proxies: tuple[Text, ...] = Field(
+    trusted_proxies: tuple[Network, ...] = Field(
         default=(), strict=False, description='Addresses or networks of proxies, e.g. "::1".'
     )
     pages_per_address: int = Field(
@@ -110,7 +111,7 @@ class SparkplugTable(ConfigTable):
     node: SparkplugId | None = Field(
         default=None, description="The edge node id, unique in its group; absent: the gateway's name."
     )
-    urls: tuple[Text, ...] = Field(
+    urls: tuple[BrokerUrl, ...] = Field(
         default=(),
         strict=False,
         description="Servers of its own, tried one after the other; absent: the broker, login and "

@@ -10,10 +10,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.config.cross_checks import broken_rules
-from gateway.config.mistakes import Mistake, explain, spell
+from gateway.config.mistakes import Mistake, explain, spell, tables_in
 from gateway.config.schema import Config
 from gateway.config.toml_errors import syntax_problem
 from gateway.config.toml_lines import line_of, locate
+from gateway.config.values import ConfigTable
 from gateway.errors import ConfigError, Problem
 
 _MAX_BYTES = 1_000_000
@@ -33,12 +34,12 @@ def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
     """Do as `load` with a TOML text; `path` is what messages call it."""
     document = _document(text, path)
     mistakes: list[Mistake] = []
-    config = None
+    config, made = None, dict[int, ConfigTable]()
     try:
-        config = Config.model_validate(document)
+        config = Config.model_validate(document, context=made)
     except ValidationError as error:
         mistakes += explain(error)
-    mistakes += broken_rules(document)
+    mistakes += broken_rules(document, dict(tables_in(document, made)))
     if config is not None and not mistakes:
         mistakes = check(config)
     if config is None or mistakes:

@@ -1,7 +1,7 @@
 """Mistakes in a configuration: one `Mistake`, the wording of what the models refuse, and where rules look.
 
-A mistake has its key, what is wrong and a hint; `load` adds the line in the file. Rules across tables look
-into the document as parsed: a value of the wrong type counts as none there, since the models find that.
+A mistake has its key, what is wrong and a hint; `load` adds the line in the file. Rules look at the tables
+that are right by themselves, so that a mistake in one table hides none in others.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import date, time
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -23,11 +22,16 @@ from gateway.config.values import (
     GLOB_PATTERN,
     HOST_PATTERN,
     NAME_PATTERN,
+    POINT_NAME_PATTERN,
     PROM_FILE_PATTERN,
+    ROW_CODE_PATTERN,
+    ROW_PATTERN_PATTERN,
     SPARKPLUG_ID_PATTERN,
     TOPIC_PATTERN,
     URL_PATTERN,
     USER_PATTERN,
+    ConfigTable,
+    short,
 )
 from gateway.system.password_hash import LINE_PATTERN
 from gateway.system.value_demands import demand_of
@@ -60,14 +64,6 @@ def choose(wrong: object, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(near)}?" if near else "one of " + ", ".join(words)
 
 
-def short(value: object) -> str:
-    """Return a foreign value for a message: quoted, and cut when it is long."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    text = str(value) if isinstance(value, (date, time)) else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
 def explain(error: ValidationError) -> list[Mistake]:
     """Return every mistake that the models found in a document."""
     mistakes = []
@@ -87,21 +83,24 @@ def _words(kind: str, key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str
     if remedy := _REMOVED.get(header if kind == "extra_forbidden" else f"{header} = {value}"):
         return "was removed in 0.3.0", remedy
     match kind:
+        case "wrong":
+            return ctx["what"], ctx["hint"]
         case "missing":
             table = f"a table [{header}] is needed" if len(key) == 1 else ""
             return "is missing", _MISSING_HINTS.get(header, some if is_repeated else table)
         case "extra_forbidden":
             return "unknown key", choose(key[-1], _known_keys(key[:-1]))
         case "string_pattern_mismatch":
-            return _of_pattern(value, ctx["pattern"])
-        case "string_too_short" | "string_too_long" if not value:
+            if ctx["pattern"] == LINE_PATTERN:  # perhaps a password: it is not shown
+                return "is no password line", "paste the line that starter-gateway web-password prints"
+            return f"is {short(value)}", _PATTERN_HINTS[ctx["pattern"]]
+        case "string_too_short":
             return "is empty", "leave the key out, or give it a value"
         case "string_too_long":
             return f"has {len(value)} characters", f"at most {ctx['max_length']}"
-        case "literal_error" if isinstance(value, str) and "'" in ctx["expected"]:
-            return f"is {short(value)}", choose(value, re.findall(r"'([^']*)'", ctx["expected"]))
         case "literal_error":
-            return f"is {short(value)}", f"must be {ctx['expected']}"
+            known = re.findall(r"'([^']*)'", ctx["expected"]) if isinstance(value, str) else []
+            return f"is {short(value)}", choose(value, known) if known else f"must be {ctx['expected']}"
         case "too_short":
             return "is empty", some if is_repeated else "name at least one"
         case "tuple_type" if is_repeated:
@@ -127,6 +126,9 @@ _MISSING_HINTS = {
 _PATTERN_HINTS = {
     NAME_PATTERN: "only a-z, 0-9, _ and -",
     GLOB_PATTERN: "only a-z, 0-9, _ and -, and * or ? for any others",
+    ROW_CODE_PATTERN: "a code as the manual prints it, in capitals, such as P102 or C5.3.9",
+    ROW_PATTERN_PATTERN: "a code of the manual, such as S1.1.1, with * and ? for any others",
+    POINT_NAME_PATTERN: "a letter, then only a-z, 0-9 and _",
     SPARKPLUG_ID_PATTERN: "one level of a topic: without +, / and #",
     TOPIC_PATTERN: "levels of a topic, such as homeassistant/status: only letters, digits, _ . and -",
     URL_PATTERN: "an address that begins with http:// or https://",
@@ -136,12 +138,6 @@ _PATTERN_HINTS = {
     BASE_PATH_PATTERN: "a path such as /mcc1",
     PROM_FILE_PATTERN: "a file whose name ends in .prom: node-exporter reads no others",
 }
-
-
-def _of_pattern(value: Any, pattern: str) -> tuple[str, str]:
-    if pattern == LINE_PATTERN:  # perhaps a password: it is not shown
-        return "is no password line", "paste the line that starter-gateway web-password prints"
-    return f"is {short(value)}", _PATTERN_HINTS[pattern]
 
 
 def _known_keys(table: Key) -> list[str]:
@@ -155,52 +151,34 @@ def _known_keys(table: Key) -> list[str]:
 
 
 Document = Mapping[str, Any]
+Tables = Mapping[Key, ConfigTable]  # those that are right by themselves
 
 
-def lines_in(document: Document) -> Iterator[tuple[Key, Document]]:
-    """Yield the lines with their keys."""
-    for index, line in enumerate(list_in(document, "line")):
-        if isinstance(line, Mapping):
-            yield ("line", index), line
+def tables_in(
+    document: Any, made: Mapping[int, ConfigTable], key: Key = ()
+) -> Iterator[tuple[Key, ConfigTable]]:
+    """Yield the tables that were made of parts of a document, with their keys; `made` is by the part's id."""
+    if id(document) in made:
+        yield key, made[id(document)]
+    is_list = isinstance(document, list)
+    parts = document.items() if isinstance(document, dict) else enumerate(document) if is_list else ()
+    for name, part in parts:
+        yield from tables_in(part, made, (*key, name))
 
 
-def starters_in(document: Document) -> Iterator[tuple[Key, Document]]:
-    """Yield the starters of all lines with their keys."""
-    for key, line in lines_in(document):
-        yield from starters_of(key, line)
-
-
-def starters_of(key: Key, line: Document) -> Iterator[tuple[Key, Document]]:
-    """Yield a line's starters with their keys."""
-    for index, starter in enumerate(list_in(line, "starter")):
-        if isinstance(starter, Mapping):
-            yield (*key, "starter", index), starter
-
-
-def table_in(document: Document, name: str) -> Document:
-    """Return a table; an empty one for none."""
-    table = document.get(name)
-    return table if isinstance(table, Mapping) else {}
-
-
-def list_in(document: Document, name: str) -> list[Any]:
-    """Return a list; an empty one for none."""
-    items = document.get(name)
-    return items if isinstance(items, list) else []
-
-
-def text_in(table: Document, name: str) -> str:
-    """Return a text; an empty one for none."""
-    text = table.get(name)
-    return text if isinstance(text, str) else ""
+def texts_in(document: Any, *path: str) -> list[str]:
+    """Return the texts of one key in all tables of a path: `line`, `starter`, `name`; of wrong tables too."""
+    if not path:
+        return [document] if isinstance(document, str) else []
+    if isinstance(document, list):
+        return [text for part in document for text in texts_in(part, *path)]
+    return texts_in(document.get(path[0]), *path[1:]) if isinstance(document, Mapping) else []
 
 
 def again(
-    seen: dict[object, Key], key: Key, value: object, hint: str, *, by: object = None
+    seen: dict[object, Key], key: Key, value: str | int, hint: str, *, by: object = None
 ) -> Iterator[Mistake]:
     """Yield a value that another key has too; `seen` is what came before, `by` what is compared instead."""
-    if not value or not isinstance(value, str | int):
-        return
     by = by or value
     if by in seen:
         yield Mistake(key, f"{short(value)} is also {spell(seen[by])}", hint)

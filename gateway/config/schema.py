@@ -6,49 +6,59 @@ What one value may be stands in `values.py`; what several may be together in `cr
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Literal, Self, get_args, get_origin
 from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr, model_validator
 
 from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
-from gateway.config.values import FIRMWARE_PATTERN, SCHEMES, ConfigTable, Glob, Name, Text
-from gateway.families import FAMILIES, LANGUAGES
+from gateway.config.site_tables import (
+    DEFAULT_EVERY_S,
+    Additions,
+    Family,
+    Language,
+    PointsTable,
+    RowTable,
+    additions,
+)
+from gateway.config.values import (
+    FIRMWARE_PATTERN,
+    SCHEMES,
+    Base,
+    BrokerUrl,
+    ConfigTable,
+    Glob,
+    Name,
+    Port,
+    RowPattern,
+    Text,
+)
+from gateway.contract import OWN_VERBS
+from gateway.families import ENGLISH, Profile, extension, load_profile
 
 DEFAULT_BASE = "starters/{gateway}"
 
-if TYPE_CHECKING:
-    Family = str
-    Language = str
-else:
-    Family = Literal[FAMILIES]  # whatever profiles there are
-    Language = Literal[LANGUAGES]
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
-Verb = Literal[
+MOTOR_VERBS = (
     "start",
-    "stop",
     "reset",
     "set",
-    "read",
     "jog",
     "direction",
     "local_remote",
     "general_enable",
     "output",
     "configure",
-    "select",  # needs no right: a client that may do something may also select it
-    "cancel",
-    "lock",
-    "unlock",
-    "accept",
-    "baseline",
-    "*",
-]
-TwoStepVerb = Literal[
-    "start", "reset", "set", "jog", "direction", "local_remote", "general_enable", "output", "configure"
-]  # never stop
+)
+if TYPE_CHECKING:
+    Verb = str
+    TwoStepVerb = str
+else:
+    Verb = Literal[(*MOTOR_VERBS, "stop", "read", *OWN_VERBS, "*")]
+    TwoStepVerb = Literal[MOTOR_VERBS]
 
 
 class GatewayTable(ConfigTable):
@@ -73,8 +83,8 @@ class GatewayTable(ConfigTable):
 class MqttTable(ConfigTable):
     """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
 
-    url: Text = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
-    base: Text = Field(
+    url: BrokerUrl = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
+    base: Base = Field(
         default=DEFAULT_BASE,
         description="What all topics begin with; {gateway} stands for the gateway's name.",
     )
@@ -265,17 +275,42 @@ class StarterTable(ConfigTable):
         description="Communication timeout set in the starter, 0: off; what the line cannot keep is refused.",
     )
     enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
+    points: tuple[RowPattern, ...] = Field(
+        default=(),
+        strict=False,
+        description="Rows that are points too, by the manual's codes, with * and ?; read every 10 s.",
+    )
     rules: RulesTable | None = Field(default=None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(
         default_factory=lambda: NOT_SIMULATED, description="What `simulate` makes of it; `run` ignores it."
     )
+    _additions: Additions = PrivateAttr(default=Additions())  # of the whole configuration, to its family
+
+    def profile(self, language: str = ENGLISH) -> Profile:
+        """Return its family, with the points and rows that the site adds."""
+        return extension.extended(load_profile(self.family, language), *self._additions)
+
+    @property
+    def asked(self) -> tuple[extension.SitePoint, ...]:
+        """Return the rows that the configuration asks for as points of this starter."""
+        return self._additions.points
+
+    def plain(self) -> Self:
+        """Return the starter without the points that the configuration adds."""
+        copy = self.model_copy()
+        copy.add(self._additions._replace(points=()))
+        return copy
+
+    def add(self, added: Additions) -> None:
+        """Add to its family what the whole configuration asks for; once, before anybody looks."""
+        self._additions = added
 
 
 class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
     name: Name = Field(description="The line's name: a level in the topic of its statistics.")
-    port: Text = Field(description="The adapter: an absolute path, or socket://host:port.")
+    port: Port = Field(description="The adapter: an absolute path, or socket://host:port.")
     baud: Baud = Field(description="Rate, the same in all starters of the line.")
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
     adapter_allowance_s: float = Field(
@@ -291,6 +326,9 @@ class LineTable(ConfigTable):
         default=None,
         strict=False,
         description="The starters as they follow each other along the cable; absent: by address.",
+    )
+    points: tuple[RowPattern, ...] = Field(
+        default=(), strict=False, description="The same for each starter of the line that has such rows."
     )
     starters: tuple[StarterTable, ...] = Field(
         alias="starter", strict=False, min_length=1, description="The starters on the line, one table each."
@@ -333,6 +371,12 @@ class Config(ConfigTable):
     groups: tuple[GroupTable, ...] = Field(
         default=(), alias="group", strict=False, description="Starters that one command stops."
     )
+    points: tuple[PointsTable, ...] = Field(
+        default=(), strict=False, description="Rows of a family that are points too."
+    )
+    rows: tuple[RowTable, ...] = Field(
+        default=(), alias="row", strict=False, description="Rows that the manuals here do not describe."
+    )
     web: WebTable | None = Field(default=None, description="The status page; absent: none.")
     metrics: MetricsTable | None = Field(default=None, description="For Prometheus; absent: none.")
     home_assistant: HomeAssistantTable | None = Field(
@@ -341,6 +385,19 @@ class Config(ConfigTable):
     sparkplug: SparkplugTable | None = Field(
         default=None, description="The gateway as a Sparkplug edge node; absent: none."
     )
+
+    @model_validator(mode="after")
+    def _extend(self) -> Self:
+        """Give each starter what the configuration adds to its family."""
+        for line in self.lines:
+            for starter in line.starters:
+                asked = [(code, DEFAULT_EVERY_S) for code in (*line.points, *starter.points)]
+                for table in self.points:
+                    is_among = any(fnmatchcase(starter.name, each) for each in table.starters)
+                    if table.family == starter.family and is_among:
+                        asked += [(code, table.every_s) for code in table.codes]
+                starter.add(additions(starter.family, self.rows, asked))
+        return self
 
     @property
     def starters(self) -> tuple[StarterTable, ...]:

@@ -1,137 +1,107 @@
 """The line of a key in a TOML text: `tomllib` gives no positions, and a mistake needs its line.
 
-The text is one that `tomllib` accepts; only what decides where keys are is understood here.
+Each statement, a header or a key with its value, is a document of its own: lines are put together until they
+are one. So the parser itself says where a statement ends and which keys it has.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 Key = tuple[str | int, ...]
 
-_TOKEN = re.compile(
-    r"""(?P<skipped>[ \t\r]+|\#[^\n]*)
-    |"{3}(?:[^\\]|\\.)*?"{3,5} | '{3}.*?'{3,5} | "(?:[^"\\\n]|\\.)*" | '[^'\n]*'
-    |[^]\s,[{}=.\#"']+
-    |.""",
-    re.DOTALL | re.VERBOSE,
-)
-_ENDS = (",", "]", "}", "\n", "")  # what follows a value
-_ESCAPES = {'"': '"', "\\": "\\", "b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r"}
+_MAY_END = re.compile(r"""\]|\"{3}|'{3}""")  # a statement of several lines is at its end
 
 
 def locate(text: str) -> dict[Key, int]:
-    """Return the 1-based line of every table, key and array item, by its path in the parsed document."""
-    scan = _Scan(text)
-    scan.document()
-    return scan.lines
+    """Return the 1-based line of every table, key and array item, by its path in the parsed document.
+
+    What is inside an item of a list has the item's line.
+    """
+    lines: dict[Key, int] = {}
+    counts: dict[Key, int] = {}  # items so far of each array of tables
+    table: Key = ()
+    for begun, said, statement in _statements(text):
+        if statement[0].lstrip().startswith("["):
+            table = _header(said, begun, lines, counts)
+            continue
+        items = _lines_of_items(begun, statement)
+        for path in _paths(said):
+            place = next((at for at in path if isinstance(at, int)), len(items))
+            lines.setdefault((*table, *path), items[place] if place < len(items) else begun)
+    return lines
 
 
-def line_of(lines: dict[Key, int], key: Sequence[str | int]) -> int | None:
+def line_of(lines: Mapping[Key, int], key: Sequence[str | int]) -> int | None:
     """Return the line of the key, or of the nearest table around it; None when the file has neither."""
-    for length in range(len(key), 0, -1):
-        found = lines.get(tuple(key[:length]))
-        if found is not None:
-            return found
-    return None
+    return next((lines[tuple(key[:n])] for n in range(len(key), 0, -1) if tuple(key[:n]) in lines), None)
 
 
-class _Scan:
-    """One pass over the tokens of a text, from the first to the last, which is empty."""
-
-    def __init__(self, text: str) -> None:
-        self.lines: dict[Key, int] = {}
-        self._left = [("", 0), *reversed(list(_tokens(text)))]
-        self._counts: dict[Key, int] = {}  # items so far of each array of tables
-
-    def document(self) -> None:
-        """Note the position of everything."""
-        table: Key = ()
-        while token := self._first():
-            if token == "[":
-                table = self._header()
-            else:
-                self._assignment(table)
-
-    def _header(self) -> Key:
-        _, line = self._left.pop()
-        is_array = self._peek() == "["
-        if is_array:
-            self._left.pop()
-        parts = self._dotted()
-        for _ in range(2 if is_array else 1):
-            self._left.pop()
-        table: Key = ()
-        for index, part in enumerate(parts):
-            table = (*table, part)
-            if is_array and index == len(parts) - 1:
-                self.lines.setdefault(table, line)
-                self._counts[table] = self._counts.get(table, 0) + 1
-            if table in self._counts:  # a path through an array of tables goes through its latest item
-                table = (*table, self._counts[table] - 1)
-            self.lines.setdefault(table, line)
-        return table
-
-    def _assignment(self, table: Key) -> None:
-        line, key = self._left[-1][1], table
-        for part in self._dotted():
-            key = (*key, part)
-            self.lines.setdefault(key, line)
-        self._left.pop()  # =
-        self._value(key)
-
-    def _value(self, key: Key) -> None:
-        opening = self._peek()
-        if opening not in ("[", "{"):
-            while self._peek() not in _ENDS:
-                self._left.pop()
-            return
-        self._left.pop()
-        index = 0
-        while self._first() not in ("]", "}"):
-            if opening == "{":
-                self._assignment(key)
-            else:
-                self.lines.setdefault((*key, index), self._left[-1][1])
-                self._value((*key, index))
-                index += 1
-            if self._first() == ",":
-                self._left.pop()
-        self._left.pop()
-
-    def _dotted(self) -> list[str]:
-        parts = [_unquote(self._left.pop()[0])]
-        while self._peek() == ".":
-            self._left.pop()
-            parts.append(_unquote(self._left.pop()[0]))
-        return parts
-
-    def _peek(self) -> str:
-        return self._left[-1][0]
-
-    def _first(self) -> str:
-        """Return the next token that is no line's end."""
-        while self._peek() == "\n":
-            self._left.pop()
-        return self._peek()
+def _statements(text: str) -> Iterator[tuple[int, dict[str, Any], list[str]]]:
+    """Yield the line on which each statement begins, what it says, and its own lines."""
+    begun, statement = 1, list[str]()
+    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
+        statement.append(line)
+        if len(statement) > 1 and not _MAY_END.search(line):
+            continue
+        said = _parsed("\n".join(statement))
+        if said is not None:
+            if said:
+                yield begun, said, statement
+            begun, statement = number + 1, []
 
 
-def _tokens(text: str) -> Iterator[tuple[str, int]]:
-    """Yield what is neither blank nor comment, with its line."""
-    line = 1
-    for match in _TOKEN.finditer(text):
-        if match["skipped"] is None:
-            yield match[0], line
-        line += match[0].count("\n")
+def _lines_of_items(begun: int, statement: Sequence[str]) -> list[int]:
+    """Return the line on which each item of a list begins; a few lines at a time are a list of their own."""
+    found: list[int] = []
+    first = 0
+    for last in range(len(statement)):
+        part = "\n".join(statement[first : last + 1])
+        said = _parsed(
+            ("" if first == 0 else "x = [\n") + part + ("" if last == len(statement) - 1 else "\n]")
+        )
+        if said is not None:
+            found += [begun + first] * len(_items(said))
+            first = last + 1
+    return found
 
 
-def _unquote(word: str) -> str:
-    if word[0] == '"':
-        return re.sub(r"\\(u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|.)", _unescape, word[1:-1])
-    return word.strip("'")
+def _parsed(text: str) -> dict[str, Any] | None:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return None
 
 
-def _unescape(match: re.Match[str]) -> str:
-    escape = match.group(1)
-    return chr(int(escape[1:], 16)) if escape[0] in "uU" else _ESCAPES[escape]
+def _items(said: Any) -> Sequence[Any]:
+    """Return the list that a single key has; an empty one for anything else."""
+    while isinstance(said, dict) and len(said) == 1:
+        (said,) = said.values()
+    return said if isinstance(said, list) else ()
+
+
+def _header(said: Any, line: int, lines: dict[Key, int], counts: dict[Key, int]) -> Key:
+    """Return the table that a header begins; a path through an array of tables goes to its latest item."""
+    table: Key = ()
+    while said:
+        (part, said), *_ = said.items()
+        table = (*table, part)
+        if isinstance(said, list):
+            lines.setdefault(table, line)
+            counts[table] = counts.get(table, 0) + 1
+            said = said[0]
+        if table in counts:
+            table = (*table, counts[table] - 1)
+        lines.setdefault(table, line)
+    return table
+
+
+def _paths(value: Any) -> Iterator[Key]:
+    """Yield the path of everything in a value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (key,)
+        yield from ((key, *path) for path in _paths(item))

@@ -29,6 +29,9 @@ class PointInfo(TypedDict):
     type: Annotated[str, Field(description="bool, int, float, enum or text")]
     enum: Annotated[Mapping[str, str] | None, Field(description="the names of its values")]
     deadband: Annotated[float | None, Field(description="a smaller change is not published")]
+    every_s: NotRequired[
+        Annotated[float, Field(description="of a point that the configuration asks for: its period, s")]
+    ]
 
 
 class StartSamples(TypedDict):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
-from gateway.families.profile.parameters import READS, read_run
+from gateway.families.profile.parameters import READS, is_read_alone, read_run
 from gateway.families.profile.rows import Access, Table, Type
 from gateway.families.profile.schema import Profile
 from gateway.modbus.pdu import Request
@@ -41,6 +41,8 @@ def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     if not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
         return ()
     table = next(table for table, kind in READS.items() if kind is type(request))
+    if any(is_read_alone(profile, row) for row in profile.rows_at.get((table, request.address), ())):
+        return ()
     found = [*_as_coils(profile, table, request.address, request.count)]
     found += _longer(profile, table, request.address, request.count)
     return tuple(found[:MOST])

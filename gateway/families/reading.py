@@ -1,6 +1,7 @@
 """Few reads for many rows: the blocks of a family's points that are polled, and the reads of any rows.
 
-A block joins rows where a gap costs the line less than another request (`plan_blocks`). `reads_for` and
+A block joins rows where a gap costs the line less than another request (`plan_blocks`); rows that a site
+asks for besides are joined into the blocks that are there. `reads_for` and
 `bulk_reads` join the rows that a command or a copy of the parameters needs, `rows_in` takes answers apart,
 `read_back` says how a written row shows.
 """
@@ -10,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import groupby
+from itertools import chain, groupby
 from math import inf
 from typing import Any
 
 from gateway.families.profile.decode import is_there
-from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
+from gateway.families.profile.extension import EXTRA
+from gateway.families.profile.parameters import find, is_read_alone, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Limits, Profile, Variant, once_per_profile
@@ -61,7 +63,15 @@ def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int
     return runs[::-1]
 
 
-GROUPS = ("status", "values", "slow")
+STATUS, VALUES, SLOW = GROUPS = ("status", "values", "slow")
+IDLE_FACTOR = 3  # values are read so many times less often while the motor is at rest, the status is not
+SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
+SLOW_AT_LEAST_S = 10.0  # and never more often than this
+
+
+def slow_period_s(every_s: float) -> float:
+    """Return how often slow rows are read where the status is read every so often."""
+    return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * every_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +79,20 @@ class Block:
     """One read and the rows that are wanted from it; the words between them are not."""
 
     name: str  # unique in the plan
-    group: str  # one of GROUPS
+    group: str  # one of GROUPS, or "extra": only rows that a site asks for
     request: Request
     rows: tuple[Parameter, ...]  # by address
+    extra_s: float | None = None  # the period of an extra block
+
+    def period_s(self, every_s: float) -> float:
+        """Return how often it is read at any state of the motor; `every_s` is the period of the status."""
+        if self.extra_s is not None:
+            return self.extra_s
+        return slow_period_s(every_s) if self.group == SLOW else every_s
+
+    def slowest_s(self, every_s: float) -> float:
+        """Return the same for a motor at rest."""
+        return self.period_s(every_s) * (IDLE_FACTOR if self.group == VALUES else 1)
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -88,6 +109,11 @@ class Block:
         """The first address that is read."""
         return self.rows[0].address
 
+    @property
+    def end(self) -> int:
+        """One past the last address that is read."""
+        return max(row.address + row.words for row in self.rows)
+
     def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]]:
         """Return the raw words by code from what its request decoded, aliases of its rows included."""
         found: dict[str, tuple[int, ...]] = {}
@@ -100,8 +126,13 @@ class Block:
         return found
 
 
-def plan_blocks(profile: Profile, variant: Variant, *, timing: LineTiming | None = None) -> tuple[Block, ...]:
-    """Return the reads that cover every point of this starter, in the order of `GROUPS`.
+def plan_blocks(
+    profile: Profile, variant: Variant, *, timing: LineTiming | None = None, every_s: float = 1.0
+) -> tuple[Block, ...]:
+    """Return the reads that cover every point of this starter, in the order of `GROUPS`, extra ones last.
+
+    `every_s` is the period of its status. A row that a site asks for goes with a read that passes it often
+    enough, or with the slow ones where their period fits, else with the others of its period.
 
     On a line of this timing reads are joined over registers that are not wanted where those take less time
     than another request.
@@ -109,24 +140,50 @@ def plan_blocks(profile: Profile, variant: Variant, *, timing: LineTiming | None
     A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
     unknown register refuses a read, it must not take known ones with it.
     """
-    return _planned(profile, variant.firmware, timing)
+    is_extended = any(point.every_s is not None for point in profile.points.values())
+    return _planned(profile, variant.firmware, timing, every_s if is_extended else 0.0)
 
 
 @lru_cache(maxsize=512)
-def _planned(profile: Profile, firmware: str | None, timing: LineTiming | None) -> tuple[Block, ...]:
+def _planned(
+    profile: Profile, firmware: str | None, timing: LineTiming | None, every_s: float
+) -> tuple[Block, ...]:
     variant = Variant(firmware=firmware)
+    points = [point for point in profile.points.values() if is_there(profile, variant, point.source)]
+    extra = {point.code: point.every_s for point in points if point.every_s is not None}
+    slow_s = slow_period_s(every_s)
     planned: list[Block] = []
     seen: set[str] = set()
-    for group in GROUPS:
-        codes = {
-            point.code
-            for point in profile.points.values()
-            if point.group == group and point.code and is_there(profile, variant, point.source)
-        }
-        rows = [profile.parameters[code] for code in codes - seen]
+    steps = [(group, None) for group in GROUPS], [(EXTRA, each_s) for each_s in sorted({*extra.values()})]
+    for group, period_s in chain(*steps):
+        codes = {point.code for point in points if point.group == group and point.code} - {*seen, *extra}
+        for code, wanted_s in extra.items():
+            is_slow = group == SLOW and slow_s <= wanted_s < 2 * slow_s
+            if code in seen or not (is_slow or wanted_s == period_s):
+                continue
+            # A read that passes the row often enough takes it along; the status is never read in longer ones.
+            row = profile.parameters[code]
+            for at, block in enumerate(planned):
+                if block.slowest_s(every_s) <= wanted_s and _passes(profile, block, row):
+                    rows = sorted((*block.rows, row), key=lambda row: row.address)
+                    planned[at] = _block(block.group, rows, block.extra_s)
+                    seen.add(code)
+                    break
+            else:
+                codes.add(code)
         seen |= codes
-        planned += [_block(group, run) for run in _runs(profile, rows, timing)]
+        rows = [profile.parameters[code] for code in sorted(codes)]
+        alone = [row for row in rows if row.code in extra and is_read_alone(profile, row)]
+        runs = _runs(profile, (row for row in rows if row not in alone), timing)
+        planned += [_block(group, run, period_s) for run in (*runs, *([row] for row in alone))]
     return tuple(planned)
+
+
+def _passes(profile: Profile, block: Block, row: Parameter) -> bool:
+    """Return whether a read carries the words of a row that a site asks for."""
+    is_within = block.address <= row.address and row.address + row.words <= block.end
+    is_vouched = row.is_sure and block.rows[0].is_sure and not is_read_alone(profile, row)
+    return block.table is row.table and is_within and is_vouched
 
 
 def split(block: Block) -> tuple[Block, ...]:
@@ -135,12 +192,14 @@ def split(block: Block) -> tuple[Block, ...]:
     Their names are no planned block's: an answer that is still under way cannot be taken for another's.
     """
     return tuple(
-        replace(_block(block.group, [row]), name=f"{block.group}:{row.code} alone") for row in block.rows
+        replace(_block(block.group, [row], block.extra_s), name=f"{block.group}:{row.code} alone")
+        for row in block.rows
     )
 
 
-def _block(group: str, rows: Sequence[Parameter]) -> Block:
-    return Block(name=f"{group}:{rows[0].code}", group=group, request=_request(rows), rows=tuple(rows))
+def _block(group: str, rows: Sequence[Parameter], extra_s: float | None = None) -> Block:
+    name = f"{group}:{rows[0].code}"
+    return Block(name=name, group=group, request=_request(rows), rows=tuple(rows), extra_s=extra_s)
 
 
 def _runs(profile: Profile, rows: Iterable[Parameter], timing: LineTiming | None) -> list[list[Parameter]]:
@@ -160,6 +219,10 @@ def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
     end = run[-1].address + run[-1].words
     longest = limits.read_bits if row.table.is_bits else limits.read_registers
     return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
+
+
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
 
 
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:

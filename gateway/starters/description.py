@@ -37,6 +37,7 @@ def _describe(profile: Profile, name: str) -> dict[str, Any]:
     point = profile.points[name]
     kind = type_of(profile, name)
     labels = profile.enums.get(profile.parameters[point.code].enum, {}) if kind == "enum" else {}
+    period = {} if point.every_s is None else {"every_s": point.every_s}
     return {
         "code": point.code or None,
         "name": printed_name(profile, name),
@@ -45,6 +46,7 @@ def _describe(profile: Profile, name: str) -> dict[str, Any]:
         "type": kind,
         "enum": {str(value): label for value, label in labels.items()} or None,
         "deadband": point.deadband,
+        **period,
     }
 
 

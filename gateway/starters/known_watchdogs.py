@@ -104,12 +104,6 @@ class KnownWatchdogs:
             profile = self._setups[name].profile
             await self._reserve(name, diagnosis.written_rows(profile, (s.request for s in procedure.steps)))
 
-    async def check(self, name: str, rows: Rows) -> None:
-        """Demand that the line could keep a starter whose settings were these; CommandError."""
-        before = self.rows(name)
-        await self._reserve(name, self._watchdog_rows(name, rows))
-        self._take(name, before)
-
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
         on_line = [each for each in self._setups.values() if each.line == setup.line and each.is_enabled]

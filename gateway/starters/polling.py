@@ -19,12 +19,11 @@ from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.modbus.codes import exception_name
-from gateway.starters.setup import StarterSetup, blocks_of
+from gateway.starters.setup import StarterSetup, blocks_of, planned_for
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor is at rest: values are read more slowly
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
-IDLE_FACTOR = 3  # values are read so many times less often while it is at rest, the status is not
 
 OVERDUE_PERIODS = 3
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
@@ -82,6 +81,7 @@ class Polling:
         self._setup = setup
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
+        self._variant = setup.variant
         self._plan = blocks_of(setup)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
@@ -159,6 +159,7 @@ class Polling:
         """Apply another period for the status and the electrical values."""
         self._setup = replace(self._setup, every_s=every_s)
         self._keep_pace()
+        self.replan(self._variant)  # extra points may be read otherwise
 
     def withdraw(self) -> None:
         """Ask for nothing any more."""
@@ -176,8 +177,9 @@ class Polling:
 
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
-        plan = reading.plan_blocks(self._setup.profile, variant, timing=self._setup.timing)
-        if plan != self._plan:
+        self._variant = variant
+        plan = planned_for(self._setup, variant)
+        if plan != self._plan and not self.is_withdrawn:
             self._plan = plan
             self.restore()
 
@@ -267,9 +269,10 @@ class Polling:
 
     def _every_s(self, block: reading.Block) -> float:
         every_s = self._setup.period_of(block)
-        if self._state in BUSY_STATES and block.group != "slow":
+        if self._state in BUSY_STATES and block.group in (reading.STATUS, reading.VALUES):
             return min(every_s, FAST_S)
-        return every_s * IDLE_FACTOR if self._state in IDLE_STATES and block.group == "values" else every_s
+        is_slower = self._state in IDLE_STATES and block.group == reading.VALUES
+        return every_s * reading.IDLE_FACTOR if is_slower else every_s
 
 
 class PollLosses:

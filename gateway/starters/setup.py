@@ -14,9 +14,6 @@ from gateway.modbus.writes import WriteRegisters
 
 Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is withdrawn while it waits
 
-SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
-SLOW_AT_LEAST_S = 10.0  # and never more often than this
-
 
 @dataclass(frozen=True, slots=True)
 class StarterSetup:
@@ -47,7 +44,7 @@ class StarterSetup:
 
     def period_of(self, block: reading.Block) -> float:
         """Return how often a block is read, whatever the state of the motor."""
-        return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * self.every_s) if block.group == "slow" else self.every_s
+        return block.period_s(self.every_s)
 
     def key_of(self, block: reading.Block) -> str:
         """Return the key of a block's poll."""
@@ -71,7 +68,12 @@ class StarterSetup:
 
 def blocks_of(setup: StarterSetup) -> tuple[reading.Block, ...]:
     """Return what is read of a starter at first, status first; nothing of a disabled one."""
-    return reading.plan_blocks(setup.profile, setup.variant, timing=setup.timing) if setup.is_enabled else ()
+    return planned_for(setup, setup.variant) if setup.is_enabled else ()
+
+
+def planned_for(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...]:
+    """Return what is read of a starter of this variant."""
+    return reading.plan_blocks(setup.profile, variant, timing=setup.timing, every_s=setup.every_s)
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:

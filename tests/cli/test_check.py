@@ -30,7 +30,8 @@ def test_one_adapter_under_two_names_is_a_mistake(folder: Path, capsys: pytest.C
     here, there = os.openpty()
     device, link = os.ttyname(there), folder / "usb-FTDI"
     link.symlink_to(device)
-    other = f'[[line]]\nname = "fans"\nport = "{device}"\nbaud = 9600\nframing = "8n1"\n'
+    other = f'[[line]]\nname = "fans"\nport = "{device}"\nbaud = 9600\nframing = "8N1"\n'
+    other += '[[line.starter]]\nname = "fan"\naddress = 1\nfamily = "ssw07"\n'
     (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", str(link))) + other, "utf-8")
 
     assert main(["check", str(folder / "site.toml")]) == 78

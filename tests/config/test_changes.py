@@ -49,6 +49,21 @@ def test_a_starter_that_is_another_machine_ends_and_begins() -> None:
         assert kind == "starters_changed"
 
 
+def test_points_concern_the_starters_that_have_them_alone() -> None:
+    asked = '[[points]]\nfamily = "ssw900"\ncodes = ["D6.*"]\n'
+    row = '[[row]]\nfamily = "ssw07"\nparameter = "P102"\nname = "x"\ntitle = "X"\n'
+
+    assert reported(("every_s = 2.0", 'every_s = 2.0\npoints = ["S1.1.1"]')) == {
+        "starters_changed": ["pump-2"]
+    }
+    assert reported(('framing = "8E1"', 'framing = "8E1"\npoints = ["P2*"]')) == {
+        "starters_changed": ["pump-1"]
+    }
+    assert reported(("[[operator]]", f"{asked}[[operator]]")) == {"starters_changed": ["pump-2"]}
+    assert reported(("[[operator]]", f"{row}[[operator]]")) == {"starters_changed": ["pump-1"]}
+    assert between(asked, ("every_s = 2.0", 'every_s = 2.0\npoints = ["D6.1"]')) == {}
+
+
 def test_a_line_whose_way_differs_ends_and_begins_with_all_its_starters() -> None:
     for change in (
         ("/dev/rs485-pumps", "/dev/ttyUSB3"),

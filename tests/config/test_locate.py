@@ -51,7 +51,7 @@ EXPECTED = {
     ("a", "b", "c", "d"): 5,
     ("a", "b", 'quoted "key".é'): 6,
     ("a", "b", "single"): 7,
-    ("a", "b", "single", 1, 1): 8,
+    ("a", "b", "single", 1, 1): 7,  # that of the item that it is in
     ("a", "b", "single", 2): 9,
     ("a", "b", "long"): 11,
     ("a", "b", "raw"): 15,

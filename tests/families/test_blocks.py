@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.families.profile.extension import SitePoint, extended, matching
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Point, Profile
@@ -117,6 +118,93 @@ def cost_s(timing: LineTiming, block: Block) -> float:
 )
 def test_rows_are_joined(family: str, codes: str, baud: int | None, expected: str) -> None:
     assert joined(family, codes, baud) == expected
+
+
+def extra(family: str, asked: str, every_s: float = 1.0, *, baud: int = 19200) -> str:
+    """Return which reads are other ones once rows are asked for (`S1.1.1 D6.2@2`), each with its rows."""
+    points = []
+    for word in asked.split():
+        pattern, _, period = word.partition("@")
+        points += [
+            SitePoint(code=code, every_s=float(period or 10.0))
+            for code in matching(load_profile(family), pattern)
+        ]
+    profile = extended(load_profile(family), (), tuple(points))
+    plain, more = (
+        plan_blocks(each, UNKNOWN, timing=line(baud), every_s=every_s)
+        for each in (load_profile(family), profile)
+    )
+    return " ".join(
+        f"{each.name}={shown(each.request)}/{len(each.rows)}" for each in more if each not in plain
+    )
+
+
+@pytest.mark.parametrize(
+    ("family", "asked", "every_s", "expected"),
+    [
+        # a row that a read passes anyway
+        ("ssw900", "S1.6.1", 1.0, "values:S1.1.5=h2*24/11"),
+        # one beside it is read with the slow ones
+        ("ssw900", "S1.1.6", 1.0, "slow:S1.1.6=h1*1/1"),
+        # those make their reads longer where that costs less than another
+        ("ssw900", "S1.1.1 S1.1.2 S1.1.3", 1.0, "slow:S1.1.1=h26*6/3"),
+        ("ssw900", "D6.1 D6.2", 1.0, "slow:D6.1=h42*19/5"),
+        # a read that is made less often than the row is wanted takes none
+        ("ssw900", "S1.6.1@2", 1.0, "extra:S1.6.1=h16*1/1"),
+        ("ssw900", "S1.6.1@10", 4.0, "extra:S1.6.1=h16*1/1"),
+        # the status stays as it is, whatever is beside it
+        ("ssw06", "VB00", 0.1, "slow:VB00=h5000*1/1"),
+        ("ssw900", "S5.2.1@1", 1.0, "status:S5.1.1=h680*7/4"),
+        # rows of other periods are read with their like
+        (
+            "ssw06",
+            "P308 P312 P313 P314@2",
+            1.0,
+            "slow:P308=h308*1/1 slow:P312=h312*2/2 extra:P314=h314*1/1",
+        ),
+        ("ssw06", "P314@0.5 P313@30", 1.0, "extra:P314=h314*1/1 extra:P313=h313*1/1"),
+        # what only an accessory has is alone, where a 0 would say nothing
+        ("ssw900", "S4.3.1 S4.3.2", 1.0, "slow:S4.3.1=h63*1/1 slow:S4.3.2=h64*1/1"),
+        # where a refusal says it
+        ("ssw07", "P093 P094", 1.0, "slow:P093=h93*2/2"),
+        # coils and registers
+        ("sst", "COIL22 R31 R33@5", 1.0, "status:COIL1=c0*26/23 slow:R31=i31*12/3 extra:R33=i33*1/1"),
+        # a point of the family is none besides
+        ("ssw07", "P003 VB01.0 P030", 1.0, ""),
+    ],
+)
+def test_rows_that_are_asked_for_are_joined_into_the_reads_that_are_there(
+    family: str, asked: str, every_s: float, expected: str
+) -> None:
+    assert extra(family, asked, every_s) == expected
+
+
+@given(st.data())
+def test_each_row_that_is_asked_for_is_read_once_and_often_enough(data: st.DataObject) -> None:
+    family = data.draw(st.sampled_from(FAMILIES))
+    periods = st.sampled_from([0.5, 2.0, 10.0, 60.0])
+    asked = data.draw(st.dictionaries(st.sampled_from(READABLE[family]), periods, max_size=60))
+    every_s = data.draw(st.sampled_from([0.0, 0.5, 1.0, 5.0]))
+    plain = load_profile(family)
+    points = tuple(SitePoint(code=code, every_s=period_s) for code, period_s in asked.items())
+    profile, timing = extended(plain, (), points), line(data.draw(st.sampled_from([1200, 19200, 57600])))
+    blocks = plan_blocks(profile, UNKNOWN, timing=timing, every_s=every_s)
+
+    placed = [row.code for block in blocks for row in block.rows]
+    assert len(placed) == len(set(placed))
+    status = [
+        [b.request for b in plan if b.group == "status"] for plan in (blocks, plan_blocks(plain, UNKNOWN))
+    ]
+    assert status[0] == status[1]
+    assert len({block.name for block in blocks}) == len(blocks)
+    for point in profile.points.values():
+        if point.every_s is not None:
+            row = profile.parameters[point.code]
+            (block,) = (block for block in blocks if point.code in block.codes)
+            assert block.slowest_s(every_s) <= point.every_s
+            limits = profile.limits
+            assert count(block) <= (limits.read_bits if row.table.is_bits else limits.read_registers)
+            assert row.is_sure or family != "ssw900" or count(block) <= 2
 
 
 def test_a_refused_block_is_split_into_its_rows() -> None:

@@ -19,7 +19,7 @@ from gateway.cli.operator_login import client_of, settings_of, user_name
 from gateway.config.load import load
 from gateway.contract import InfoRecord, Phase, ResultCode, ResultRecord, Topics
 from gateway.errors import BrokerError, NoResultError
-from gateway.families import Profile, Variant, load_profile
+from gateway.families import Profile, Variant
 from gateway.mqtt import BrokerSettings, CommandClient, Order
 
 INFO_WITHIN_S = 5.0  # the retained facts come with the subscription
@@ -59,7 +59,7 @@ class LiveStarter:
         _, table = place_of(config, name)
         client = client_of(config, login.client)
         settings = settings_of(config, Path(config_path).parent, tool="parameters", login=login)
-        return cls(name, load_profile(table.family), client, settings, Topics(config.base))
+        return cls(name, table.profile(), client, settings, Topics(config.base))
 
     async def info(self) -> InfoRecord:
         """Return what the gateway says that the starter is; BrokerError when it says nothing."""

@@ -15,7 +15,6 @@ from gateway.cli.command import add_starter, coded, flag, place_of, write_text
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.errors import StoreError, UsageError
-from gateway.families import load_profile
 from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 from gateway.store import HistoryRow, read_history, with_curves
 
@@ -72,7 +71,7 @@ def _recording(config: Config, records: Sequence[HistoryRow]) -> Recording:
     if not records:
         raise StoreError("no start and no trip is recorded yet")
     record = max(records, key=lambda record: (record.kind == "trip", _time(record)))
-    profile = load_profile(place_of(config, record.starter)[1].family)
+    profile = place_of(config, record.starter)[1].profile()
     units = {
         name: profile.parameters[point.code].unit for name, point in profile.points.items() if point.code
     }

@@ -21,7 +21,7 @@ from gateway.cli.report.text import to_text
 from gateway.config.load import load
 from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord
 from gateway.errors import GatewayError
-from gateway.families import LANGUAGES, load_profile
+from gateway.families import LANGUAGES
 from gateway.mqtt import BrokerSettings, CommandClient
 
 WITHIN_S = 1.0  # a retained record comes at once
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     folder, config = Path(args.config).parent, load(args.config)
     line, starter = place_of(config, args.starter)
     language = args.language or config.gateway.language
-    state_dir, profile = folder / config.gateway.state_dir, load_profile(starter.family, language)
+    state_dir, profile = folder / config.gateway.state_dir, starter.profile(language)
     published, notes = Published({}, {}, {}), []
     if args.no_broker:
         notes.append(

@@ -39,10 +39,8 @@ def find(profile: Profile, code: str) -> Parameter:
     only some of them (ssw07 5.3.2). HR, IR, COIL or DI and an address name any register, coil or discrete
     input; those without a row are read raw, such as the SoftPLC's markers (ssw900 7.1, 7.2.2).
     """
-    wanted = code.strip().upper()
+    wanted = spelt(profile, code)
     number = _RAW_CODE.fullmatch(wanted)
-    if number is not None and profile.raw_range is not None:
-        wanted = f"P{int(number[1]):03d}"
     row = profile.parameters.get(wanted)
     if row is None and number is not None:
         row = raw_row(profile, int(number[1]))
@@ -52,6 +50,18 @@ def find(profile: Profile, code: str) -> Parameter:
     if row is None:
         raise CommandError(ResultCode.UNKNOWN_PARAMETER, "code", parameter=code.strip()[:40])
     return row
+
+
+def spelt(profile: Profile, code: str) -> str:
+    """Return a code as the manual spells it: P30 is P030 where parameters have three digits."""
+    wanted = code.strip().upper()
+    number = _RAW_CODE.fullmatch(wanted)
+    return wanted if number is None or profile.raw_range is None else f"P{int(number[1]):03d}"
+
+
+def is_named(name: str) -> bool:
+    """Return whether a row's name says what it is: of many the manuals print only the number."""
+    return name not in ("", _UNNAMED)
 
 
 def raw_row(profile: Profile, address: int) -> Parameter | None:
@@ -164,6 +174,12 @@ def writes_for(profile: Profile, changes: Sequence[RowWords]) -> list[tuple[Requ
         )
         for run in runs_of(changes, follows)
     ]
+
+
+def is_read_alone(profile: Profile, row: Parameter) -> bool:
+    """Return whether a longer read could show 0 where the starter has no such row (ssw900 7.3)."""
+    is_doubtful = not row.is_sure and profile.limits.max_gap > 0
+    return is_doubtful or row.code.startswith(profile.rows.optional)
 
 
 def is_volatile(profile: Profile, row: Parameter) -> bool:

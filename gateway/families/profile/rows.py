@@ -76,6 +76,7 @@ class Confidence(enum.StrEnum):
     REPAIRED = "repaired"  # legible, but not printed intact
     INFERRED = "inferred"  # not legible: readable, never writable
     EXTRA = "extra"  # from other public documents: readable, never writable
+    SITE = "site"  # described by the site from its own manual: read alone, writable as it says
 
 
 class Preset(Model):
@@ -128,7 +129,7 @@ class Parameter(Preset):
     @property
     def is_writable(self) -> bool:
         """Return whether a `set` may name this row: allowed, surely read, its range known."""
-        is_allowed = self.access is Access.RW and self.is_sure
+        is_allowed = self.access is Access.RW and (self.is_sure or self.confidence is Confidence.SITE)
         is_number = self.raw_min is not None and self.raw_max is not None
         return is_allowed and (is_number or self.is_settable_text)
 

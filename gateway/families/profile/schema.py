@@ -23,7 +23,8 @@ class Point(Model):
     bit: int | None = Field(default=None, ge=0, le=15)
     true_when: tuple[int, ...] = ()  # a boolean: the raw value is one of these
     none_of: tuple[str, ...] = ()  # a boolean: all these points are false (no `code` then)
-    group: Literal["status", "values", "slow"] = "values"
+    group: Literal["status", "values", "slow", "extra"] = "values"  # extra: only where a site asks for it
+    every_s: float | None = Field(default=None, gt=0)  # of an extra point; None: as its group
     deadband: float = 0.0  # in the row's unit
     zero_is_missing: bool = False  # the manual: 0 means "not available"
     meaning: str = ""  # of a quantity that is this family's alone
@@ -140,6 +141,7 @@ class Rows(Model):
 
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
+    optional: tuple[str, ...] = ()  # only with an accessory: read alone, so that a missing one is refused
     automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
     set_note: str = ""  # what the operator must know once a setting was written
@@ -169,6 +171,8 @@ class Protected(Model):
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
     actions: dict[str, str] = {}  # no settings, but what the starter then does: refused
     password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
+    site: dict[str, str] = {}  # by how their codes begin: no site may describe them as rows to be set
+    stand_ins: tuple[tuple[int, int], ...] = ()  # first and last registers that are any others: no site may
     timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
@@ -279,7 +283,8 @@ class Profile(Model):
     @cached_property
     def points_of(self) -> dict[tuple[str, int | None], str]:
         """The name of the point that is this row, or this bit of it; tests of a row's value are left out."""
-        named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)
+        points = self.family_points.items()
+        named = ((name, point) for name, point in points if point.code and not point.true_when)
         return {(point.code, point.bit): name for name, point in named}
 
     @cached_property
@@ -288,9 +293,14 @@ class Profile(Model):
         return self.points_of.get((self.history.thermal, None), "")
 
     @cached_property
+    def family_points(self) -> dict[str, Point]:
+        """The points of the family, without those that a site asks for: from these alone follows anything."""
+        return {name: point for name, point in self.points.items() if point.every_s is None}
+
+    @cached_property
     def alarm_points(self) -> tuple[str, ...]:
         """The names of the points that read the number of a fault or an alarm."""
-        return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
+        return tuple(name for name, point in self.family_points.items() if point.code in self.alarm_rows)
 
 
 _T = TypeVar("_T")
@@ -298,7 +308,7 @@ _T = TypeVar("_T")
 
 def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
     """Return `make` with its results remembered, for all starters of a family; they must never be changed."""
-    return lru_cache(maxsize=64)(make)  # a site has a few profiles, tests have many
+    return lru_cache(maxsize=512)(make)  # a site has a few profiles: most starters ask for the same points
 
 
 class Variant(Model):

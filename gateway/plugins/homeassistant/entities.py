@@ -80,7 +80,8 @@ def _quantity(name: str, kind: str = "", unit: str = "", digits: int | None = No
 
 def _flag(name: str, kind: str = "", **more: Any) -> Component:
     """Return what a boolean of the state topic becomes; Home Assistant renders it with a capital."""
-    return _row(name, "", "binary_sensor", device_class=kind, payload_on="True", payload_off="False", **more)
+    payloads = {"payload_on": "True", "payload_off": "False"}
+    return {**_row(name, "", "binary_sensor", device_class=kind, **payloads), **more}
 
 
 STATE = _row(None, GOOD_STATE, device_class="enum", options=STATES, json_attributes_template=STATE_ATTRIBUTES)
@@ -122,6 +123,19 @@ BUTTONS: Mapping[str, Component] = {
 }
 
 
+CLASSES = {  # of a unit, for points that only a configuration asks for
+    "A": "current",
+    "V": "voltage",
+    "kW": "power",
+    "Hz": "frequency",
+    "°C": "temperature",
+    "s": "duration",
+    "h": "duration",
+    "kWh": "energy",
+}
+LABEL = "{{ value_json.label or value_json.value if value_json.quality == 'good' else None }}"
+
+
 def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]:
     """Return a starter's components by key: those that its points can fill."""
     starter = info.starter
@@ -142,6 +156,9 @@ def starter_entities(facts: SiteFacts, info: InfoRecord) -> dict[str, Component]
             topic = topics.of(ValueRecord, starter=starter, point=point)
             key = "thermal_load" if row is THERMAL else point
             found[key] = _entity(topic, _in_unit(row, str(points[point].get("unit", ""))))
+    for point, said in points.items():
+        if "every_s" in said:  # only the configuration asks for it
+            found[point] = _entity(topics.of(ValueRecord, starter=starter, point=point), _extra(said))
     if FAULT_CODE in found:
         found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
     found["trouble"] = _entity(topics.of(EventRecord, starter=starter), TROUBLES)
@@ -173,6 +190,19 @@ def _entity(topic: str, row: Component) -> Component:
     """Return a row of the tables as it is announced; without a name it has its device's."""
     said = {key: value for key, value in row.items() if value not in (None, "")}
     return {"name": None, "state_topic": topic, "qos": 1, **said}
+
+
+def _extra(said: Mapping[str, Any]) -> Component:
+    """Return what a point becomes that only the configuration asks for: off at first."""
+    name, unit, kind = str(said["name"]), str(said["unit"]), said["type"]
+    if kind == "boolean":
+        return _flag(name, value_template=GOOD_VALUE, **_OFF)
+    if kind in ("enum", "string"):
+        return _row(name, LABEL, **_OFF)
+    of_unit = CLASSES.get(unit, "")
+    return _quantity(
+        name, of_unit, unit, state_class="total" if of_unit == "energy" else "measurement", **_OFF
+    )
 
 
 def _in_unit(row: Component, unit: str) -> Component:

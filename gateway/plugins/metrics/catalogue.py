@@ -113,7 +113,7 @@ METRICS: Mapping[str, Mapping[str, MetricSpec]] = {
         "point_value": MetricSpec(
             "gauge",
             (*STARTER, "point", "unit"),
-            "Any other point that is a number or a boolean, in the point's own unit; with all_points only.",
+            "Any other point that is a number or a boolean, in its own unit; by all_points or asked for.",
         ),
         "starts_total": MetricSpec("counter", STARTER, "Starts of the motor, however given."),
         "trips_total": MetricSpec(

@@ -132,8 +132,7 @@ class ScrapeCollector(Collector):
         )
         for name, value_of in STARTER_VALUES.items():
             yield _family(name, ((labels, value_of(each)) for labels, each in starters))
-        if scrape.has_all_points:
-            yield _family("point_value", self._all_points())
+        yield _family("point_value", self._points())
 
     def _requests(self) -> Iterator[Metric]:
         """Yield what the lines say of their units."""
@@ -152,14 +151,15 @@ class ScrapeCollector(Collector):
             ),
         )
 
-    def _all_points(self) -> Iterator[tuple[Labels, float | None]]:
-        """Yield the points of the starters, and those that the gateway adds."""
+    def _points(self) -> Iterator[tuple[Labels, float | None]]:
+        """Yield the points that the configuration asks for: by name, or all, with those of the gateway."""
         for labels, starter in self._starters:
-            readings = starter.snapshot.readings
+            readings, points = starter.snapshot.readings, starter.profile.points
             for point, reading in readings.items():
-                if point not in MOTOR_POINTS:
+                is_asked = self._scrape.has_all_points or points[point].every_s is not None
+                if is_asked and point not in MOTOR_POINTS:
                     yield {**labels, "point": point, "unit": reading.unit}, _good(reading)
-            for point in sorted(OWN_POINT_NAMES.difference(readings)):
+            for point in sorted(OWN_POINT_NAMES.difference(readings) if self._scrape.has_all_points else ()):
                 topic = ValueRecord.topic_of(starter=starter.setup.name, point=point)
                 record = self._scrape.gateway.latest.find(topic)
                 if isinstance(record, ValueRecord):

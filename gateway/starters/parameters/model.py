@@ -93,9 +93,13 @@ def differences(
     found = []
     for code in dict.fromkeys((*before.parameters, *after.parameters)):
         row = profile.parameters.get(code)
-        if not with_readings and (row is None or not reading.is_setting(profile, row)):
-            continue
         one, other = before.parameters.get(code), after.parameters.get(code)
+        if row is None:  # of a site, whose configuration is not at hand, or a word without a name
+            is_setting = any(parameters.is_named(each.name) for each in (one, other) if each)
+        else:
+            is_setting = reading.is_setting(profile, row)
+        if not with_readings and not is_setting:
+            continue
         if not _is_same(one, other):
             name = next((each.name for each in (one, other) if each is not None), "")
             found.append(Difference(code, name, one, other))

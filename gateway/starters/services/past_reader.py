@@ -113,7 +113,7 @@ class PastReader:
 def own_codes(profile: Profile) -> tuple[str, ...]:
     """Return the rows of a family that count or show its heat, and that no point is read from."""
     rows = profile.history
-    polled = {point.code for point in profile.points.values()}
+    polled = {point.code for point in profile.family_points.values()}
     return tuple(code for code in (rows.thermal, rows.hours, rows.energy) if code and code not in polled)
 
 

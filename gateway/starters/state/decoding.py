@@ -115,8 +115,8 @@ def deadbands_of(profile: Profile) -> Mapping[str, float]:
 
 @once_per_profile
 def flags_of(profile: Profile) -> tuple[str, ...]:
-    """Return the points that are booleans."""
-    return tuple(name for name in profile.points if is_flag(profile, name))
+    """Return the booleans of the state: those of the family, not what a site asks for besides."""
+    return tuple(name for name in profile.family_points if is_flag(profile, name))
 
 
 def type_of(profile: Profile, name: str) -> str:

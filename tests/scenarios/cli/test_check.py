@@ -52,6 +52,28 @@ RIGHT = [
         },
     ),
     line_row(
+        "points that are asked for have their price",
+        "check CONFIG",
+        given=line()
+        + starter("fan", 2, "ssw06", points=["P314", "P220", "P003"])
+        + starter("mill", 3, "ssw900", points=["S1.1.?"]),
+        out=(
+            re.compile(r"  points asked for: fan 2, mill 4; 4 reads more, 2\.\d% of its time\n"),
+            "  fan has as points already: P003\n",
+            "  mill has as points already: S1.1.4, S1.1.5\n",
+        ),
+    ),
+    line_row(
+        "as JSON their price is there too",
+        "check CONFIG --json",
+        given=line() + starter("fan", 2, "ssw06", points=["P314"]),
+        json={
+            "lines/0/extra_points/count": 1,
+            "lines/0/extra_points/reads": 1,
+            "lines/0/extra_points/load": ...,
+        },
+    ),
+    line_row(
         "periods that the line cannot keep are stretched with a warning",
         "check CONFIG",
         given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07", every_s=0.1) for n in range(1, 9)),
@@ -179,7 +201,7 @@ MISTAKES = [  # the others: tests/config
         ),
     ),
     ("no line", ALICE, "line: is missing (at least one [[line]] is needed)"),
-    ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: a header [...] is not closed"),
+    ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: Expected ']'"),
     (
         "a watchdog that the line cannot keep",
         line(baud=9600) + MANY,

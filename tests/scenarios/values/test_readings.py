@@ -9,20 +9,7 @@ import pytest
 from tests.rig import ScenarioRow, msg, play, row
 from tests.rig.rows import Expectation
 from tests.rig.sites import SST, SSW06, SSW07, SSW900
-
-BAD = {"value": None, "quality": "bad"}
-
-
-def value(topic: str, value: Any, unit: str = "", **fields: Any) -> Expectation:
-    """A value that was read, with its unit."""
-    starter, point = topic.split("/")
-    fields = {"value": value, "unit": unit, "quality": "good", **fields}
-    return msg(f"starter/{starter}/value/{point}", retain=True, qos=1, time=..., seq=..., boot=..., **fields)
-
-
-def bad(topic: str) -> Expectation:
-    starter, point = topic.split("/")
-    return msg(f"starter/{starter}/value/{point}", retain=True, **BAD)
+from tests.scenarios.values.words import bad, value
 
 
 def read(name: str, given: str, words: str, at_s: float, *then: Expectation, **sim: Any) -> ScenarioRow:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Any
 
-from tests.rig import RigPlant
+from tests.rig import RigPlant, msg
 from tests.rig.rows import Action, Expectation
 
 
@@ -69,3 +70,15 @@ def is_deaf_after_fc43(name: str, seconds: float) -> Action:
 def nothing_written(name: str) -> Expectation:
     """Nothing was written to the device that is there now."""
     return lambda plant: str(plant.starter(name).writes or "")
+
+
+def value(topic: str, value: Any, unit: str = "", **fields: Any) -> Expectation:
+    """A value that was read, with its unit."""
+    starter, point = topic.split("/")
+    fields = {"value": value, "unit": unit, "quality": "good", **fields}
+    return msg(f"starter/{starter}/value/{point}", retain=True, qos=1, time=..., seq=..., boot=..., **fields)
+
+
+def bad(topic: str) -> Expectation:
+    starter, point = topic.split("/")
+    return msg(f"starter/{starter}/value/{point}", retain=True, value=None, quality="bad")

@@ -1,0 +1,469 @@
+"""Rows that a site asks for as points: docs/points.md, at every door."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from typing import Any
+
+import pytest
+
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
+    event,
+    frames,
+    msg,
+    never,
+    play,
+    reload,
+    result,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.rows import Expectation
+from tests.rig.sites import (
+    ALICE,
+    FOUR,
+    HOME_ASSISTANT,
+    METRICS,
+    QUICK,
+    SPARKPLUG,
+    SSW06,
+    SSW07,
+    SSW900,
+    WEB,
+    line,
+    starter,
+    table,
+)
+from tests.scenarios.cli.lines import beside, cli
+from tests.scenarios.commands import do
+from tests.scenarios.plugins.doors import answer, born, device, entity, sample, shown
+from tests.scenarios.values.words import answers, bad, value
+
+FAN = line() + starter("fan", 2, "ssw06", points=["P314", "P220"])
+MILL = line() + starter("mill", 3, "ssw900", points=["D4.1.1", "D6.2", "s1.1.1", "S4.3.*"])
+ROW = {"family": "ssw07", "parameter": "P102", "name": "voltage_ramp_time", "title": "Voltage ramp time"}
+PUMP_ROW = SSW07 + 'points = ["P102"]\n' + table("[row]", **ROW, unit="s", min=1, max=90)
+
+
+def point(topic: str, **fields: Any) -> Expectation:
+    """A starter's `info` describes a point so."""
+    name, _, of = topic.partition("/")
+    return msg(f"starter/{name}/info", points={of: fields})
+
+
+def reads(
+    name: str, table: int, first: int, last: int, *, every_s: float, since_s: float = 5.0
+) -> Expectation:
+    """Registers are read so often, in the median; by whichever request."""
+
+    def check(plant: RigPlant) -> str:
+        times = [
+            at_s
+            for at_s, pdu in plant.starter(name).asked
+            if at_s >= since_s
+            and pdu[0] == table
+            and int.from_bytes(pdu[1:3]) <= first
+            and int.from_bytes(pdu[1:3]) + int.from_bytes(pdu[3:5]) > last
+        ]
+        gaps = sorted(later - at_s for at_s, later in itertools.pairwise(times))
+        middle = gaps[len(gaps) // 2] if gaps else 0.0
+        return (
+            "" if abs(middle - every_s) <= 0.2 * every_s else f"{first}-{last} every {middle:.2f} s: {gaps}"
+        )
+
+    return check
+
+
+VALUES = [
+    row(
+        "a row that is asked for is a point under its code, with name, unit, type and period",
+        given=FAN,
+        at={0: ["fan P314 = 12", "fan P220 = 5"]},
+        then={
+            15: [
+                point(
+                    "fan/p314", code="P314", unit="s", type="float", every_s=10.0, name=re.compile("timeout")
+                ),
+                point("fan/p220", code="P220", unit="", type="enum", every_s=10.0, enum={"0": ...}),
+                point("fan/current", code="P003"),
+                value("fan/p314", 12.0, "s"),
+                value("fan/p220", 5, label=...),
+            ]
+        },
+    ),
+    row(
+        "patterns ask for many rows, in capitals or not, and an enumeration has its names",
+        given=SSW900 + 'points = ["s4.2.*", "S3.5.?", "D1.1.1"]\n',
+        at={0: ["mill S3.5.2 = 3"]},
+        then={
+            15: [
+                point("mill/s3_5_2", type="enum", enum={"3": "PT100"}),
+                value("mill/s3_5_2", 3, label="PT100"),
+                # what is a point already is that alone
+                never("starter/mill/value/d1_1_1"),
+                point("mill/s4_2_1", code="S4.2.1"),
+            ]
+        },
+    ),
+    row(
+        "a line's points are those of each of its starters that has them, a table's those of its family",
+        given=line(points=["P220"])
+        + starter("pump", 1, "ssw07")
+        + starter("fan", 2, "ssw06")
+        + starter("belt", 4, "sst")
+        + table("[points]", family="sst", codes=["R14", "COIL22"], every_s=2.0)
+        + table("[points]", family="ssw06", codes=["P314"], starters=["pump"]),
+        then={
+            15: [
+                seen("starter/fan/value/p220", quality="good"),
+                seen("starter/pump/value/p220", quality="good"),
+                seen("starter/belt/value/coil22", value=False, quality="good"),
+                point("belt/coil22", type="boolean", every_s=2.0),
+                never("starter/belt/value/p220"),
+                never("starter/fan/value/p314"),
+            ]
+        },
+    ),
+    row(
+        "the shortest period of a row counts; a starter that is ramping reads no extra point faster",
+        given=line()
+        + starter("fan", 2, "ssw06", points=["P314", "P295"])
+        + table("[points]", family="ssw06", codes=["P314"], every_s=2.0),
+        at={8: "fan keypad start"},
+        then={
+            40: [
+                point("fan/p314", every_s=2.0),
+                reads("fan", 3, 314, 314, every_s=2.0),
+                reads("fan", 3, 295, 295, every_s=10.0),
+            ]
+        },
+    ),
+    row(
+        "a reload that reads the starter less often leaves its points as they are",
+        given=line() + starter("mill", 3, "ssw900", points=["S1.6.1"]),
+        at={20: reload(line() + starter("mill", 3, "ssw900", every_s=40.0, points=["S1.6.1"]))},
+        then={
+            120: [
+                event("reloaded", data={"starters_paced": ["mill"]}),
+                reads("mill", 3, 16, 16, every_s=10.0, since_s=40.0),
+            ]
+        },
+    ),
+    row(
+        "a row that this starter refuses is bad, and takes no other with it",
+        given=PUMP_ROW.replace('["P102"]', '["P102", "P220", "P277"]'),
+        then={
+            40: [
+                bad("pump/voltage_ramp_time"),
+                value("pump/p220", ..., label=...),
+                value("pump/p277", ...),
+                value("pump/current", ..., "A"),
+                msg("starter/pump/state", state="ready", quality="good"),
+            ]
+        },
+    ),
+    row(
+        "what only an accessory has is read alone, so that a missing one is no 0",
+        given=MILL,
+        then={
+            25: [
+                reads("mill", 3, 63, 63, every_s=10.0, since_s=1.0),
+                lambda plant: next(
+                    (
+                        f"longer: {pdu.hex(' ')}"
+                        for _, pdu in plant.starter("mill").asked
+                        if pdu[0] == 3 and int.from_bytes(pdu[1:3]) == 63 and int.from_bytes(pdu[3:5]) > 2
+                    ),
+                    "",
+                ),
+                value("mill/d4_1_1", ..., "A"),
+                value("mill/d6_2", ..., "s", label=re.compile(r"\d\d:\d\d:\d\d")),
+            ]
+        },
+    ),
+    row(
+        "the faults before the last one are values, and no alarms",
+        given=SSW07 + 'points = ["P015", "P016"]\n',
+        at={0: ["pump P015 = 66", "pump P016 = 5"], 15: "pump trip E05"},
+        then={
+            14: [value("pump/p015", 66, label=re.compile("E66")), never("starter/pump/alarm/+")],
+            20: [
+                msg("starter/pump/alarm/e05", active=True),
+                never("starter/pump/alarm/e66"),
+                seen("starter/pump/event", code="fault", times=1),
+                msg("starter/pump/state", state="fault", fault_code=5),
+            ],
+        },
+    ),
+    row(
+        "what the starter counts itself goes on to count where it is asked for as well",
+        given=line() + starter("mill", 3, "ssw900", points=["D6.2", "D4.6.1"]),
+        at={0: ["mill D6.2 = 7200", "mill D4.6.1 = 55"]},
+        then={
+            15: [
+                value("mill/d6_2", 7200.0, "s", label="02:00:00"),
+                msg("starter/mill/value/hours_total", value=2.0),
+                msg("starter/mill/value/energy_kwh", value=5.5),
+            ]
+        },
+    ),
+    row(
+        "a silent starter's points are stale like all others",
+        given=FAN,
+        at={16: lambda plant: plant.line_of("fan").silent("fan")},
+        then={40: msg("starter/fan/value/p220", quality="stale")},
+    ),
+    row(
+        "a reload adds points and takes them away, and nothing of them stays at the broker",
+        given=FAN,
+        at={15: reload(SSW06 + 'points = ["P295"]\n')},
+        then={
+            14: retained("starter/fan/value/p220", quality="good"),
+            35: [
+                event("reloaded", data={"starters_changed": ["fan"]}),
+                retained("starter/fan/value/p220"),
+                retained("starter/fan/value/p295", quality="good"),
+                msg("starter/fan/info", points={"p295": ...}),
+            ],
+        },
+    ),
+    row(
+        "a site's own row is a point under the name that the site gives it",
+        given=PUMP_ROW,
+        sim={"pump": {"settings": {102: 12}}},
+        then={
+            15: [
+                point(
+                    "pump/voltage_ramp_time", code="P102", name="Voltage ramp time", unit="s", type="float"
+                ),
+                value("pump/voltage_ramp_time", 12.0, "s"),
+            ]
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", VALUES)
+def test_a_row_becomes_a_point(row: ScenarioRow) -> None:
+    play(row)
+
+
+WRITABLE = PUMP_ROW + "writable = true\n" + ALICE
+HELD = {"pump": {**QUICK, "settings": {102: 12}}}
+
+
+def takes_writes(plant: RigPlant) -> None:
+    """The pump takes writes of P102, as its programming manual says."""
+
+    def written(pdu: bytes) -> bytes:
+        if pdu[:3] != bytes.fromhex("06 00 66"):
+            return b""
+        plant.starter("pump").unit.settings[102] = int.from_bytes(pdu[3:5], "big")
+        return pdu
+
+    answers("pump", written)(plant)  # type: ignore[operator]
+
+
+def own(
+    name: str, words: str, *then: Expectation, first: Any = (), given: str = WRITABLE, **args: Any
+) -> ScenarioRow:
+    """A command that names a row of the site's own."""
+    at: dict[float, Any] = {0.0: takes_writes, 1.0: first, 5.0: do(words, **args)}
+    return row(name, given=given, sim=HELD, at=at, then={12.0: then})
+
+
+ROWS = [
+    row(
+        "where the manual only says that a row's scale depends on the model, it still does",
+        given=line()
+        + starter("fan", 2, "ssw06", model="SSW-06 820A", points=["P048"])
+        + table("[row]", family="ssw06", parameter="P048", name="peak", title="Peak", unit="A", scale=0.1),
+        sim={"fan": {"model": "SSW-06 820A"}},
+        at={0: "fan P048 = 123"},
+        then={15: value("fan/peak", 123.0, "A")},
+    ),
+    own(
+        "a site's own row is read by its code",
+        "pump read",
+        msg("result/pump/alice", phase="confirmed", value=12.0, unit="s"),
+        parameter="p102",
+    ),
+    own(
+        "it is set, once, and read back; the point follows",
+        "pump set",
+        result("set confirmed ok"),
+        frames("pump", "06 00 66 00 1e"),
+        value("pump/voltage_ramp_time", 30.0, "s"),
+        parameter="P102",
+        value=30,
+    ),
+    own(
+        "not beyond its limits",
+        "pump set",
+        result("set rejected out_of_range"),
+        frames("pump"),
+        parameter="P102",
+        value=91,
+    ),
+    own(
+        "not unless it says so",
+        "pump set",
+        result("set rejected not_writable"),
+        frames("pump"),
+        given=PUMP_ROW + ALICE,
+        parameter="P102",
+        value=30,
+    ),
+    own(
+        "at standstill only",
+        "pump set",
+        result("set rejected motor_running"),
+        frames("pump", since=5.0),
+        first=do("pump start"),
+        parameter="P102",
+        value=30,
+    ),
+    own(
+        "while the motor runs where the row says so",
+        "pump set",
+        result("set confirmed ok"),
+        frames("pump", "06 00 66 00 1e", since=5.0),
+        first=do("pump start"),
+        given=PUMP_ROW + 'writable = true\nwhile = "always"\n' + ALICE,
+        parameter="P102",
+        value=30,
+    ),
+    row(
+        "its change at the keypad is an event",
+        given=WRITABLE,
+        sim=HELD,
+        at={900.0: lambda plant: plant.starter("pump").unit.settings.update({102: 40})},
+        then={3000.0: event("parameter_changed", topic="starter/pump/event", data={"parameter": "P102"})},
+    ),
+    beside(
+        "it is saved, compared and restored",
+        WRITABLE,
+        takes_writes,  # type: ignore[arg-type]
+        cli("parameters save CONFIG pump DIR/set.toml", out="68 parameters of pump\n"),
+        lambda plant: plant.starter("pump").unit.settings.update({102: 40}),  # type: ignore[arg-type,return-value]
+        cli(
+            "parameters diff DIR/set.toml CONFIG:pump",
+            code=1,
+            out="P102 Voltage ramp time: 12.0 s -> 40.0 s\n",
+        ),
+        cli("parameters save CONFIG pump DIR/other.toml"),
+        cli(
+            "parameters diff DIR/set.toml DIR/other.toml",
+            code=1,
+            out="P102 Voltage ramp time: 12.0 s -> 40.0",
+        ),
+        cli("parameters restore CONFIG pump DIR/set.toml", out="P102"),
+        frames("pump", "06 00 66 00 0c"),
+        sim=HELD,
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_row_of_the_site_is_a_row_like_any_other(row: ScenarioRow) -> None:
+    play(row)
+
+
+EVERYWHERE = (
+    FOUR
+    + WEB
+    + METRICS
+    + SPARKPLUG
+    + HOME_ASSISTANT
+    + table("[points]", family="ssw06", codes=["P314", "P220"], every_s=2.0)
+    + table("[points]", family="ssw07", codes=["P003", "P101", "P313", "P314", "P220"])
+    + table("[points]", family="ssw900", codes=["S1.1.*", "D4.*", "D6.*", "S5.4.*", "S3.5.*", "S4.3.1"])
+    + table("[points]", family="sst", codes=["COIL2?", "R30", "R31", "R32", "R37", "R1"])
+)
+
+
+def born_with(name: str, **metrics: Any) -> Expectation:
+    """The newest birth of a device names these metrics."""
+
+    def check(plant: RigPlant) -> str:
+        birth = plant.messages(born("DBIRTH", name))[-1].json["metrics"]
+        missing = metrics.keys() - birth.keys()
+        return f"{sorted(missing)} are not in {sorted(birth)}" if missing else ""
+
+    return check
+
+
+def announced(name: str, key: str, **fields: Any) -> Expectation:
+    """An entity is announced that is off at first."""
+
+    def check(plant: RigPlant) -> str:
+        found = entity(plant, key, name)
+        wanted = {"enabled_by_default": False, **fields}
+        return "" if wanted.items() <= found.items() else f"{device(name)}: {found}"
+
+    return check
+
+
+def forty_good(plant: RigPlant) -> str:
+    """Forty points or more that are asked for, and the values of all of them are good."""
+    asked = [
+        f"starter/{name}/value/{point}"
+        for name in ("pump", "fan", "mill", "belt")
+        for point, said in plant.last(f"starter/{name}/info")["points"].items()
+        if "every_s" in said
+    ]
+    not_good = [each for each in asked if plant.last(each)["quality"] != "good"]
+    return "" if len(asked) >= 40 and not not_good else f"{len(asked)}, not good: {not_good}"
+
+
+def within_its_load(plant: RigPlant) -> str:
+    """The line is used for what was computed, or for less since motors at rest are read more slowly."""
+    said = plant.last("gateway/line/pumps")
+    return "" if said["utilisation"] <= said["computed"]["load"] < 1 else str(said)
+
+
+DOORS = [
+    row(
+        "every consumer takes the points of all families",
+        given=EVERYWHERE,
+        at={0: ["fan P314 = 155", "mill S3.5.1 = 3"]},
+        then={
+            20: [
+                value("fan/p314", 155.0, "s"),
+                forty_good,
+                # the page
+                answer("/api/v1/starter/fan", topics={"starter/fan/value/p314": {"value": 155.0}}),
+                answer("/api/v1/starter/belt", topics={"starter/belt/value/coil22": ...}),
+                # Prometheus: one by one, without `all_points`
+                sample("point_value", 155.0, line="pumps", starter="fan", point="p314", unit="s"),
+                sample("point_value", line="pumps", starter="mill", point="d4_1_1", unit="A"),
+                sample("point_value", None, line="pumps", starter="mill", point="s4_2_1", unit="%"),
+                # Sparkplug
+                born_with("fan", p314=..., p220=...),
+                born_with("mill", s1_1_1=..., d6_2=..., s5_4_2=..., s3_5_1=...),
+                born_with("belt", coil22=..., r30=..., r1=...),
+                # Home Assistant
+                announced("fan", "p314", device_class="duration", unit_of_measurement="s"),
+                announced(
+                    "mill", "s1_1_1", device_class="current", unit_of_measurement="A", platform="sensor"
+                ),
+                announced("mill", "d6_2", device_class="duration", unit_of_measurement="s"),
+                announced("belt", "coil22", platform="binary_sensor"),
+                announced("belt", "r1", platform="sensor"),
+                shown("p314", "155.0", "fan"),
+                shown("coil22", "False", "belt"),
+                shown("s3_5_1", "PT100", "mill"),
+            ],
+            90: within_its_load,
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize("row", DOORS)
+def test_a_point_is_seen_everywhere(row: ScenarioRow) -> None:
+    play(row)
