@@ -1,4 +1,4 @@
-"""One line as the gateway's health sees it: is it full, are its watchdogs kept, how is its cable.
+"""One line as the gateway's health sees it: whether it is full, serves its watchdogs, and what its cable is like.
 
 `Saturation` finds a line without time to spare, `WatchdogAlarm` watchdogs that it does not serve in time.
 """
