@@ -1,14 +1,14 @@
 """The gateway's life: it runs its parts, ends in order, applies another site.
 
 Where to start reading: `build.build` makes every part, `App.run` is the order of a start and of an orderly
-end, `App.change` that of a reload.
+end, `App.change` that of a reload, which `Reload` reads.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,23 +17,26 @@ from gateway.app.capture_socket import CaptureSocket
 from gateway.app.health import Health
 from gateway.app.plant import Plant
 from gateway.app.plugins import PluginRunner
-from gateway.app.reload import newly_missed
 from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
+from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, setups_of, wiring_of
 from gateway.config.diff import ConfigChanges, changes_of, fixed
-from gateway.contract import EventCode, RecordWriter
-from gateway.errors import ConfigError
+from gateway.config.schema import Config
+from gateway.contract import EventCode, RecordWriter, event_of
+from gateway.errors import ConfigError, Problem
 from gateway.line import LineHost
 from gateway.plugins.history.plugin import History
-from gateway.starters import Commands, Dispatcher, Policy, StarterServices
+from gateway.starters import Commands, Dispatcher, KnownWatchdogs, Policy, StarterServices
 from gateway.store import StateStore
 from gateway.system.clock import ClockWatch
+from gateway.system.gc_tuning import spare_what_lives
 from gateway.system.supervised import keep_running
+from gateway.system.systemd import Notifier
 
 log = logging.getLogger(__name__)
 
+MOST_REMAINS = 16  # starters that were replaced; clearing their memory stops every loop for a moment
 SETTLE_S = 15.0  # for commands to starters that a change takes away; a stop lasts 10 s at most
 
 
@@ -172,3 +175,81 @@ def watch_lines(health: Health, plant: Plant, site: Site) -> None:
         computed=site.computed,
         wiring=wiring_of(site.config),
     )
+
+
+async def newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:
+    """Return the watchdogs, as last read from the starters, that only the new configuration would miss."""
+
+    async def missed(config: Config) -> dict[str, str]:
+        lines = [await watchdogs.missed_on(setups_of(line)) for line in config.lines]
+        return {name: text for found in lines for name, text in found.items()}
+
+    before = await missed(old)
+    hint = "leave the line as it was, or make the watchdog longer at the starter"
+    return [
+        Problem("line.starter", f"{name}: {text} (as read from the starter)", hint)
+        for name, text in (await missed(new)).items()
+        if name not in before
+    ]
+
+
+class Reload:
+    """Applies a configuration that is read again; one that cannot be used changes nothing. On the app's loop.
+
+    It is read and validated in a thread; asked again meanwhile, it does so once more.
+    """
+
+    def __init__(self, read: Callable[[], Site], running: App, notifier: Notifier) -> None:
+        self._read = read
+        self._running = running
+        self._notifier = notifier
+        self._task: asyncio.Task[None] | None = None
+        self._is_asked_again = False
+        self._remains = 0
+
+    def begin(self) -> None:
+        """Read the configuration and apply it, as soon as a reload under way is done."""
+        self._is_asked_again = True
+        if self._task is None:
+            self._task = asyncio.get_running_loop().create_task(self._run(), name="reload")
+
+    def cancel(self) -> None:
+        """Do nothing more: the gateway ends."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _run(self) -> None:
+        try:
+            while self._is_asked_again:
+                self._is_asked_again = False
+                self._notifier.reloading()
+                self._notifier.ready(await self._reloaded())  # also when refused: the old one is in force
+        finally:
+            self._task = None
+
+    async def _reloaded(self) -> str:
+        try:
+            site = await asyncio.to_thread(self._read)
+            self._remains += await self._running.change(site)
+        except ConfigError as error:
+            return self._refused([str(problem) for problem in error.problems])
+        except Exception:  # the guard at the task's top
+            log.exception("the reload ended by a bug")
+            failed = event_of(EventCode.RELOAD_FAILED)
+            self._running.publish_event(failed)
+            return failed.text
+        is_much = self._remains >= MOST_REMAINS
+        spare_what_lives(with_look=is_much)
+        self._remains = 0 if is_much else self._remains
+        return "polling; the new configuration is in force"
+
+    def _refused(self, mistakes: list[str]) -> str:
+        for mistake in mistakes:
+            log.error("reload refused: %s", mistake)
+        first, more = mistakes[0], len(mistakes) - 1
+        if more:
+            refused = event_of(EventCode.RELOAD_REFUSED, "several", mistakes=mistakes, first=first, more=more)
+        else:
+            refused = event_of(EventCode.RELOAD_REFUSED, "one", mistakes=mistakes, first=first)
+        self._running.publish_event(refused)
+        return refused.text

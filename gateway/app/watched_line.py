@@ -1,4 +1,4 @@
-"""One line as the gateway's health sees it: whether it is full, serves its watchdogs, and what its cable is like.
+"""One line as the gateway's health sees it: whether it is full, keeps its watchdogs, and has a good cable.
 
 `Saturation` finds a line without time to spare, `WatchdogAlarm` watchdogs that it does not serve in time.
 """

@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 from gateway.app.build import build
+from gateway.app.gateway import Reload
 from gateway.app.io import MACHINE, Io
-from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.upgrade import upgrade_site

@@ -12,8 +12,7 @@ from pydantic import ValidationError
 from gateway.config.cross_checks import broken_rules
 from gateway.config.mistakes import Mistake, explain, spell, tables_in
 from gateway.config.schema import Config
-from gateway.config.toml_errors import syntax_problem
-from gateway.config.toml_lines import line_of, locate
+from gateway.config.toml_lines import line_of, locate, syntax_problem
 from gateway.config.values import ConfigTable
 from gateway.errors import ConfigError, Problem
 

@@ -16,11 +16,11 @@ from pydantic import Field, PrivateAttr, model_validator
 from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
 from gateway.config.site_tables import (
     DEFAULT_EVERY_S,
-    Additions,
     Family,
     Language,
     PointsTable,
     RowTable,
+    SiteAdditions,
     additions,
 )
 from gateway.config.values import (
@@ -284,7 +284,7 @@ class StarterTable(ConfigTable):
     simulated: SimulatedTable = Field(
         default_factory=lambda: NOT_SIMULATED, description="What `simulate` makes of it; `run` ignores it."
     )
-    _additions: Additions = PrivateAttr(default=Additions())  # of the whole configuration, to its family
+    _additions: SiteAdditions = PrivateAttr(default=SiteAdditions())  # of the configuration, to its family
 
     def profile(self, language: str = ENGLISH) -> Profile:
         """Return its family, with the points and rows that the site adds."""
@@ -301,7 +301,7 @@ class StarterTable(ConfigTable):
         copy.add(self._additions._replace(points=()))
         return copy
 
-    def add(self, added: Additions) -> None:
+    def add(self, added: SiteAdditions) -> None:
         """Add to its family what the whole configuration asks for; once, before anybody looks."""
         self._additions = added
 

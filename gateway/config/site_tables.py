@@ -106,7 +106,7 @@ class RowTable(ConfigTable):
         )
 
 
-class Additions(NamedTuple):
+class SiteAdditions(NamedTuple):
     """What is added to the profile of one starter."""
 
     rows: tuple[extension.SiteRow, ...] = ()
@@ -127,7 +127,7 @@ def rows_of(family: str, tables: Iterable[RowTable]) -> tuple[extension.SiteRow,
     return tuple(found)
 
 
-def additions(family: str, tables: Iterable[RowTable], asked: Iterable[Asked]) -> Additions:
+def additions(family: str, tables: Iterable[RowTable], asked: Iterable[Asked]) -> SiteAdditions:
     """Return what is added to a starter of a family; codes that its rows do not fit ask for nothing."""
     rows = rows_of(family, tables)
     wider = extension.extended(load_profile(family), rows, ())
@@ -136,4 +136,4 @@ def additions(family: str, tables: Iterable[RowTable], asked: Iterable[Asked]) -
         for code in extension.matching(wider, pattern):
             periods[code] = min(every_s, periods.get(code, every_s))
     points = (extension.SitePoint(code=code, every_s=periods[code]) for code in sorted(periods))
-    return Additions(rows, tuple(points))
+    return SiteAdditions(rows, tuple(points))

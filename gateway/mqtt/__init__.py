@@ -4,14 +4,13 @@ Nothing outside reaches past this door. `Session` keeps the connection, `Publish
 `IncomingCommands` takes; `CommandClient` is the other side, for the command line.
 """
 
-from gateway.mqtt.commands import Incoming
+from gateway.mqtt.commands import Incoming, IncomingCommands
 from gateway.mqtt.connection.broker import BrokerConnection, Hooks, Listener
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings, Version
-from gateway.mqtt.incoming import IncomingCommands
 from gateway.mqtt.leftovers import Leftovers
 from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.backlog import Bounds

@@ -1,8 +1,11 @@
-"""Reads a message on a command topic: form and retained flag, but neither its freshness nor its starter."""
+"""Commands as MQTT brings them: a message is read by its form and retained flag, then submitted or answered.
+
+Its freshness and its starter are judged elsewhere.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from gateway.contract import (
@@ -11,13 +14,20 @@ from gateway.contract import (
     CommandBody,
     CommandError,
     CommandRequest,
+    EventCode,
     Malformed,
     Note,
+    PublishEvent,
     ResultCode,
     read_body,
+    shortened,
 )
+from gateway.starters import Commands, Dispatcher
+from gateway.system.clock import Clock
+from gateway.system.rate_limits import Damped
 
 RETAINED_STOP = Note("retained_stop")
+MALFORMED_EVERY_S = 1.0  # events of one kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,3 +105,46 @@ def command_in(
     if mistake is None and incoming.expiry_s == 0:
         mistake = CommandError(ResultCode.EXPIRED, "message")
     return Received(request, mistake)
+
+
+class IncomingCommands:
+    """All calls on the app's loop."""
+
+    def __init__(
+        self,
+        commands: Commands,
+        *,
+        dispatcher: Dispatcher,
+        clock: Clock,
+        publish_event: PublishEvent,
+    ) -> None:
+        self._commands = commands
+        self._dispatcher = dispatcher
+        self._publish_event = publish_event
+        self._malformed = Damped(self._publish_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
+
+    def take(self, address: CommandAddress | Malformed, incoming: Incoming, received_s: float) -> None:
+        """Pass an operator's message on, or answer why not.
+
+        `address` is what its topic says, `received_s` its arrival on the steady clock.
+        """
+        self._commands.look()
+        received = command_in(address, incoming, received_s, verb_error=self._dispatcher.verb_error)
+        self._commands.submit(received.request, received.refusal)
+        if received.refusal is not None and received.problem:
+            malformed = {
+                "problem": received.problem,
+                "topic": shortened(incoming.topic, 120),
+                "why": received.refusal.text,
+            }
+            self._malformed.put(received.problem, malformed)
+
+    def _publish_malformed(self, malformed: Mapping[str, str], count: int) -> None:
+        self._publish_event(
+            EventCode.MALFORMED_TOPIC,
+            "several" if count else "one",
+            problem=malformed["problem"],
+            topic=malformed["topic"],
+            count=max(count, 1),
+            why=malformed["why"],
+        )

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.reload import MOST_REMAINS, Reload
+from gateway.app.gateway import MOST_REMAINS, Reload
 from gateway.app.site import Site
 from gateway.contract import Event, Severity, event_of
 from gateway.errors import ConfigError, Problem

@@ -14,9 +14,9 @@ from xml.etree import ElementTree
 import pytest
 
 from gateway.cli.report import document
-from gateway.cli.report.facts import Published
+from gateway.cli.report.facts import PublishedFacts
 from gateway.cli.report.html import to_html
-from gateway.cli.report.plots import Curve, Plot, ticks
+from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.text import WIDTH, to_text
 from gateway.families import LANGUAGES
 from gateway.store import HistoryRow
@@ -103,7 +103,7 @@ def test_text_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
     rows = [row for row in year.rows if row.kind != "trip"]
     rows.append(replace_data(trip, code=EVIL, text=EVIL, time=EVIL, state_before=EVIL))
     path = asyncio.run(write(tmp_path, rows))
-    published = Published({"cable": {"texts": [EVIL]}}, dict.fromkeys(("firmware", "serial"), EVIL), {})
+    published = PublishedFacts({"cable": {"texts": [EVIL]}}, dict.fromkeys(("firmware", "serial"), EVIL), {})
 
     page = to_html(report_of(path, published=published), language="en")
 
@@ -138,7 +138,9 @@ def replace_data(row: HistoryRow, **data: Any) -> HistoryRow:
 
 
 def test_a_point_stands_where_the_axes_say() -> None:
-    plot = Plot("A", [Curve([(0.0, 0.0), (5.0, 50.0), (10.0, 100.0)], "latest")], width=256.0, height=133.0)
+    plot = Plot(
+        "A", [PlotLine([(0.0, 0.0), (5.0, 50.0), (10.0, 100.0)], "latest")], width=256.0, height=133.0
+    )
     root = ElementTree.fromstring(plot.svg())
     (path,) = (each.get("d", "") for each in root.iter() if each.get("class") == "curve latest")
     numbers = list(map(float, path.removeprefix("M").removesuffix("h0").split()))

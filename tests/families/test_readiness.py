@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.families.devices.device import Identity
-from gateway.families.devices.findings import Finding, Topic, Weight
+from gateway.families.devices.findings import Remark, Topic, Weight
 from gateway.families.diagnosis.identification import slot_trouble
 from gateway.families.diagnosis.readiness_check import readiness, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -38,11 +38,11 @@ def known(family: str, changes: dict[str, int | None], slot: int | None) -> tupl
 
 def look(
     family: str, changes: dict[str, int | None] | None = None, *, slot: int | None = 1, **times: float | None
-) -> tuple[Finding, ...]:
+) -> tuple[Remark, ...]:
     return readiness(load_profile(family), *known(family, changes or {}, slot), **times)
 
 
-def problems(findings: tuple[Finding, ...]) -> list[str]:
+def problems(findings: tuple[Remark, ...]) -> list[str]:
     return [finding.text for finding in findings if finding.weight is not Weight.NOTE]
 
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import place_of
-from gateway.cli.report.document import Document, document_of
-from gateway.cli.report.facts import Published, facts_of
+from gateway.cli.report.document import ReportDocument, document_of
+from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.config.load import load
 from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
 from gateway.families.profile.load import load_profile
@@ -77,7 +77,7 @@ STATISTICS = {  # of its line, at the end
         "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},
     },
 }
-PUBLISHED = Published(STATISTICS, {"firmware": "1.60", "rated_current_a": 200}, {"hours_total": 6012.0})
+PUBLISHED = PublishedFacts(STATISTICS, {"firmware": "1.60", "rated_current_a": 200}, {"hours_total": 6012.0})
 
 
 class YearClock(Clock):
@@ -205,7 +205,7 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
     return path
 
 
-def report_of(path: Path, language: str = "en", published: Published = PUBLISHED) -> Document:
+def report_of(path: Path, language: str = "en", published: PublishedFacts = PUBLISHED) -> ReportDocument:
     """Return the report of a year that was written."""
     line, starter = place_of(load(path), STARTER)
     profile, state_dir = load_profile(starter.family, language), path.parent / "state"

@@ -23,8 +23,7 @@ from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.mqtt.commands import Incoming
-from gateway.mqtt.incoming import IncomingCommands
+from gateway.mqtt.commands import Incoming, IncomingCommands
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData

@@ -13,7 +13,7 @@ from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
 from gateway.cli.broker_kit.kit import GivenFiles, read_settings, write_kit
 from gateway.cli.broker_kit.lint import warnings
 from gateway.cli.broker_kit.logins import KitSettings, Login, logins_of
-from gateway.cli.broker_kit.proof import Proof
+from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import remote_clients
 from gateway.cli.command import flag
 from gateway.cli.doctor.machine import dated_finding
@@ -176,7 +176,7 @@ def _prove(config: Config, place: Path, folder: Path) -> int:
     settings = read_settings(folder)
     logins = logins_of(config, settings)
     passwords = {login.name: password_in(folder / FOLDER / login.name, key="password") for login in logins}
-    findings = asyncio.run(Proof(config, place, settings, logins, passwords).run())
+    findings = asyncio.run(BrokerProof(config, place, settings, logins, passwords).run())
     for finding in findings:
         print(finding)
     wrong = sum(finding.is_wrong for finding in findings)

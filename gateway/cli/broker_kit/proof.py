@@ -52,7 +52,7 @@ class Proved:
         return f"{'WRONG' if self.is_wrong else 'ok   '} {self.text}"
 
 
-class Proof:
+class BrokerProof:
     """The connections of all logins, and what each has received; `place` is the configuration's folder."""
 
     def __init__(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from gateway.cli.command import coded
 from gateway.cli.report.facts import MotorFacts
-from gateway.cli.report.plots import Curve, Plot
+from gateway.cli.report.plots import Plot, PlotLine
 from gateway.contract import rfc3339
 from gateway.families import ENGLISH
 from gateway.plugins.history.baseline import LAST, LIMIT_PCT
@@ -56,7 +56,7 @@ class Pairs(NamedTuple):
     rows: Sequence[tuple[str, str]]
 
 
-class Table(NamedTuple):
+class FactTable(NamedTuple):
     """A table of texts; the columns in `numbers` are of numbers."""
 
     rows: Sequence[Sequence[str]]
@@ -77,7 +77,7 @@ class Plots(NamedTuple):
     legend: Mapping[str, str]
 
 
-Block = Pairs | Table | Texts | Plots
+Block = Pairs | FactTable | Texts | Plots
 
 
 class Section(NamedTuple):
@@ -87,7 +87,7 @@ class Section(NamedTuple):
     blocks: Sequence[Block]
 
 
-class Document(NamedTuple):
+class ReportDocument(NamedTuple):
     """A report in one language."""
 
     title: str
@@ -99,7 +99,7 @@ class Document(NamedTuple):
     sections: Sequence[Section]  # those of which something is known
 
 
-def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str) -> Document:
+def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str) -> ReportDocument:
     """Return the report of a motor, made at this time (UTC)."""
     t = _translator(language)
     legend = {**{kind: t(kind) for kind in LEGEND}, "limit": f"{LIMIT_PCT:g} % {t('from the baseline')}"}
@@ -120,7 +120,7 @@ def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str
         f"{t('Line')} {facts.line.name}": [Pairs(list(_replies(facts, t)))],
         t("Notes"): [Texts(facts.notes)],
     }
-    return Document(
+    return ReportDocument(
         title=t("Health report"),
         starter=facts.starter.name,
         subtitle=f"{t('gateway')} {gateway}, {t('made')} {_minute(rfc3339(made_s))} UTC",
@@ -169,7 +169,7 @@ def _life(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
     yield t("trips"), trips or "0"
 
 
-def _comparison(facts: MotorFacts, t: Translate) -> Table:
+def _comparison(facts: MotorFacts, t: Translate) -> FactTable:
     """Return the baseline beside the last start, and beside the median of the last ones once that counts."""
     usual = {} if facts.baseline is None else facts.baseline.values
     rows = []
@@ -183,12 +183,12 @@ def _comparison(facts: MotorFacts, t: Translate) -> Table:
             change = f"{100 * (now / usual[name] - 1):+.0f} %"
         amounts = map(quantity.text, (usual.get(name), median, last))
         rows.append((f"{t(quantity.label)}, {quantity.unit}", *amounts, change))
-    return Table(
+    return FactTable(
         rows, ("", t("baseline"), f"{t('median of')} {LAST}", t("last start"), t("change")), range(1, 5)
     )
 
 
-def _starts(facts: MotorFacts, t: Translate) -> Table:
+def _starts(facts: MotorFacts, t: Translate) -> FactTable:
     shown = facts.starts[: -MOST - 1 : -1]
     known = [name for name in QUANTITIES if any(getattr(start, name) is not None for start in shown)]
     rows = []
@@ -200,10 +200,10 @@ def _starts(facts: MotorFacts, t: Translate) -> Table:
         outcome = t(_spaced(start.outcome.value))
         rows.append((_minute(rfc3339(start.time_s)), outcome, *amounts.values(), by))
     head = (t("time"), t("outcome"), *_heads(known, t), t("given by"))
-    return Table(rows, head, range(2, len(head) - 1))
+    return FactTable(rows, head, range(2, len(head) - 1))
 
 
-def _months(facts: MotorFacts, t: Translate) -> Table:
+def _months(facts: MotorFacts, t: Translate) -> FactTable:
     months = facts.months[-MOST_MONTHS:]
     known = [name for name in QUANTITIES if any(month.mean(name) is not None for month in months)]
     head = (t("month"), t("starts"), *_heads(known, t))
@@ -211,27 +211,27 @@ def _months(facts: MotorFacts, t: Translate) -> Table:
         (month.month, str(month.starts), *(QUANTITIES[name].text(month.mean(name)) for name in known))
         for month in months
     ]
-    return Table(rows, head, range(1, len(head)))
+    return FactTable(rows, head, range(1, len(head)))
 
 
 def _heads(names: Iterable[str], t: Translate) -> list[str]:
     return [f"{t(QUANTITIES[name].head)} {QUANTITIES[name].unit}" for name in names]
 
 
-def _trips(facts: MotorFacts, t: Translate) -> Table:
+def _trips(facts: MotorFacts, t: Translate) -> FactTable:
     rows = []
     for trip in facts.trips[: -MOST - 1 : -1]:
         code, text, before = (str(trip.get(key) or "") for key in ("code", "text", "state_before"))
         rows.append((_minute(trip.get("time")), coded(code, text), before or UNKNOWN))
-    return Table(rows, (t("time"), t("fault"), t("state before")))
+    return FactTable(rows, (t("time"), t("fault"), t("state before")))
 
 
-def _settings(facts: MotorFacts, t: Translate) -> Table:
+def _settings(facts: MotorFacts, t: Translate) -> FactTable:
     rows = [
         (_minute(s.time), f"{s.code} {s.name}", s.before or UNKNOWN, s.after, s.client or t("at the starter"))
         for s in facts.settings[: -MOST - 1 : -1]
     ]
-    return Table(rows, (t("time"), t("parameter"), t("before"), t("after"), t("by")))
+    return FactTable(rows, (t("time"), t("parameter"), t("before"), t("after"), t("by")))
 
 
 def _replies(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
@@ -254,10 +254,10 @@ def _start_curves(facts: MotorFacts, t: Translate) -> Plot:
     """Return the starts whose curves are stored, and the baseline's over them."""
     typical = None if facts.baseline is None else facts.baseline.typical  # has its own, dashed curve
     curves = [s.samples for s in facts.starts if s.samples and (s.id != typical or s is facts.starts[-1])]
-    drawn = [Curve(_current_of(curve), "earlier") for curve in curves[:-1]]
-    drawn += [Curve(_current_of(curve), "latest") for curve in curves[-1:]]
+    drawn = [PlotLine(_current_of(curve), "earlier") for curve in curves[:-1]]
+    drawn += [PlotLine(_current_of(curve), "latest") for curve in curves[-1:]]
     if facts.baseline_curve is not None:
-        drawn.append(Curve(_current_of(facts.baseline_curve), "baseline"))
+        drawn.append(PlotLine(_current_of(facts.baseline_curve), "baseline"))
     return Plot(f"{t('current')}, A; {t('time')}, s", [curve for curve in drawn if curve.points])
 
 
@@ -273,11 +273,11 @@ def _trends(facts: MotorFacts, t: Translate) -> Iterator[Plot]:
     for name in TRENDS:
         quantity = QUANTITIES[name]
         means = [(float(at), month.mean(name)) for at, month in enumerate(months)]
-        curves = [Curve([(at, mean / quantity.size) for at, mean in means if mean is not None], "latest")]
+        curves = [PlotLine([(at, mean / quantity.size) for at, mean in means if mean is not None], "latest")]
         usual = None if facts.baseline is None else facts.baseline.values.get(name)
         levels = {} if usual is None else {1.0: "baseline", 1 - share: "limit", 1 + share: "limit"}
         for level, kind in levels.items():
-            curves.append(Curve([(x, level * (usual or 0.0) / quantity.size) for x in ends], kind))
+            curves.append(PlotLine([(x, level * (usual or 0.0) / quantity.size) for x in ends], kind))
         yield Plot(
             f"{t(quantity.label)}, {quantity.unit}",
             [curve for curve in curves if curve.points],

@@ -37,7 +37,7 @@ class ChangedSetting(NamedTuple):
     after: str
 
 
-class Published(NamedTuple):
+class PublishedFacts(NamedTuple):
     """The newest records of a gateway; empty where they could not be had."""
 
     statistics: Json  # of the line
@@ -51,7 +51,7 @@ class MotorFacts:
 
     line: LineTable
     starter: StarterTable
-    published: Published
+    published: PublishedFacts
     starts: list[StartRecord] = field(default_factory=list)
     trips: list[Json] = field(default_factory=list)
     months: list[Month] = field(default_factory=list)
@@ -69,7 +69,7 @@ class MotorFacts:
 
 
 def facts_of(
-    line: LineTable, starter: StarterTable, *, profile: Profile, state_dir: Path, published: Published
+    line: LineTable, starter: StarterTable, *, profile: Profile, state_dir: Path, published: PublishedFacts
 ) -> MotorFacts:
     """Return what is known of a motor; what is damaged is left out, and a note says so. StoreError."""
     facts = MotorFacts(line, starter, published)

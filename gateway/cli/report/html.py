@@ -10,14 +10,14 @@ from html import escape
 from pathlib import Path
 from typing import assert_never
 
-from gateway.cli.report.document import Block, Document, Pairs, Plots, Section, Table, Texts
+from gateway.cli.report.document import Block, FactTable, Pairs, Plots, ReportDocument, Section, Texts
 
 STYLE = Path(__file__).with_name("report.css")
 BESIDE = 2  # the first sections share a row
 _SAMPLE = '<svg viewBox="0 0 26 8"><path class="curve {kind}" d="M0 4h26"/></svg>'  # of a curve
 
 
-def to_html(document: Document, *, language: str) -> str:
+def to_html(document: ReportDocument, *, language: str) -> str:
     """Return the report as a whole document."""
     title = f"{document.title} {document.starter}"
     tiles = (f"<div><b>{_e(value)}</b><span>{_e(label)}</span></div>" for label, value in document.tiles.rows)
@@ -47,7 +47,7 @@ def _block(block: Block) -> str:
     match block:
         case Pairs(rows):
             return f"<dl>{''.join(f'<dt>{_e(label)}</dt><dd>{_e(text)}</dd>' for label, text in rows)}</dl>"
-        case Table():
+        case FactTable():
             return _table(block)
         case Texts(texts):
             return _list(texts)
@@ -57,7 +57,7 @@ def _block(block: Block) -> str:
             assert_never(block)
 
 
-def _table(table: Table) -> str:
+def _table(table: FactTable) -> str:
     def row(tag: str, texts: Sequence[str]) -> str:
         kinds = (' class="n"' if at in table.numbers else "" for at in range(len(texts)))
         cells = (f"<{tag}{kind}>{_e(text)}</{tag}>" for kind, text in zip(kinds, texts, strict=True))

@@ -17,7 +17,7 @@ NAME_WIDTH = 38.0  # of a name below the x axis
 Point = tuple[float, float]
 
 
-class Curve(NamedTuple):
+class PlotLine(NamedTuple):
     """A line through points."""
 
     points: Sequence[Point]
@@ -28,7 +28,7 @@ class Plot(NamedTuple):
     """Curves over one pair of axes; 0 is on the y axis where it is near or `from_zero` says so."""
 
     label: str  # of the y axis, and of x where it has numbers
-    curves: Sequence[Curve]
+    curves: Sequence[PlotLine]
     names: Sequence[str] = ()  # of x = 0, 1 ... in place of numbers
     width: float = 560.0
     height: float = 142.0

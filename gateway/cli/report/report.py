@@ -15,7 +15,7 @@ from typing import TypeVar
 from gateway.cli.command import add_starter, flag, place_of, write_text
 from gateway.cli.operator_login import add_login, settings_of
 from gateway.cli.report.document import document_of
-from gateway.cli.report.facts import Published, facts_of
+from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.cli.report.html import to_html
 from gateway.cli.report.text import to_text
 from gateway.config.load import load
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     line, starter = place_of(config, args.starter)
     language = args.language or config.gateway.language
     state_dir, profile = folder / config.gateway.state_dir, starter.profile(language)
-    published, notes = Published({}, {}, {}), []
+    published, notes = PublishedFacts({}, {}, {}), []
     if args.no_broker:
         notes.append(
             "the line's quality and the starter's own counters are left out: the broker was not asked"
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-async def _published(settings: BrokerSettings, topics: Topics, *, line: str, starter: str) -> Published:
+async def _published(settings: BrokerSettings, topics: Topics, *, line: str, starter: str) -> PublishedFacts:
     """Return what the gateway has published last; BrokerError."""
 
     async def asked(kind: type[R], **names: str) -> R | None:
@@ -84,6 +84,6 @@ async def _published(settings: BrokerSettings, topics: Topics, *, line: str, sta
     statistics, info = await asked(LineRecord, line=line), await asked(InfoRecord, starter=starter)
     counters = [await asked(ValueRecord, starter=starter, point=point) for point in COUNTERS]
     values = {c.point: c.value for c in counters if c is not None and isinstance(c.value, int | float)}
-    return Published(
+    return PublishedFacts(
         {} if statistics is None else statistics.data, {} if info is None else info.fields(), values
     )

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from textwrap import wrap
 from typing import assert_never
 
-from gateway.cli.report.document import Block, Document, Pairs, Plots, Table, Texts
+from gateway.cli.report.document import Block, FactTable, Pairs, Plots, ReportDocument, Texts
 
 WIDTH = 80
 LABEL_WIDTH = 32  # at most
 NARROWEST = 12  # column of texts that is cut
 
 
-def to_text(document: Document) -> str:
+def to_text(document: ReportDocument) -> str:
     """Return the report, each line at most 80 columns wide."""
     title = f"{document.title}: {document.starter}"
     lines = [
@@ -37,7 +37,7 @@ def _block(block: Block) -> Iterable[str]:
     match block:
         case Pairs(rows):
             return _pairs(rows)
-        case Table():
+        case FactTable():
             return _table(block)
         case Texts(texts):
             return _texts(texts)
@@ -59,7 +59,7 @@ def _pairs(pairs: Sequence[tuple[str, str]]) -> Iterator[str]:
         yield from wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
-def _table(table: Table) -> Iterator[str]:
+def _table(table: FactTable) -> Iterator[str]:
     """Yield the rows; the widest texts give way, then the last columns of numbers are left out."""
     rows, shown = [table.head, *table.rows], list(range(len(table.head)))
     widths = [max(len(row[at]) for row in rows) for at in shown]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from gateway.contract import CommandError, ResultCode
-from gateway.families.devices.findings import Finding, Settings, Watchdog
+from gateway.families.devices.findings import Remark, Settings, Watchdog
 from gateway.families.profile.decode import NOT_IN_MANUAL, alarm_code
 from gateway.families.profile.procedure import Preparation, Procedure, Seen
 from gateway.families.profile.rows import Alarm
@@ -95,7 +95,7 @@ class Device:
             found.append(unnumbered(profile, "alarm"))
         return found
 
-    def start_findings(self, settings: Settings) -> Iterable[Finding]:
+    def start_findings(self, settings: Settings) -> Iterable[Remark]:
         """Return what the settings mean for a remote start."""
         return ()
 

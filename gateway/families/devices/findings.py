@@ -29,7 +29,7 @@ class Topic(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Remark:
     """One thing that the settings bring about, in a sentence."""
 
     topic: Topic
@@ -69,17 +69,17 @@ class Settings:
         return f"{code} = {value:g}{label}" if isinstance(value, float) else f"{code} = {value}{label}"
 
 
-def start(weight: Weight, text: str) -> Finding:
+def start(weight: Weight, text: str) -> Remark:
     """Return a finding about a start."""
-    return Finding(Topic.START, weight, text)
+    return Remark(Topic.START, weight, text)
 
 
-def unread(settings: Settings, codes: Iterable[str], topic: Topic) -> Iterator[Finding]:
+def unread(settings: Settings, codes: Iterable[str], topic: Topic) -> Iterator[Remark]:
     """Say which of these rows could not be read."""
     for code in codes:
         if settings.number(code) is None:
             what = f"{code} could not be read, so what it brings about is not known"
-            yield Finding(topic, Weight.WARNING, what)
+            yield Remark(topic, Weight.WARNING, what)
 
 
 ALWAYS_LOCAL, ALWAYS_REMOTE = 0, 1  # of the row that chooses between local and remote, in all WEG families
@@ -87,7 +87,7 @@ ALWAYS_LOCAL, ALWAYS_REMOTE = 0, 1  # of the row that chooses between local and 
 
 def sources(
     settings: Settings, codes: Sequence[str], *, own: int, name: str, own_modes: tuple[int, ...]
-) -> Iterator[Finding]:
+) -> Iterator[Remark]:
     """Say who commands the motor, by the rows of: local or remote, the local source, the remote source.
 
     `own` is the number of this line as a source, `name` its label; with `own_modes` it chooses local or
@@ -104,13 +104,13 @@ def sources(
         yield start(Weight.ERROR, f"{what}: {settings.shown(codes[0])} ({fix})")
     elif mode not in (None, ALWAYS_LOCAL, ALWAYS_REMOTE, *own_modes) and local != own:
         what = "somebody else chooses local or remote, and in local mode a start is refused"
-        yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[0])}")
+        yield Remark(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[0])}")
     if local == own and mode != ALWAYS_REMOTE:
         what = "in local mode the commands of this line act as well"
-        yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
+        yield Remark(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
     elif local is not None and mode != ALWAYS_REMOTE:
         what = "in local mode neither a start nor a stop of the gateway acts"
-        yield Finding(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
+        yield Remark(Topic.LOCAL, Weight.NOTE, f"{what}: {settings.shown(codes[1])}")
 
 
 def is_one_of(numbers: tuple[int, ...], *read: int | None) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families.devices.device import Device, Identity, Question, alarm, unnumbered
-from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
+from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import find, settable_words, write_request
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.rows import Alarm, Type
@@ -70,7 +70,7 @@ class SstDevice(Device):
         found = [alarm(profile, f"coil{coil}", "fault") for coil in _ERRORS if points.get(f"coil{coil}")]
         return found or ([unnumbered(profile, "fault")] if points.get("fault") else [])
 
-    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+    def start_findings(self, settings: Settings) -> Iterator[Remark]:
         """Coils 5, 7, 8, 26; registers 41, 42 [coil table, NOTES]."""
         yield from unread(settings, self.start_rows, Topic.START)
         if settings.number(_USB):
@@ -90,7 +90,7 @@ class SstDevice(Device):
         if stop_s and restart_s and restart_s <= stop_s:
             what = "it would restart before it stops the motor, which the manual does not describe"
             shown = f"{settings.shown(_RESTART_AFTER)} is not above {settings.shown(_STOP_AFTER)}"
-            yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what}: {shown}")
+            yield Remark(Topic.WATCHDOG, Weight.WARNING, f"{what}: {shown}")
 
     def watchdogs(self, settings: Settings) -> Iterator[Watchdog]:
         """Registers 41 and 42; any request starts both anew [register table, NOTES]."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families.devices.device import Device, Identity, Question, denied_by_name
-from gateway.families.devices.findings import Finding, Settings, Weight, start
+from gateway.families.devices.findings import Remark, Settings, Weight, start
 from gateway.families.devices.ssw07 import MODEL_ADDRESS, SSW06_MODEL, Ssw07Device
 from gateway.families.profile.arguments import check_names, choice
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
@@ -56,7 +56,7 @@ class Ssw06Device(Ssw07Device):
         """VB00 is 15 on every SSW-06 [4.2.1]."""
         return seen[_MODEL_ROW][0] == SSW06_MODEL
 
-    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+    def start_findings(self, settings: Settings) -> Iterator[Remark]:
         """See `Ssw07Device`, and 4.3."""
         yield from super().start_findings(settings)
         if settings.number(_SHOWN):

@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.families.devices.device import Device, Identity, Question, denied_by_name
 from gateway.families.devices.findings import (
-    Finding,
+    Remark,
     Settings,
     Topic,
     Watchdog,
@@ -58,7 +58,7 @@ class Ssw07Device(Device):
             return denied_by_name(seen)
         return replace(seen, family_seen="ssw06", reason=f"{seen.reason}; VB00 is {model[0]}")
 
-    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+    def start_findings(self, settings: Settings) -> Iterator[Remark]:
         """See [ssw06-es 2.5-2.7, 4.2.3-4.3; ssw07 2.5-2.7, 4.2.2-4.3]."""
         codes = self.source_rows
         yield from unread(settings, codes, Topic.START)
@@ -70,7 +70,7 @@ class Ssw07Device(Device):
         if known:  # the number that means Serial is not printed [ssw06-es 4.2.6; ssw07 4.2.3]
             shown = ", ".join(settings.shown(code) for code in known)
             what = "a relay follows `output` only where its function is Serial, whose number is not printed"
-            yield Finding(Topic.OUTPUT, Weight.NOTE, f"{what}: {shown}")
+            yield Remark(Topic.OUTPUT, Weight.NOTE, f"{what}: {shown}")
 
     def watchdogs(self, settings: Settings) -> tuple[Watchdog, ...]:
         """E28 after P314 [ssw06-es 2.3, 2.4; ssw07 2.3, 2.4]."""

@@ -16,7 +16,7 @@ from gateway.families.devices.device import (
     unnumbered,
 )
 from gateway.families.devices.findings import (
-    Finding,
+    Remark,
     Settings,
     Topic,
     Watchdog,
@@ -111,7 +111,7 @@ class Ssw900Device(Device):
             found.append(unnumbered(profile, "alarm"))
         return found
 
-    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+    def start_findings(self, settings: Settings) -> Iterator[Remark]:
         """Menu C3 [table A.2, C8.2.5.2]; C8.2.5.3 = 0.0 s is not explained (C8.2.5)."""
         codes = ("C3.1", "C3.2", "C3.3")
         yield from unread(settings, codes, Topic.START)
@@ -124,7 +124,7 @@ class Ssw900Device(Device):
         yield from sources(settings, codes, own=own, name=f"Slot {slot}", own_modes=own_modes)
         if settings.number("C8.2.5.1") and settings.number("C8.2.5.3") == 0:
             what = "the manual does not say what a timeout of 0.0 s does"
-            yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what}: {settings.shown('C8.2.5.1')}")
+            yield Remark(Topic.WATCHDOG, Weight.WARNING, f"{what}: {settings.shown('C8.2.5.1')}")
 
     def watchdogs(self, settings: Settings) -> tuple[Watchdog, ...]:
         """F128 or A128 after C8.2.5.3, counted from the first valid request on [C8.2.5]."""

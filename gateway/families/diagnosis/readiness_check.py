@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from gateway.families.devices import device_of
-from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
+from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import factory_settings
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
@@ -69,7 +69,7 @@ def readiness(
     gap_s: float | None = None,
     watchdog_s: float | None = None,
     slot_trouble: str = "",
-) -> tuple[Finding, ...]:
+) -> tuple[Remark, ...]:
     """Return what these rows (raw words by code) mean for remote control, errors first.
 
     `gap_s` is the longest time between two requests to this starter; None when it is not polled. The
@@ -95,7 +95,7 @@ def as_delivered(profile: Profile, variant: Variant, rows: Mapping[str, tuple[in
     return f"as delivered: {', '.join(same)}" if same else ""
 
 
-def refuses_start(findings: tuple[Finding, ...]) -> bool:
+def refuses_start(findings: tuple[Remark, ...]) -> bool:
     """Return whether a start would be refused as the settings stand."""
     return any(each.topic is Topic.START and each.weight is Weight.ERROR for each in findings)
 
@@ -105,7 +105,7 @@ _SAME_S = 0.05  # half of the finest step that a starter has
 
 def _stated_watchdog(
     settings: Settings, found: tuple[Watchdog, ...], watchdog_s: float | None
-) -> Iterator[Finding]:
+) -> Iterator[Remark]:
     """Say that the configuration's `watchdog_s` is not what is set in the starter."""
     codes = device_of(settings.profile).watchdog_rows
     if watchdog_s is None or any(settings.number(code) is None for code in codes):
@@ -115,16 +115,16 @@ def _stated_watchdog(
         return
     is_set = f"is set to {set_s:g} s" if set_s else "is off"
     what = f"watchdog_s = {watchdog_s:g} is configured, but the starter's own {is_set}: {_times(settings)}"
-    yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what} (correct one of them)")
+    yield Remark(Topic.WATCHDOG, Weight.WARNING, f"{what} (correct one of them)")
 
 
-def _of_watchdogs(settings: Settings, found: tuple[Watchdog, ...], gap_s: float | None) -> Iterator[Finding]:
+def _of_watchdogs(settings: Settings, found: tuple[Watchdog, ...], gap_s: float | None) -> Iterator[Remark]:
     codes = device_of(settings.profile).watchdog_rows
     missing = tuple(unread(settings, codes, Topic.WATCHDOG))
     yield from missing
     if not found and codes and not missing:
         what = "no watchdog is on: when the gateway or the line fails, the motor goes on as it is"
-        yield Finding(Topic.WATCHDOG, Weight.NOTE, f"{what} ({_times(settings)})")
+        yield Remark(Topic.WATCHDOG, Weight.NOTE, f"{what} ({_times(settings)})")
     for watchdog in found:
         yield _margin(watchdog, gap_s)
 
@@ -134,15 +134,15 @@ def _times(settings: Settings) -> str:
     return ", ".join(settings.shown(code) for code in device.watchdog_rows if code != device.watchdog_action)
 
 
-def _margin(watchdog: Watchdog, gap_s: float | None) -> Finding:
+def _margin(watchdog: Watchdog, gap_s: float | None) -> Remark:
     """Say what a watchdog does, and whether the polls keep it from doing so."""
     text = f"after {watchdog.after_s:g} s without a request it {watchdog.does} ({watchdog.code})"
     if gap_s is None:
-        return Finding(Topic.WATCHDOG, Weight.NOTE, text)
+        return Remark(Topic.WATCHDOG, Weight.NOTE, text)
     polls = f"the polls leave up to {gap_s:.2f} s between two requests"
     if watchdog.after_s <= gap_s:
         weight = Weight.ERROR if watchdog.is_felt else Weight.WARNING
-        return Finding(Topic.WATCHDOG, weight, f"{text}; {polls}: it may act although all is well")
+        return Remark(Topic.WATCHDOG, weight, f"{text}; {polls}: it may act although all is well")
     if watchdog.after_s < SAFE_FACTOR * gap_s:
-        return Finding(Topic.WATCHDOG, Weight.WARNING, f"{text}; {polls}, which leaves little to spare")
-    return Finding(Topic.WATCHDOG, Weight.NOTE, f"{text}; {polls}, which keeps it quiet")
+        return Remark(Topic.WATCHDOG, Weight.WARNING, f"{text}; {polls}, which leaves little to spare")
+    return Remark(Topic.WATCHDOG, Weight.NOTE, f"{text}; {polls}, which keeps it quiet")

@@ -83,7 +83,7 @@ class _SendOrder:
     chance: float
 
 
-class Inbox:
+class RequestQueue:
     """What is on its way to the master: pieces of replies, and when each arrives."""
 
     def __init__(self, loop: Callable[[], asyncio.AbstractEventLoop], timing: LineTiming) -> None:
@@ -168,7 +168,7 @@ class Bus:
         self.transcript: deque[Frame] = deque(maxlen=frames_stored)
         self._dice = random.Random(seed)
         self._loop: asyncio.AbstractEventLoop | None = None
-        self.inbox = Inbox(self._running, timing)
+        self.inbox = RequestQueue(self._running, timing)
         self._orders: dict[int, _SendOrder] = {}
         self._incoming: IncomingFrame | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone

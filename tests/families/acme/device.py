@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from gateway.families.devices.device import Device
-from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
+from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog, Weight, start, unread
 
 
 class Acme(Device):
@@ -16,7 +16,7 @@ class Acme(Device):
     start_rows = ("T4",)
     watchdog_rows = ("T3",)
 
-    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+    def start_findings(self, settings: Settings) -> Iterator[Remark]:
         """See 4.4."""
         yield from unread(settings, self.start_rows, Topic.START)
         if settings.number("T4") == 0:

@@ -215,7 +215,6 @@ async def _way() -> _Way:
     bus.add(unit)
     plant = Plant(
         publish_event=lambda *_, **__: None,
-        forget=lambda _: None,
         policy=policy,
         services=services,
         records=records,

@@ -94,7 +94,7 @@ OFFLINE = [
         given=TWO,
         at={5.0: fault("silent", "pump")},
         then={
-            30.0: probed("pump", 8.5, 30.0, 0.9, 12.0),
+            60.0: probed("pump", 10.25, 60.0, 4.0, 17.7),
             200.0: probed("pump", 80.0, 200.0, 13.0, 17.7),
         },
     ),
