@@ -57,7 +57,7 @@ def main() -> int:
 
 
 def measure(size: str, share: float, group: tuple[str, ...], *, seconds: float) -> tuple[list[str], bool]:
-    """Run the gateway within the share on saturated lines, with stops; return a row, and whether all is well."""
+    """Run the gateway within the share on saturated lines, with stops; return a row, and if all is well."""
     lines, starters, *page = size.split(",")
     spec = Spec(lines=int(lines), units=int(starters), family="ssw07")
     with bench_site(spec, has_page=bool(page), prefix=group) as site:

@@ -90,6 +90,10 @@ class Recorder:
         await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
         return finals()[0]
 
+    def of(self, id_: str, *, since: int = 0) -> list[dict[str, Any]]:
+        """Return what was published of a command, from that result on."""
+        return [each for each in self.results[since:] if each["id"] == id_]
+
     def finals_of_ids(self) -> Counter[str]:
         """Return how many final results each id has had, duplicates that say so left out.
 

@@ -14,6 +14,7 @@ import sys
 import tty
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -36,6 +37,7 @@ LATE_TICK_S = 0.005
 LATE_S = 0.004  # more than this and the silences on our line are not what they seem
 LATE_AROUND_S = 0.3
 GAPS_REPORTED = 20  # of each starter, the longest
+QUICK = {"ramp_up_s": 0.6, "ramp_down_s": 0.4, "coast_s": 0.4}  # of the motors
 
 
 class TortureLine(PtyLine):
@@ -106,6 +108,8 @@ class StarterLine:
         self.units = {
             each.name: watching_unit(each.family, each.address, watchdog_s) for each in table.starters
         }
+        for unit in self.units.values():
+            unit.motor.data = replace(unit.motor.data, **QUICK)
         self.truths = {
             each.name: Truth(
                 self.units[each.name],
