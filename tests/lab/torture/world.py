@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 import os
 import random
@@ -179,7 +178,7 @@ class World:
     async def stop(self, starter: str, *, within_s: float = 10.0, id_: str = "") -> None:
         """Command a stop; check that its first frame comes within the bound and that the motor obeys."""
         sent_s = time.monotonic()
-        self.recorder.publish(f"command/{starter}/alice/stop", json.dumps({"id": id_}) if id_ else "")
+        self.recorder.publish(f"command/{starter}/alice/stop", {"id": id_} if id_ else "")
         while True:
             report = await self.report()
             times_s = [at_s for at_s, _ in report["starters"][starter]["writes"] if at_s >= sent_s]
