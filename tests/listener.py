@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ class Listener:
             CallbackAPIVersion.VERSION2, name, protocol=paho.MQTTv311, clean_session=not name
         )
         self._client.on_connect = lambda *_: self._client.subscribe(topics, qos=1)
+        self._is_subscribed = threading.Event()
+        self._client.on_subscribe = lambda *_: self._is_subscribed.set()
         self._client.on_message = lambda *call: self.take(call[2])
         self._client.reconnect_delay_set(0.1, 0.1)  # before the gateway
         if user is not None:
@@ -35,8 +38,10 @@ class Listener:
             self._client.tls_set(str(ca))
 
     def start(self) -> None:
+        """Connect, and wait until what is published from now on will come."""
         self._client.connect(*self._address, keepalive=30)
         self._client.loop_start()
+        assert self._is_subscribed.wait(10.0), "no answer to the subscription"
 
     def stop(self) -> None:
         self._client.disconnect()

@@ -134,8 +134,7 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
             for name, url in urls.items()
         )
         config = write_config(tmp_path, head + lines)
-        watcher = await stack.enter_async_context(broker.watch("starters/plant/#"))
-        scada = Scada(broker, watcher)
+        scada = await stack.enter_async_context(Scada(broker.port))
         await stack.enter_async_context(Program("gateway", "run", str(config)))
         for name in ("clear", "packed", "gaps"):
             await scada.ready(f"{name}-1")
@@ -163,11 +162,10 @@ async def test_the_values_of_another_projects_server_are_published_as_they_are(
     head = f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "{broker.url}"\n'
     async with (
         foreign_server(FramerType.RTU, cells) as url,
-        broker.watch("starters/plant/#") as watcher,
+        Scada(broker.port) as scada,
     ):
         config = write_config(tmp_path, head + LINE.format(name="pump", port=url, allowance_s=0.3))
         async with Program("gateway", "run", str(config)):
-            scada = Scada(broker, watcher)
             state = await scada.until("starter/pump-1/state", quality="good")
             current = await scada.until("starter/pump-1/value/current", quality="good")
             current_pct = await scada.until("starter/pump-1/value/current_pct", quality="good")

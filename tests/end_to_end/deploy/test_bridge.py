@@ -161,7 +161,7 @@ async def bridged(folder: Path, start_mosquitto: StartMosquitto) -> AsyncIterato
         await asyncio.to_thread(install, place, link, certificate.cert)
         users = central_users(place)
         acl = (place.kit / "central/acl").read_text("utf-8")
-        acl += f"user {CONSUMER[0]}\ntopic read acme/#\ntopic readwrite test/ready\n"
+        acl += f"user {CONSUMER[0]}\ntopic read acme/#\n"
         central = start_mosquitto(
             users=users, acl=acl, tls=certificate, options=("use_username_as_clientid true",)
         )

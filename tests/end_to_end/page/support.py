@@ -56,10 +56,6 @@ class PagePlant:
     config: Path
     port: int
 
-    async def by_hand(self, starter: str, control: str, setting: str) -> None:
-        """Do at a simulated starter what a hand there would do."""
-        await self.scada.set_knob(starter, control, setting)
-
 
 PumpPage = tuple[PagePlant, Page]
 

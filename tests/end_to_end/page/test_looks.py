@@ -34,8 +34,8 @@ async def findings(page: Page) -> list[str]:
 
 async def test_axe_finds_nothing_on_any_page(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
     async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        await plant.by_hand("mill", "trip", "F005")
-        await plant.by_hand("fan", "control", "local")
+        plant.scada.set_knob("mill", "trip", "F005")
+        plant.scada.set_knob("fan", "control", "local")
         await plant.scada.until("starter/mill/state", state="fault")
         for scheme in ("light", "dark"):
             page = await chromium.open(plant.url, color_scheme=scheme)

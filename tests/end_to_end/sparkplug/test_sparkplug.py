@@ -98,11 +98,10 @@ async def site(
     config = write_config(folder, text + more)
     async with (
         Program("gateway", "simulate", str(config)) as simulator,
-        broker.watch("starters/plant/#") as watcher,
+        Scada(broker.port) as scada,
     ):
         await simulator.says("line hall")
         async with Program("gateway", "run", str(config)) as gateway:
-            scada = Scada(broker, watcher)
             await scada.ready("pump")
             yield scada, gateway, config, simulator
 
