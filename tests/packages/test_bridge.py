@@ -12,6 +12,7 @@ from tests.packages.container import Container
 from tests.packages.site import DROP_IN, IDENTIFIED, SITE, WATCHDOG_S, InstalledSite
 
 CENTRAL_BASE, CENTRAL_PORT = "acme/site1/mcc1", 8884
+CENTRAL_BROKER = ("-h", "central.acme", "-p", f"{CENTRAL_PORT}", "--cafile", "/root/central-ca.pem")
 CONSUMER = ("consumer", "the consumer's")
 UNIT = "starter-gateway-bridge"
 REMOTE = """
@@ -104,21 +105,8 @@ def starts_the_central_broker(site: InstalledSite) -> None:
 def at_central(site: InstalledSite, topic: str) -> str:
     """Return what a consumer at the central broker gets."""
     user, password = CONSUMER
-    words = (
-        "-h",
-        "central.acme",
-        "-p",
-        str(CENTRAL_PORT),
-        "--cafile",
-        "/root/central-ca.pem",
-        "-C",
-        "1",
-        "-W",
-        "20",
-    )
-    return site.system.run(
-        "mosquitto_sub", *words, "-u", user, "-P", password, "-t", f"{CENTRAL_BASE}/{topic}"
-    ).strip()
+    what = ("-C", "1", "-W", "20", "-u", user, "-P", password, "-t", f"{CENTRAL_BASE}/{topic}")
+    return site.system.run("mosquitto_sub", *CENTRAL_BROKER, *what).strip()
 
 
 def until(site: InstalledSite, topic: str, text: str) -> None:
@@ -131,18 +119,7 @@ def until(site: InstalledSite, topic: str, text: str) -> None:
 
 def sends(site: InstalledSite, verb: str) -> None:
     password = site.system.run("cat", "/root/broker-kit/central/logins/dispatch").strip()
-    words = (
-        "-h",
-        "central.acme",
-        "-p",
-        str(CENTRAL_PORT),
-        "--cafile",
-        "/root/central-ca.pem",
-        "-q",
-        "1",
-        "-V",
-        "mqttv5",
-    )
+    words = (*CENTRAL_BROKER, "-q", "1", "-V", "mqttv5")
     body = json.dumps({"id": verb, "issued_at": rfc3339(time.time())})
     topic = f"{CENTRAL_BASE}/command/pump/dispatch/{verb}"
     site.system.run("mosquitto_pub", *words, "-u", "dispatch", "-P", password, "-t", topic, "-m", body)

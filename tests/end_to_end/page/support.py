@@ -123,8 +123,8 @@ async def log_in(page: Page, password: str = PASSWORD) -> None:
     await page.click("#login-form button[type=submit]")
 
 
-async def logged_in(page: Page) -> None:
-    await log_in(page)
+async def logged_in(page: Page, password: str = PASSWORD) -> None:
+    await log_in(page, password)
     await page.get_by_role("button", name=f"{USER}: log out").wait_for()
 
 
