@@ -201,31 +201,30 @@ POISON = [  # none of them may hold up what comes after it
 ]
 
 
-def test_what_is_no_message_of_ours_is_put_aside_and_holds_up_nothing(
-    server: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def store(server: Database, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Give what the consumer writes with."""
     for name, value in server.environ.items():
         monkeypatch.setenv(name, value)
-    store = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
+    made = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
+    yield made
+    made._close()
+
+
+def test_what_is_no_message_of_ours_is_put_aside_and_holds_up_nothing(server: Database, store: Any) -> None:
     good = [f'{{"seq":{seq},"boot":"run","time":null}}'.encode() for seq in (1, 2)]
     batch = [SimpleNamespace(topic="b/starter/p/state", payload=each) for each in (good[0], *POISON, good[1])]
 
     assert store.write(batch)
     assert store.write(batch)
-    store._close()
 
     assert names_in(server) == Counter([("b/starter/p/state", "run", 1), ("b/starter/p/state", "run", 2)])
     assert Counter(row[0] for row in server.run("SELECT payload FROM unreadable")) == Counter(POISON)
 
 
-def test_the_tables_for_timescale_take_the_same_messages_once(
-    server: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in server.environ.items():
-        monkeypatch.setenv(name, value)
+def test_the_tables_for_timescale_take_the_same_messages_once(server: Database, store: Any) -> None:
     lines = (CONTRIB.parent / "timescaledb" / "fleet.sql").read_text("utf-8").splitlines()
     server.run("\n".join(line for line in lines if not line.endswith("; -- timescale")))
-    store = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
     value = {"boot": "run", "value": 1.0, "unit": "A", "quality": "good", "time": "2026-11-21T01:02:03.456Z"}
     bodies = [{**value, "seq": 1}, {**value, "seq": 2, "time": None}]  # the second was never read
     topic = "b/starter/p/value/current"
@@ -233,7 +232,6 @@ def test_the_tables_for_timescale_take_the_same_messages_once(
 
     assert store.write([*batch, *batch])
     assert store.write(batch)
-    store._close()
 
     assert names_in(server) == Counter([(topic, "run", 1), (topic, "run", 2)])
     assert server.run("SELECT seq FROM message WHERE time IS NULL") == [[2]]

@@ -17,7 +17,7 @@ import tempfile
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from tests.lab.usage import Usage, usage
 from tests.listener import Listener
 from tests.mosquitto import MosquittoBroker, missing_programs
 from tests.rig.sites import line, operator, starter, table
+from tests.waiting import until
 
 FAMILIES = ("ssw07", "ssw06", "ssw900", "sst")
 BASE, OPERATOR = "starters/", "fleet"
@@ -114,7 +115,9 @@ async def run(args: argparse.Namespace, folder: Path, broker: MosquittoBroker) -
             for config in fleet.values()
         ]
         everything = [(gateway, name) for name in names for gateway in fleet]
-        await until(lambda: all(seen.is_ready(*each) for each in everything), "all starters are ready")
+        await until(
+            lambda: all(seen.is_ready(*each) for each in everything), "all starters are ready", PATIENCE_S
+        )
         print_start_up(seen, begun_s, tuple(fleet))
         pids = {"broker": [broker.pid], "gateways": [each.pid for each in programs]}
         await span(seen, "standing", args, pids)
@@ -122,7 +125,7 @@ async def run(args: argparse.Namespace, folder: Path, broker: MosquittoBroker) -
             for gateway in fleet:
                 seen.start_motor(gateway, name)
             await asyncio.sleep(1 / STARTS_PER_S)
-        await until(lambda: seen.confirmed >= len(everything), "every start is confirmed")
+        await until(lambda: seen.confirmed >= len(everything), "every start is confirmed", PATIENCE_S)
         await span(seen, "running", args, pids)
     print(f"starts: {seen.confirmed} of {len(everything)} confirmed")
     own = {topic: payload for topic, payload in seen.retained.items() if topic.startswith(f"{BASE}g0/")}
@@ -142,15 +145,6 @@ def site_text(folder: Path, gateway: str, names: list[str], url: str) -> str:
         + "".join(starters)
         + operator(OPERATOR, ("start",))
     )
-
-
-async def until(is_so: Callable[[], bool], what: str) -> None:
-    """Wait until something is so; TimeoutError says what never was."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not is_so():
-        if time.monotonic() > end_s:
-            raise TimeoutError(f"never: {what}")
-        await asyncio.sleep(0.2)
 
 
 async def span(

@@ -7,7 +7,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto
 from tests.relay import Relay
 from tests.rig import sites
 from tests.rig.sites import ALICE, operator, starter, table
+from tests.waiting import until
 
 pytestmark = [
     pytest.mark.paired,
@@ -80,13 +81,13 @@ class Observed(Listener):
         def found() -> list[dict[str, object]]:
             return [body for body in self.bodies(topic) if wanted.items() <= body.items()]
 
-        await wait(found, f"{topic} has {wanted}", within_s=within_s)
+        await until(found, f"{topic} has {wanted}", within_s)
         return found()[0]
 
     async def identified(self, starter: str) -> None:
         """Wait until it is known who a starter is: before that a start is refused."""
         infos = f"starter/{starter}/info"
-        await wait(lambda: any(body["firmware"] for body in self.bodies(infos)), f"{starter} is identified")
+        await until(lambda: any(body["firmware"] for body in self.bodies(infos)), f"{starter} is identified")
 
 
 @dataclass
@@ -298,19 +299,11 @@ async def notice(site: Bridged, payload: str) -> None:
     def newest() -> list[str]:
         return [text for topic, text in site.at_central.messages if topic.endswith("/bridge")][-1:]
 
-    await wait(lambda: newest() == [payload], f"the notice {payload}")
+    await until(lambda: newest() == [payload], f"the notice {payload}")
 
 
 async def settled(site: Bridged) -> None:
     """Wait until the central broker has had the newest that the edge had a moment ago."""
     await asyncio.sleep(0.5)
     wanted = site.at_edge.numbered()
-    await wait(lambda: wanted.keys() <= site.at_central.numbered().keys(), "the central broker has it all")
-
-
-async def wait(is_so: Callable[[], object], what: str, *, within_s: float = 20.0) -> None:
-    """Wait until something is so; AssertionError says what never was."""
-    deadline_s = time.monotonic() + within_s
-    while not is_so():
-        assert time.monotonic() < deadline_s, f"never: {what}"
-        await asyncio.sleep(0.1)
+    await until(lambda: wanted.keys() <= site.at_central.numbered().keys(), "the central broker has it all")

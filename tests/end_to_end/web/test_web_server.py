@@ -16,9 +16,10 @@ import pytest
 from gateway.plugins.web import server as web_server
 from gateway.plugins.web.server import MOST_CONNECTIONS
 from gateway.plugins.web.streams import MOST_STREAMS
-from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
+from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request
 from tests.end_to_end.web.served import served
 from tests.mosquitto import Certificate
+from tests.waiting import until
 from tests.web.support import PageRig, web_settings
 
 QUICK_S = 0.6
