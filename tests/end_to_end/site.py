@@ -32,7 +32,7 @@ FOUR_FAMILIES = (
 def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
     """Return the TOML text of a site with one line; its simulator may be late, as on a busy machine."""
     return (
-        table("gateway", name="plant", state_dir="state")
+        table("gateway", name="plant", state_dir="state", clock="trusted")  # the kernel's may not be
         + table("mqtt", url=f"mqtt://127.0.0.1:{broker_port}")
         + line("hall", port=port, framing=framing, adapter_allowance_s=0.3)
         + starters

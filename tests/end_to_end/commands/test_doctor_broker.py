@@ -8,8 +8,23 @@ from pathlib import Path
 from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.machine import DoctorFinding
 from gateway.config.load import parse
-from tests.end_to_end.commands.doctor_site import problems_in, site
 from tests.mosquitto import StartMosquitto
+from tests.rig.sites import ALICE, SSW07, table
+
+LOGIN = {"username": "g", "password_file": "password"}
+
+
+def site(port: int = 1) -> str:
+    return (
+        table("gateway", name="plant")
+        + table("mqtt", url=f"mqtt://127.0.0.1:{port}", **LOGIN)
+        + SSW07
+        + ALICE
+    )
+
+
+def problems_in(remarks: list[DoctorFinding]) -> list[str]:
+    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.is_problem]
 
 
 def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
@@ -21,7 +36,7 @@ def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> No
     (tmp_path / "password").write_text("secret\n", "utf-8")
     (tmp_path / "password").chmod(0o644)
 
-    (problem,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
+    (problem,) = problems_in(remarks_of(site(), tmp_path))
 
     assert "chmod 600" in problem
     assert "secret" not in problem
@@ -31,12 +46,11 @@ def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
     broker = start_mosquitto(users={"g": "right"})
-    login = 'username = "g"\npassword_file = "password"'
     is_a_problem = []
     for password in ("right", "wrong"):
         (tmp_path / "password").write_text(password, "utf-8")
         (tmp_path / "password").chmod(0o600)
-        is_a_problem.append(problems_in(remarks_of(site(port=broker.port, login=login), tmp_path)))
+        is_a_problem.append(problems_in(remarks_of(site(broker.port), tmp_path)))
 
     assert is_a_problem[0] == []
     assert len(is_a_problem[1]) == 1
@@ -49,7 +63,7 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
     for name, password in (("password", "right"), ("hers", "hers"), ("wrong", "wrong")):
         (tmp_path / name).write_text(password, "utf-8")
         (tmp_path / name).chmod(0o600)
-    config = parse(site(port=broker.port, login='username = "g"\npassword_file = "password"'), "site.toml")
+    config = parse(site(broker.port), "site.toml")
 
     def remarks(file: str) -> list[DoctorFinding]:
         path = str(tmp_path / file)

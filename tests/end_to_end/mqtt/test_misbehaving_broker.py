@@ -58,7 +58,6 @@ def start(level: int, id_: str) -> bytes:
 async def gateway_at(port: int, folder: Path, *, tls: str = "") -> AsyncIterator[Program]:
     """Run the gateway with a simulated starter; with `tls`, keys of its table, at a broker with TLS."""
     text = site_config(broker_port=port, port=str(folder / "ttyHALL"), starters=STARTER)
-    text = text.replace("[gateway]", '[gateway]\nclock = "trusted"')
     if tls:
         text = text.replace("mqtt://127.0.0.1", "mqtts://localhost").replace("[mqtt]\n", f"[mqtt]\n{tls}\n")
     config = write_config(folder, text)
