@@ -11,7 +11,7 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 
-class Listener:
+class BrokerListener:
     """Connects with `start`, again after 0.1 s; with a name its session outlives its connections."""
 
     def __init__(

@@ -14,7 +14,7 @@ from typing import Any
 
 from paho.mqtt import client as paho
 
-from tests.listener import Listener
+from tests.listener import BrokerListener
 from tests.rig.sites import ALICE, line, starter, table
 
 PATIENCE_S = 20.0
@@ -109,7 +109,7 @@ class Program:
             self._spoke.set()
 
 
-class Scada(Listener):
+class Scada(BrokerListener):
     """What an operator sees and does: the latest message of each topic, and commands; an async context."""
 
     def __init__(self, port: int, *, base: str = "starters/plant", client: str = "alice") -> None:

@@ -24,7 +24,7 @@ from paho.mqtt import client as paho
 from tests.end_to_end.database import Database, database, programs
 from tests.end_to_end.plant import STARTERS
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-from tests.listener import Listener
+from tests.listener import BrokerListener
 from tests.mosquitto import StartMosquitto
 
 pytest.importorskip("pg8000")
@@ -72,7 +72,7 @@ def server() -> Iterator[Database]:
         yield made
 
 
-class Witness(Listener):
+class Witness(BrokerListener):
     """A subscriber that is never killed, there before anything is retained; `named` is what it gets."""
 
     def __init__(self, port: int) -> None:

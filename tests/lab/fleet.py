@@ -27,7 +27,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.end_to_end.site import Program
 from tests.lab.usage import Usage, usage
-from tests.listener import Listener
+from tests.listener import BrokerListener
 from tests.mosquitto import MosquittoBroker, missing_programs
 from tests.rig.sites import line, operator, starter, table
 from tests.waiting import until
@@ -41,7 +41,7 @@ MOST_WAITING = 2000  # messages of --fill that were not acknowledged yet
 QUIET = ("log_type none", "set_tcp_nodelay true", "max_queued_messages 0")
 
 
-class FleetListener(Listener):
+class FleetListener(BrokerListener):
     """One client that keeps all that is published, and commands."""
 
     def __init__(self, port: int) -> None:

@@ -23,7 +23,7 @@ from tests.lab.bench.account import SeenRequest
 from tests.lab.bench.judge import Spec
 from tests.lab.bench.plant import BASE, BenchSite, bench_site, operate
 from tests.lab.usage import usage
-from tests.listener import Listener
+from tests.listener import BrokerListener
 
 QUIET_S = 10.0  # without a message of the history, the outage is drained
 DRAIN_WITHIN_S = 400.0
@@ -56,7 +56,7 @@ class Phase:
         )
 
 
-class OutageListener(Listener):
+class OutageListener(BrokerListener):
     """Takes everything of the gateway; its session outlives the broker's restart."""
 
     def __init__(self, port: int) -> None:

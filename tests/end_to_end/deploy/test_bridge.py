@@ -19,7 +19,7 @@ from paho.mqtt.publish import single
 from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
 from tests.end_to_end.site import Program
-from tests.listener import Listener
+from tests.listener import BrokerListener
 from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto
 from tests.relay import Relay
 from tests.rig import sites
@@ -49,7 +49,7 @@ SITE = (
 )
 
 
-class Observed(Listener):
+class Observed(BrokerListener):
     """What a client of one broker has seen: topics and texts."""
 
     def __init__(

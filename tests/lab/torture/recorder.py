@@ -11,12 +11,12 @@ from paho.mqtt import client as paho
 
 from tests.lab.torture.books import Books
 from tests.lab.torture.waiting import until
-from tests.listener import Listener
+from tests.listener import BrokerListener
 
 BASE = "starters/plant"
 
 
-class Recorder(Listener):
+class Recorder(BrokerListener):
     """One client with a session that outlives its connections."""
 
     def __init__(self, port: int) -> None:
