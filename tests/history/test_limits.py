@@ -19,10 +19,6 @@ def test_starts_left_are_those_of_the_last_hour() -> None:
     assert starts_left(3, [7000, 8000, 9000, 9500], now_s=10_000) == 0
 
 
-def test_without_a_rule_the_number_of_starts_is_not_known() -> None:
-    assert starts_left(None, [1.0], now_s=2.0) is None
-
-
 @pytest.mark.parametrize(
     ("limits", "starts", "since", "pause"),
     [
