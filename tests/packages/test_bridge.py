@@ -9,19 +9,14 @@ from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, commands
 from tests.packages.built import Packages
 from tests.packages.container import Container
-from tests.packages.site import DROP_IN, IDENTIFIED, SITE, WATCHDOG_S, InstalledSite
+from tests.packages.site import DROP_IN, IDENTIFIED, InstalledSite, site_text
+from tests.rig.sites import operator
 
 CENTRAL_BASE, CENTRAL_PORT = "acme/site1/mcc1", 8884
 CENTRAL_BROKER = ("-h", "central.acme", "-p", f"{CENTRAL_PORT}", "--cafile", "/root/central-ca.pem")
 CONSUMER = ("consumer", "the consumer's")
 UNIT = "starter-gateway-bridge"
-REMOTE = """
-[[operator]]
-client = "dispatch"
-may = ["start", "stop"]
-starters = ["*"]
-freshness = "issued_at"
-"""
+REMOTE = operator("dispatch", ("start", "stop"), freshness="issued_at")
 TLS = 'url = "mqtts://broker.plant:8883"\nca_file = "plant-ca.pem"\npassword_file = "mqtt.password"'
 CENTRAL = f"""\
 listener {CENTRAL_PORT} 127.0.0.1
@@ -42,7 +37,7 @@ def test_the_bridges_unit_is_locked_down_and_telemetry_and_commands_pass(
     site.install("0.2.0")
     system.write("/etc/hosts", "127.0.0.1 localhost broker.plant central.acme\n")
     with site.simulated():
-        text = SITE.format(language="en", port=site.port, watchdog_s=WATCHDOG_S).replace('"plant"', '"mcc1"')
+        text = site_text(site.port, language="en").replace('"plant"', '"mcc1"')
         text = text.replace('url = "mqtt://127.0.0.1:1883"', TLS).replace(
             "[mqtt]", 'clock = "trusted"\n\n[mqtt]', 1
         )
