@@ -122,10 +122,6 @@ torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a f
 
 docs: $(STAMP) ## write the generated parts of the documents
 	$(BIN)/python -m tests.reference
-	$(BIN)/python -m tests.family_pages
-	$(BIN)/python -m tests.results_page
-	$(BIN)/python -m tests.layers_page
-	$(BIN)/python -m tests.metrics_page
 	$(BIN)/python -m tests.size_page
 
 site: $(STAMP) ## build the documentation as a site, into the package: `starter-gateway docs` serves it

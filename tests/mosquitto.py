@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import getpass
 import random
 import shutil
@@ -14,10 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 PATIENCE_S = 10.0
-READY = "test/ready"  # a retained message that shows a watcher that its subscription works
 
 
 def missing_programs() -> list[str]:
@@ -70,16 +67,6 @@ class Certificate:
         return cls(cert, key)
 
 
-@dataclass(frozen=True)
-class Seen:
-    """A message as mosquitto_sub saw it."""
-
-    topic: str
-    qos: int
-    retain: bool
-    payload: str
-
-
 class MosquittoBroker:
     """One broker with a configuration of its own; it keeps its port over restarts.
 
@@ -101,7 +88,6 @@ class MosquittoBroker:
         self.host = "127.0.0.1"
         self.port = free_port()
         self.tls = tls
-        self.version = "mqttv5"  # of its clients
         self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
         folder.mkdir(parents=True, exist_ok=True)
@@ -181,16 +167,8 @@ class MosquittoBroker:
         what = ["-m", payload] if payload else ["-n"]
         subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=patience_s)
 
-    def watch(
-        self, *filters: str, options: Sequence[str] = (), user: tuple[str, str] | None = None
-    ) -> Watcher:
-        """Return a subscriber, to be used with `async with`."""
-        arguments = [*self._client_arguments(user), "-q", "1", "-F", r"%t\t%q\t%r\t%p", *options]
-        topics = [part for topic in (*filters, READY) for part in ("-t", topic)]
-        return Watcher(self, [str(_find("mosquitto_sub")), *arguments, *topics], user)
-
     def _client_arguments(self, user: tuple[str, str] | None) -> list[str]:
-        arguments = ["-h", self.host, "-p", str(self.port), "-V", self.version]
+        arguments = ["-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
         if self.tls is not None:
             arguments += ["--cafile", str(self.tls.cert)]
         if user is not None:
@@ -220,65 +198,6 @@ class MosquittoBroker:
             self._process.send_signal(how)
             self._process.wait(PATIENCE_S)
             self._process = None
-
-
-class Watcher:
-    """A running mosquitto_sub."""
-
-    def __init__(self, broker: MosquittoBroker, command: Sequence[str], user: tuple[str, str] | None) -> None:
-        self._broker = broker
-        self._command = command
-        self._user = user
-        self._process: asyncio.subprocess.Process | None = None
-        self._early: list[Seen] = []  # what was retained already
-
-    async def __aenter__(self) -> Watcher:
-        self._broker.publish(READY, "yes", "-r", user=self._user)
-        self._process = await asyncio.create_subprocess_exec(*self._command, stdout=asyncio.subprocess.PIPE)
-        async with asyncio.timeout(PATIENCE_S):
-            while (seen := await self._read()).topic != READY:
-                self._early.append(seen)
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        assert self._process is not None
-        if self._process.returncode is None:
-            self._process.kill()
-        await self._process.communicate()
-
-    async def next(self, *, within_s: float = PATIENCE_S) -> Seen:
-        """Return the next message; TimeoutError when none comes."""
-        if self._early:
-            return self._early.pop(0)
-        async with asyncio.timeout(within_s):
-            while (seen := await self._read()).topic == READY:
-                pass
-        return seen
-
-    def has_more(self) -> bool:
-        """Return whether more has come already; only then does `next` not wait."""
-        assert self._process is not None
-        assert self._process.stdout is not None
-        return bool(self._early or b"\n" in self._process.stdout._buffer)  # type: ignore[attr-defined] # no other way
-
-    async def until(self, is_wanted: Callable[[Seen], bool], *, within_s: float = PATIENCE_S) -> list[Seen]:
-        """Return the messages up to the first that `is_wanted` (a function of Seen) accepts."""
-        messages: list[Seen] = []
-        async with asyncio.timeout(within_s):
-            while not messages or not is_wanted(messages[-1]):
-                messages.append(await self.next(within_s=within_s))
-        return messages
-
-    async def _read(self) -> Seen:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        line = await self._process.stdout.readline()
-        if not line:
-            raise EOFError("mosquitto_sub has ended")
-        topic, qos, retain, payload = line.decode().rstrip("\n").split("\t", 3)
-        return Seen(topic, int(qos), retain == "1", payload)
 
 
 def free_port() -> int:

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from tests import layers_page
-
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "deploy").rglob("*.md")])
 HISTORY = {"CHANGELOG.md"}  # names files as they were
@@ -50,9 +48,3 @@ def test_every_link_of_a_document_leads_to_a_file(document: Path) -> None:
     links = [link for link in _LINK.findall(document.read_text("utf-8")) if "//" not in link]
 
     assert [link for link in links if not (document.parent / link).exists()] == []
-
-
-def test_the_layers_of_the_architecture_page_are_those_of_the_import_contracts() -> None:
-    text = layers_page.PAGE.read_text("utf-8")
-
-    assert text == layers_page.page(text)  # else: python -m tests.layers_page

@@ -17,7 +17,6 @@ from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.command.wire import exception_result
 from gateway.starters.identity.standing import _CODES
-from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
 MAKERS = ("CommandError", "Reason")
@@ -166,9 +165,3 @@ def test_an_exception_that_no_manual_names_has_its_number_in_the_code() -> None:
     assert Reason(ResultCode.EXCEPTION, "write", number=77).code == "exception_77"
     assert meaning_of("exception_77").remedy == "See its manual."
     assert meaning_of("locked").remedy == "Ask the owner of the lock."
-
-
-def test_the_page_says_what_the_table_says() -> None:
-    text = PAGE.read_text("utf-8")
-
-    assert text == page(text), "run: python -m tests.results_page"

@@ -6,17 +6,14 @@ import re
 import signal
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from pathlib import Path
 
 from tests.end_to_end.site import Program, Scada
-from tests.mosquitto import MosquittoBroker
 
 STARTERS = ("pump", "fan", "mill", "belt")
 
 
 @asynccontextmanager
 async def demo(
-    folder: Path,
     *,
     environ: Mapping[str, str] | None = None,
     on_guide: Callable[[str], None] = lambda _: None,
@@ -27,11 +24,7 @@ async def demo(
         port = re.search(r"on 127\.0\.0\.1:(\d+)", program.output)
         assert port is not None
         on_guide(program.output)
-        broker = MosquittoBroker(folder / "unused")  # only its clients: the demo has a broker of its own
-        broker.port = int(port[1])
-        broker.version = "mqttv311" if "amqtt (embedded" in program.output else broker.version
-        async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
-            scada = Scada(broker, watcher, base="starters/demo", client="demo")
+        async with Scada(int(port[1]), base="starters/demo", client="demo") as scada:
             for starter in STARTERS:
                 await scada.ready(starter)
             yield scada

@@ -27,11 +27,10 @@ async def plant(
     config = write_config(folder, text + more)
     async with (
         Program("gateway", "simulate", str(config), "--knobs", broker.url) as simulator,
-        broker.watch("starters/plant/#") as watcher,
+        Scada(broker.port) as scada,
     ):
         await simulator.says("line hall")
         async with Program("gateway", "run", *options, str(config)) as gateway:
-            scada = Scada(broker, watcher)
             for starter in names:
                 await scada.ready(starter)
             yield scada, gateway, config

@@ -8,12 +8,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from tests.mosquitto import MosquittoBroker, Seen, Watcher
+from paho.mqtt import client as paho
+
+from tests.listener import BrokerListener
 from tests.rig.sites import ALICE, line, starter, table
 
 PATIENCE_S = 20.0
@@ -31,7 +32,7 @@ FOUR_FAMILIES = (
 def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
     """Return the TOML text of a site with one line; its simulator may be late, as on a busy machine."""
     return (
-        table("gateway", name="plant", state_dir="state")
+        table("gateway", name="plant", state_dir="state", clock="trusted")  # the kernel's may not be
         + table("mqtt", url=f"mqtt://127.0.0.1:{broker_port}")
         + line("hall", port=port, framing=framing, adapter_allowance_s=0.3)
         + starters
@@ -108,17 +109,28 @@ class Program:
             self._spoke.set()
 
 
-@dataclass
-class Scada:
-    """What an operator sees and does: the latest message of each topic, and commands."""
+class Scada(BrokerListener):
+    """What an operator sees and does: the latest message of each topic, and commands; an async context."""
 
-    broker: MosquittoBroker
-    watcher: Watcher
-    base: str = "starters/plant"
-    client: str = "alice"
-    latest: dict[str, Any] = field(default_factory=dict)
-    results: list[dict[str, Any]] = field(default_factory=list)
-    events: list[dict[str, Any]] = field(default_factory=list)
+    def __init__(self, port: int, *, base: str = "starters/plant", client: str = "alice") -> None:
+        super().__init__(port, f"{base}/#")
+        self.base = base
+        self.client = client
+        self.latest: dict[str, Any] = {}
+        self.results: list[dict[str, Any]] = []
+        self.events: list[dict[str, Any]] = []
+        self._loop = asyncio.get_running_loop()
+        self._came: asyncio.Queue[paho.MQTTMessage] = asyncio.Queue()
+
+    async def __aenter__(self) -> Scada:
+        await asyncio.to_thread(self.start)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.to_thread(self.stop)
+
+    def take(self, message: paho.MQTTMessage) -> None:
+        self._loop.call_soon_threadsafe(self._came.put_nowait, message)
 
     async def until(self, topic: str, *, within_s: float = PATIENCE_S, **wanted: Any) -> dict[str, Any]:
         """Wait until the latest message of a topic (below the base) has all these fields; return it."""
@@ -141,7 +153,7 @@ class Scada:
         try:
             async with asyncio.timeout(within_s):
                 while topic not in self.latest or not fits(self.latest[topic]):
-                    self._take(await self.watcher.next(within_s=within_s))
+                    self._book(await self._came.get())
         except TimeoutError:
             last = self.results[-3:]
             raise AssertionError(
@@ -153,21 +165,22 @@ class Scada:
     async def token(self) -> str:
         """Return the present proof of freshness."""
         await self.until("gateway/status", state="online")
-        while self.watcher.has_more():
-            self._take(await self.watcher.next())
+        while not self._came.empty():
+            self._book(await self._came.get())
         return str(self.latest["gateway/fresh"]["token"])
 
-    async def command(self, starter: str, verb: str, id_: str, *options: str, **args: Any) -> None:
+    async def command(self, starter: str, verb: str, id_: str, **args: Any) -> None:
         """Publish a fresh command."""
-        payload = json.dumps({"id": id_, "token": await self.token(), "args": args})
-        await self.publish(f"command/{starter}/{self.client}/{verb}", payload, *options)
+        payload = {"id": id_, "token": await self.token(), "args": args}
+        self.say(f"command/{starter}/{self.client}/{verb}", payload)
 
-    async def publish(self, topic: str, payload: str, *options: str) -> None:
-        await asyncio.to_thread(self.broker.publish, f"{self.base}/{topic}", payload, *options)
+    def say(self, topic: str, payload: str | dict[str, Any] = "") -> None:
+        """Publish on a topic below the base."""
+        self.publish(f"{self.base}/{topic}", payload)
 
-    async def set_knob(self, starter: str, knob: str, setting: str) -> None:
+    def set_knob(self, starter: str, knob: str, setting: str) -> None:
         """Do at a simulated starter what a hand there would do."""
-        await asyncio.to_thread(self.broker.publish, f"simulator/{starter}/{knob}", setting)
+        self.publish(f"simulator/{starter}/{knob}", setting)
 
     async def result(self, starter: str, **wanted: Any) -> dict[str, Any]:
         """Wait for a result with all these fields and return it."""
@@ -177,7 +190,7 @@ class Scada:
         """Return the phases that a command has had so far."""
         return [result["phase"] for result in self.results if result["id"] == id_]
 
-    def _take(self, seen: Seen) -> None:
+    def _book(self, seen: paho.MQTTMessage) -> None:
         topic = seen.topic.removeprefix(f"{self.base}/")
         if topic.startswith("command/"):
             return  # our own

@@ -30,7 +30,7 @@ async def test_every_command_of_the_guide_works_when_it_is_pasted(
     environ = {"PATH": str(tools)}
     guides: list[str] = []
 
-    async with demo(tmp_path, environ=environ, on_guide=guides.append) as scada:
+    async with demo(environ=environ, on_guide=guides.append) as scada:
         guide = guides[0].split("Paste these into another terminal:")[1]
         watching, *rest = [part.strip() for part in re.split(r"(?m)^#.*$", guide)[1:]]
         watcher = await pasted(watching, environ, tmp_path)

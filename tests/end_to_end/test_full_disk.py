@@ -34,7 +34,7 @@ async def test_a_stop_goes_out_at_once_on_a_disk_that_fails_and_files_are_privat
         for number in range(STOPS):
             before = len(gateway.output)
             began_s = datetime.now().astimezone().timestamp()
-            await scada.publish("command/pump/alice/stop", f'{{"id": "{number}"}}')
+            scada.say("command/pump/alice/stop", {"id": f"{number}"})
             await scada.result("pump", id=f"{number}", phase="confirmed")
             found = STOP_FRAME.search(gateway.output, before)
             assert found is not None

@@ -19,6 +19,11 @@ PATIENCE_S = 240.0  # on a machine with much other work
 PROGRAMS = [
     pytest.param(["torture", "--short", "errors 1 %", "malformed"], id="torture, in one process"),
     pytest.param(["torture", "--quick", "SIGKILL"], id="torture, a kill"),
+    pytest.param(
+        ["torture", "--short", "SIGKILL around"], marks=pytest.mark.long, id="a kill around a start"
+    ),
+    pytest.param(["torture", "--short", "stop at", "stalled ways"], id="stops and stalls"),
+    pytest.param(["torture", "--short", "stale"], marks=pytest.mark.long, id="queued commands"),
     pytest.param(["bench", "--only", "judge"], id="bench"),
     pytest.param(["fleet", "--gateways=1", "--starters=1", "--seconds=2", "--fill=2"], id="fleet"),
     pytest.param(["slow_box", "--share", "1", "--size", "1,1", "--seconds", "3"], id="slow box"),

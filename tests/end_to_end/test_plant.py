@@ -24,7 +24,7 @@ async def test_every_family_starts_runs_and_stops_by_topics_alone(
             await scada.until(f"starter/{starter}/state", state="running", quality="good")
         running = {starter: scada.phases(f"start-{starter}") for starter in STARTERS}
         for starter in STARTERS:
-            await scada.publish(f"command/{starter}/alice/stop", "")
+            scada.say(f"command/{starter}/alice/stop")
         for starter in STARTERS:
             await scada.result(starter, verb="stop", phase="confirmed")
             await scada.until(f"starter/{starter}/state", state="ready", quality="good")
@@ -38,8 +38,7 @@ async def test_a_lost_port_makes_everything_stale_and_comes_back(
 ) -> None:
     broker = start_mosquitto()
     config = write_config(tmp_path, site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL")))
-    async with broker.watch("starters/plant/#") as watcher, Program("gateway", "run", str(config)) as gateway:
-        scada = Scada(broker, watcher)
+    async with Scada(broker.port) as scada, Program("gateway", "run", str(config)) as gateway:
         await scada.until("gateway/status", state="degraded")
         await gateway.says("no such")
         async with Program("gateway", "simulate", str(config)):

@@ -14,17 +14,18 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from paho.mqtt import client as paho
 
 from tests.end_to_end.database import Database, database, programs
 from tests.end_to_end.plant import STARTERS
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-from tests.mosquitto import Seen, StartMosquitto, Watcher
+from tests.listener import BrokerListener
+from tests.mosquitto import StartMosquitto
 
 pytest.importorskip("pg8000")
 BIN = programs()
@@ -37,6 +38,8 @@ CONTRIB = Path(__file__).parents[2] / "deploy" / "contrib" / "postgresql"
 BASE = "acme/site1/area/line3/mcc1"  # of a unified namespace
 WITHIN_S = 15.0
 FOREIGN = "no JSON"  # from another program
+KINDS = ("value/+", "state", "alarm/+", "event", "start", "trip", "history")
+TOPICS = ("gateway/event", "audit", "result/+/+", *(f"starter/+/{kind}" for kind in KINDS))
 
 
 class Consumer:
@@ -69,24 +72,27 @@ def server() -> Iterator[Database]:
         yield made
 
 
-async def witness(watcher: Watcher, seen: list[Seen]) -> None:
-    """Collect all that a subscriber gets who is never killed."""
-    with suppress(EOFError):
-        while True:
-            seen.append(await watcher.next(within_s=60.0))
+class Witness(BrokerListener):
+    """A subscriber that is never killed, there before anything is retained; `named` is what it gets."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(port, f"{BASE}/#", "witness")
+        self.named: list[tuple[Any, ...]] = []
+
+    def take(self, message: paho.MQTTMessage) -> None:
+        is_asked = any(paho.topic_matches_sub(f"{BASE}/{each}", message.topic) for each in TOPICS)
+        if is_asked and not message.retain and message.payload != FOREIGN.encode():
+            self.named += names_of(message.topic, json.loads(message.payload))
 
 
-def names_of(seen: Seen) -> list[tuple[Any, ...]]:
-    """Return what names a message: of one with late values, of each; nothing for a foreign one."""
-    if seen.payload == FOREIGN:
-        return []
-    body = json.loads(seen.payload)
-    if seen.topic.endswith("/history"):
-        branch = seen.topic.removesuffix("history")
+def names_of(topic: str, body: dict[str, Any]) -> list[tuple[Any, ...]]:
+    """Return what names a message: of one with late values, of each."""
+    if topic.endswith("/history"):
+        branch = topic.removesuffix("history")
         return [(f"{branch}value/{item['point']}", body["boot"], item["seq"]) for item in body["items"]]
     if "seq" in body:
-        return [(seen.topic, body["boot"], body["seq"])]
-    return [(seen.topic, body["id"] or "", body["phase"], body["duplicate"])]
+        return [(topic, body["boot"], body["seq"])]
+    return [(topic, body["id"] or "", body["phase"], body["duplicate"])]
 
 
 def names_in(server: Database) -> Counter[tuple[Any, ...]]:
@@ -95,12 +101,12 @@ def names_in(server: Database) -> Counter[tuple[Any, ...]]:
     return Counter(tuple(row) for row in (*messages, *results))
 
 
-def wait_until_settled(server: Database, seen: list[Seen]) -> None:
+def wait_until_settled(server: Database, witness: Witness) -> None:
     """Wait until the table has what the witness has seen, at most for WITHIN_S."""
     until_s = time.monotonic() + WITHIN_S
     while time.monotonic() < until_s:
         time.sleep(0.5)
-        if {name for each in list(seen) for name in names_of(each)} == names_in(server).keys():
+        if set(witness.named) == names_in(server).keys():
             return
 
 
@@ -114,17 +120,13 @@ async def test_each_message_is_in_the_table_once_and_in_order_whatever_fails(
         *("--port", str(broker.port), "--base", "acme/+/+/+/mcc1"), database=server, log=tmp_path / "log"
     )
     consumer.start()
-    kinds = ("value/+", "state", "alarm/+", "event", "start", "trip", "history")
-    topics = ("gateway/event", "audit", "result/+/+", *(f"starter/+/{kind}" for kind in kinds))
-    seen: list[Seen] = []
+    witness = Witness(broker.port)
+    witness.start()
     async with (
         Program("gateway", "simulate", str(config)) as simulator,
-        broker.watch(*(f"{BASE}/{topic}" for topic in topics), options=["-i", "witness", "-c"]) as watcher,
-        broker.watch(f"{BASE}/#") as looking,
+        Scada(broker.port, base=BASE) as scada,
     ):
-        watching = asyncio.create_task(witness(watcher, seen))
         await simulator.says("line hall")
-        scada = Scada(broker, looking, base=BASE)
         async with Program("gateway", "run", str(config)) as gateway:
             for starter in STARTERS:
                 await scada.ready(starter)
@@ -155,16 +157,16 @@ async def test_each_message_is_in_the_table_once_and_in_order_whatever_fails(
             assert f"{BASE}  online  LIVE" in table.output
             server.start()
             consumer.start()
-            await scada.publish("command/pump/alice/stop", "")
+            scada.say("command/pump/alice/stop")
             await scada.until("starter/pump/state", state="ready", quality="good")
-            await scada.publish("starter/pump/state", FOREIGN)
+            scada.say("starter/pump/state", FOREIGN)
             gateway.signal(signal.SIGTERM)
             assert await gateway.exit_code() == 0
-        await asyncio.to_thread(wait_until_settled, server, seen)
-        watching.cancel()
+        await asyncio.to_thread(wait_until_settled, server, witness)
     consumer.kill()
+    witness.stop()
 
-    named = [name for each in seen for name in names_of(each)]
+    named = witness.named
     assert names_in(server) == Counter(set(named)), consumer.log.read_text("utf-8")
     assert len(named) > len(set(named))  # the broker did repeat some
     assert server.run("SELECT payload FROM unreadable") == [[FOREIGN.encode()]]
@@ -199,31 +201,30 @@ POISON = [  # none of them may hold up what comes after it
 ]
 
 
-def test_what_is_no_message_of_ours_is_put_aside_and_holds_up_nothing(
-    server: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def store(server: Database, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Give what the consumer writes with."""
     for name, value in server.environ.items():
         monkeypatch.setenv(name, value)
-    store = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
+    made = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
+    yield made
+    made._close()
+
+
+def test_what_is_no_message_of_ours_is_put_aside_and_holds_up_nothing(server: Database, store: Any) -> None:
     good = [f'{{"seq":{seq},"boot":"run","time":null}}'.encode() for seq in (1, 2)]
     batch = [SimpleNamespace(topic="b/starter/p/state", payload=each) for each in (good[0], *POISON, good[1])]
 
     assert store.write(batch)
     assert store.write(batch)
-    store._close()
 
     assert names_in(server) == Counter([("b/starter/p/state", "run", 1), ("b/starter/p/state", "run", 2)])
     assert Counter(row[0] for row in server.run("SELECT payload FROM unreadable")) == Counter(POISON)
 
 
-def test_the_tables_for_timescale_take_the_same_messages_once(
-    server: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in server.environ.items():
-        monkeypatch.setenv(name, value)
+def test_the_tables_for_timescale_take_the_same_messages_once(server: Database, store: Any) -> None:
     lines = (CONTRIB.parent / "timescaledb" / "fleet.sql").read_text("utf-8").splitlines()
     server.run("\n".join(line for line in lines if not line.endswith("; -- timescale")))
-    store = runpy.run_path(str(CONTRIB / "consumer.py"))["Store"]()
     value = {"boot": "run", "value": 1.0, "unit": "A", "quality": "good", "time": "2026-11-21T01:02:03.456Z"}
     bodies = [{**value, "seq": 1}, {**value, "seq": 2, "time": None}]  # the second was never read
     topic = "b/starter/p/value/current"
@@ -231,7 +232,6 @@ def test_the_tables_for_timescale_take_the_same_messages_once(
 
     assert store.write([*batch, *batch])
     assert store.write(batch)
-    store._close()
 
     assert names_in(server) == Counter([(topic, "run", 1), (topic, "run", 2)])
     assert server.run("SELECT seq FROM message WHERE time IS NULL") == [[2]]

@@ -44,10 +44,9 @@ async def watched_plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[
     await starters.start()
     try:
         async with (
-            broker.watch("starters/plant/#") as watcher,
+            Scada(broker.port) as scada,
             Program("gateway", "run", str(config)) as gateway,
         ):
-            scada = Scada(broker, watcher)
             for name in ("pump", "fan", "mill", "belt"):
                 await scada.until(f"starter/{name}/state", state="ready", quality="good")
             await starters.order("mark")

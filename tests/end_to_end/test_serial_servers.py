@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import tty
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
@@ -15,65 +15,60 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from tests.end_to_end.site import Program, Scada, write_config
-from tests.mosquitto import StartMosquitto, free_port
+from tests.mosquitto import MosquittoBroker, StartMosquitto, free_port
+from tests.rig.sites import line, starter, table
 
 PACKING_S = 0.05
 GAP_S = 0.02
 
-LINE = """
-[[line]]
-name = "{name}"
-port = "{port}"
-baud = 19200
-framing = "8N2"
-adapter_allowance_s = {allowance_s}
-
-[[line.starter]]
-name = "{name}-1"
-address = 1
-family = "ssw07"
-every_s = 0.2
-"""
-
 Send = Callable[[asyncio.StreamWriter, "asyncio.Queue[bytes]"], Awaitable[None]]
 
 
-async def at_once(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+async def at_once(writer: asyncio.StreamWriter, wire: asyncio.Queue[bytes]) -> None:
     while True:
-        writer.write(await line.get())
+        writer.write(await wire.get())
 
 
-async def packed(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+async def packed(writer: asyncio.StreamWriter, wire: asyncio.Queue[bytes]) -> None:
     """Collect what comes until the line has been silent for a while."""
     while True:
-        data = await line.get()
+        data = await wire.get()
         try:
             while True:
-                data += await asyncio.wait_for(line.get(), PACKING_S)
+                data += await asyncio.wait_for(wire.get(), PACKING_S)
         except TimeoutError:
             writer.write(data)
 
 
-async def with_gaps(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+async def with_gaps(writer: asyncio.StreamWriter, wire: asyncio.Queue[bytes]) -> None:
     """Send in pieces with silences that would end a frame on a line (3.5 characters: 2 ms)."""
     while True:
-        data = await line.get()
+        data = await wire.get()
         for begin in range(0, len(data), 3):
             writer.write(data[begin : begin + 3])
             await asyncio.sleep(GAP_S)
 
 
+def lines(broker: MosquittoBroker, ports: Mapping[str, str], **allowances_s: float) -> str:
+    """Return a site with a line of one starter at each port."""
+    site = table("gateway", name="plant", state_dir="state") + table("mqtt", url=broker.url)
+    for name, port in ports.items():
+        site += line(name, port=port, adapter_allowance_s=allowances_s.get(name, 0.3))
+        site += starter(f"{name}-1", 1, "ssw07", every_s=0.2)
+    return site
+
+
 @asynccontextmanager
 async def box(device: Path, send: Send) -> AsyncIterator[str]:
     """Serve one device of a simulator to one TCP client at a time; give the URL."""
-    line: asyncio.Queue[bytes] = asyncio.Queue()
+    wire: asyncio.Queue[bytes] = asyncio.Queue()
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     tty.setraw(fd)
     loop = asyncio.get_running_loop()
-    loop.add_reader(fd, lambda: line.put_nowait(os.read(fd, 4096)))
+    loop.add_reader(fd, lambda: wire.put_nowait(os.read(fd, 4096)))
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        sending = asyncio.ensure_future(send(writer, line))
+        sending = asyncio.ensure_future(send(writer, wire))
         try:
             while data := await reader.read(4096):
                 os.write(fd, data)
@@ -112,14 +107,10 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
 ) -> None:
     broker = start_mosquitto()
     ways: dict[str, Send] = {"clear": at_once, "packed": packed, "unsaid": packed, "gaps": with_gaps}
-    allowances_s = {"unsaid": 0.0}  # the gateway is not informed of what this box adds
-    head = f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "{broker.url}"\n'
     (tmp_path / "simulated").mkdir()
     devices = {name: tmp_path / name for name in ways}
-    simulated = write_config(
-        tmp_path / "simulated",
-        head + "".join(LINE.format(name=name, port=port, allowance_s=0.3) for name, port in devices.items()),
-    )
+    ports = {name: str(device) for name, device in devices.items()}
+    simulated = write_config(tmp_path / "simulated", lines(broker, ports))
     async with AsyncExitStack() as stack:
         simulator = await stack.enter_async_context(Program("gateway", "simulate", str(simulated)))
         for name in ways:
@@ -129,13 +120,9 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
         }
         zeros = [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)]
         urls["wrong"] = await stack.enter_async_context(foreign_server(FramerType.SOCKET, zeros))
-        lines = "".join(
-            LINE.format(name=name, port=url, allowance_s=allowances_s.get(name, 0.3))
-            for name, url in urls.items()
-        )
-        config = write_config(tmp_path, head + lines)
-        watcher = await stack.enter_async_context(broker.watch("starters/plant/#"))
-        scada = Scada(broker, watcher)
+        # The gateway is not informed of what the box `unsaid` adds.
+        config = write_config(tmp_path, lines(broker, urls, unsaid=0.0))
+        scada = await stack.enter_async_context(Scada(broker.port))
         await stack.enter_async_context(Program("gateway", "run", str(config)))
         for name in ("clear", "packed", "gaps"):
             await scada.ready(f"{name}-1")
@@ -160,14 +147,12 @@ async def test_the_values_of_another_projects_server_are_published_as_they_are(
 ) -> None:
     broker = start_mosquitto()
     cells = [SimData(at, values=word, datatype=DataType.REGISTERS) for at, word in sorted(WORDS.items())]
-    head = f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "{broker.url}"\n'
     async with (
         foreign_server(FramerType.RTU, cells) as url,
-        broker.watch("starters/plant/#") as watcher,
+        Scada(broker.port) as scada,
     ):
-        config = write_config(tmp_path, head + LINE.format(name="pump", port=url, allowance_s=0.3))
+        config = write_config(tmp_path, lines(broker, {"pump": url}))
         async with Program("gateway", "run", str(config)):
-            scada = Scada(broker, watcher)
             state = await scada.until("starter/pump-1/state", quality="good")
             current = await scada.until("starter/pump-1/value/current", quality="good")
             current_pct = await scada.until("starter/pump-1/value/current_pct", quality="good")

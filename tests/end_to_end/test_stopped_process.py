@@ -28,13 +28,13 @@ async def test_no_start_is_written_on_what_was_read_before_the_process_was_stopp
             await scada.command("pump", "start", f"start-{number}")
             await asyncio.sleep(after_s)
             gateway.signal(signal.SIGSTOP)
-            await scada.set_knob("pump", "control", "local")
+            scada.set_knob("pump", "control", "local")
             await asyncio.sleep(SUSPEND_LIMIT_S + 0.5)
             gateway.signal(signal.SIGCONT)
             result = await final(scada, f"start-{number}")
             ends.append((result["phase"], result["code"]))
-            await scada.set_knob("pump", "keypad", "stop")
-            await scada.set_knob("pump", "control", "remote")
+            scada.set_knob("pump", "keypad", "stop")
+            scada.set_knob("pump", "control", "remote")
             await scada.until("starter/pump/state", state="ready", quality="good", remote=True)
 
     # Written before the stop and seen to run after it, or not at all; written in local it has no effect.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gateway.config.load import parse
 from tests.end_to_end.site import Program
-from tests.mosquitto import READY, Certificate, MosquittoBroker, StartMosquitto, free_port
+from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto, free_port
 from tests.reference import tutorial
 
 BASE = "starters/mcc1"
@@ -107,7 +107,7 @@ class Follower:
         chain.write_bytes((kit / "broker.pem").read_bytes() + (kit / "ca.pem").read_bytes())
         self._broker = self._start_mosquitto(
             users=self._reader.passwords(),
-            acl=f"{(kit / 'acl').read_text('utf-8')}topic readwrite {READY}\n",  # the last block is prover's
+            acl=(kit / "acl").read_text("utf-8"),
             tls=Certificate(chain, kit / "broker.key"),
             options=("use_username_as_clientid true",),
         )

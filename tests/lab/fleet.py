@@ -17,7 +17,7 @@ import tempfile
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,10 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.end_to_end.site import Program
 from tests.lab.usage import Usage, usage
+from tests.listener import BrokerListener
 from tests.mosquitto import MosquittoBroker, missing_programs
 from tests.rig.sites import line, operator, starter, table
+from tests.waiting import until
 
 FAMILIES = ("ssw07", "ssw06", "ssw900", "sst")
 BASE, OPERATOR = "starters/", "fleet"
@@ -39,35 +41,32 @@ MOST_WAITING = 2000  # messages of --fill that were not acknowledged yet
 QUIET = ("log_type none", "set_tcp_nodelay true", "max_queued_messages 0")
 
 
-class Subscriber:
+class FleetListener(BrokerListener):
     """One client that keeps all that is published, and commands."""
 
     def __init__(self, port: int) -> None:
+        super().__init__(port, f"{BASE}#")
         self.taken: list[tuple[float, str, int]] = []  # when, topic, bytes of the packet
         self.retained: dict[str, bytes] = {}  # the newest of each topic
         self.confirmed = 0  # starts
-        self.client = paho.Client(CallbackAPIVersion.VERSION2, f"counter-{uuid.uuid4().hex[:6]}")
-        self.client.on_message = self._take
-        self.client.connect("127.0.0.1", port)
-        self.client.subscribe(f"{BASE}#", qos=1)
-        self.client.loop_start()
+        self.start()
 
     def body(self, topic: str) -> dict[str, Any]:
         """Return the newest message of a topic below the base."""
         body: dict[str, Any] = json.loads(self.retained.get(f"{BASE}{topic}") or b"{}")
         return body
 
-    def start(self, gateway: str, name: str) -> None:
+    def start_motor(self, gateway: str, name: str) -> None:
         """Command a start."""
         payload = {"id": uuid.uuid4().hex, "token": self.body(f"{gateway}/gateway/fresh")["token"]}
-        self.client.publish(f"{BASE}{gateway}/command/{name}/{OPERATOR}/start", json.dumps(payload), qos=1)
+        self.publish(f"{BASE}{gateway}/command/{name}/{OPERATOR}/start", payload)
 
     def is_ready(self, gateway: str, name: str) -> bool:
         """Return whether a starter is ready, and known to be what is configured."""
         state, info = (self.body(f"{gateway}/starter/{name}/{kind}") for kind in ("state", "info"))
         return state.get("state") == "ready" and bool(info.get("firmware"))
 
-    def _take(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
+    def take(self, message: paho.MQTTMessage) -> None:
         topic = message.topic
         if "/command/" in topic:
             return
@@ -104,7 +103,7 @@ async def run(args: argparse.Namespace, folder: Path, broker: MosquittoBroker) -
     """Run all of it, printing as it goes; return how many starts were confirmed."""
     fleet = {f"g{number}": folder / f"g{number}.toml" for number in range(args.gateways)}
     names = [f"s{address}-{FAMILIES[address % len(FAMILIES)]}" for address in range(1, args.starters + 1)]
-    seen = Subscriber(broker.port)
+    seen = FleetListener(broker.port)
     async with AsyncExitStack() as stack:
         for gateway, config in fleet.items():
             config.write_text(site_text(folder, gateway, names, broker.url), "utf-8")
@@ -116,15 +115,17 @@ async def run(args: argparse.Namespace, folder: Path, broker: MosquittoBroker) -
             for config in fleet.values()
         ]
         everything = [(gateway, name) for name in names for gateway in fleet]
-        await until(lambda: all(seen.is_ready(*each) for each in everything), "all starters are ready")
+        await until(
+            lambda: all(seen.is_ready(*each) for each in everything), "all starters are ready", PATIENCE_S
+        )
         print_start_up(seen, begun_s, tuple(fleet))
         pids = {"broker": [broker.pid], "gateways": [each.pid for each in programs]}
         await span(seen, "standing", args, pids)
         for name in names:
             for gateway in fleet:
-                seen.start(gateway, name)
+                seen.start_motor(gateway, name)
             await asyncio.sleep(1 / STARTS_PER_S)
-        await until(lambda: seen.confirmed >= len(everything), "every start is confirmed")
+        await until(lambda: seen.confirmed >= len(everything), "every start is confirmed", PATIENCE_S)
         await span(seen, "running", args, pids)
     print(f"starts: {seen.confirmed} of {len(everything)} confirmed")
     own = {topic: payload for topic, payload in seen.retained.items() if topic.startswith(f"{BASE}g0/")}
@@ -146,16 +147,9 @@ def site_text(folder: Path, gateway: str, names: list[str], url: str) -> str:
     )
 
 
-async def until(is_so: Callable[[], bool], what: str) -> None:
-    """Wait until something is so; TimeoutError says what never was."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not is_so():
-        if time.monotonic() > end_s:
-            raise TimeoutError(f"never: {what}")
-        await asyncio.sleep(0.2)
-
-
-async def span(seen: Subscriber, name: str, args: argparse.Namespace, pids: Mapping[str, list[int]]) -> None:
+async def span(
+    seen: FleetListener, name: str, args: argparse.Namespace, pids: Mapping[str, list[int]]
+) -> None:
     """Let the time of a span pass, and print what was published and used in it."""
     before, first = used(pids), len(seen.taken)
     await asyncio.sleep(args.seconds)
@@ -182,7 +176,7 @@ def kind_of(topic: str) -> str:
     return f"{branch}/{rest[0]}" if branch == "gateway" else rest[1] if branch == "starter" else branch
 
 
-def print_start_up(seen: Subscriber, begun_s: float, gateways: tuple[str, ...]) -> None:
+def print_start_up(seen: FleetListener, begun_s: float, gateways: tuple[str, ...]) -> None:
     """Print how much the start-up was, and its worst second."""
     for gateway in gateways:
         times = [at_s for at_s, topic, _ in seen.taken if topic.startswith(f"{BASE}{gateway}/")]

@@ -12,19 +12,18 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import queue
 import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import paho.mqtt.client as paho
-from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.lab.bench.account import SeenRequest
 from tests.lab.bench.judge import Spec
 from tests.lab.bench.plant import BASE, BenchSite, bench_site, operate
 from tests.lab.usage import usage
+from tests.listener import BrokerListener
 
 QUIET_S = 10.0  # without a message of the history, the outage is drained
 DRAIN_WITHIN_S = 400.0
@@ -57,33 +56,19 @@ class Phase:
         )
 
 
-class OutageListener:
+class OutageListener(BrokerListener):
     """Takes everything of the gateway; its session outlives the broker's restart."""
 
     def __init__(self, port: int) -> None:
+        super().__init__(port, f"{BASE}/#", "outage")
         self.kinds: Counter[str] = Counter()
         self.gaps: list[str] = []
         self.items = self.disorder = 0
         self.history_s = self.first_s = 0.0  # when the last and the first of it came
         self._latest: dict[tuple[str, str], int] = {}  # seq by topic and point
-        self._ready: queue.SimpleQueue[None] = queue.SimpleQueue()
-        self._client = paho.Client(
-            CallbackAPIVersion.VERSION2, "outage", clean_session=False, protocol=paho.MQTTv311
-        )
-        self._client.on_message = self._take
-        self._client.on_subscribe = lambda *_: self._ready.put(None)
-        self._client.reconnect_delay_set(1, 1)
-        self._client.connect("127.0.0.1", port)
-        self._client.loop_start()
-        self._client.subscribe(f"{BASE}/#", qos=1)
-        self._ready.get(timeout=10.0)
+        self.start()
 
-    def close(self) -> None:
-        """End the session."""
-        self._client.disconnect()
-        self._client.loop_stop()
-
-    def _take(self, _client: paho.Client, _data: object, message: paho.MQTTMessage) -> None:
+    def take(self, message: paho.MQTTMessage) -> None:
         kind = "/".join(message.topic.removeprefix(f"{BASE}/").split("/")[:3:2])
         self.kinds[kind] += 1
         if message.topic.endswith("/history"):
@@ -118,7 +103,7 @@ def main() -> None:
         if args.away:
             phases += _outage(site, listener, args.away)
         phases.append(_phase(site, "after", min(args.connected, 30.0)))
-        listener.close()
+        listener.stop()
         folder = sorted((path.name, path.stat().st_size) for path in _files(site.folder / "state"))
         seen = site.judge.seen()
     print(f"load after: {os.getloadavg()[0]:.2f}")

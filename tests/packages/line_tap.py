@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-import stat
+import select
+import threading
 import time
 import tty
 from dataclasses import dataclass
@@ -15,7 +16,6 @@ import serial
 
 from gateway.errors import BadFrameError
 from gateway.modbus.adu import crc16
-from tests.end_to_end.fd_copier import FdCopier
 from tests.modbus.request_size import request_adu_size
 
 WRITES = {5, 6, 15, 16, 22, 23}  # function codes that change something in a starter
@@ -38,14 +38,12 @@ class LineTap:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
-        Path(self.path).chmod(
-            stat.S_IRUSR | stat.S_IWUSR | stat.S_IRGRP | stat.S_IWGRP | stat.S_IROTH | stat.S_IWOTH
-        )
+        Path(self.path).chmod(0o666)
         self.requests: list[TappedRequest] = []
         self.unknown: list[bytes] = []
         self._begun = b""  # of a request whose end has not been read yet
-        theirs = self._theirs.fileno()
-        self._copier = FdCopier({theirs: self._master, self._master: theirs}, self._note)
+        self._is_over = False
+        self._copier = threading.Thread(target=self._copy, daemon=True)
 
     def __enter__(self) -> LineTap:
         self._copier.start()
@@ -54,7 +52,8 @@ class LineTap:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        self._copier.stop()
+        self._is_over = True
+        self._copier.join(10.0)
         self._theirs.close()
         os.close(self._master)
         os.close(self._slave)
@@ -69,10 +68,18 @@ class LineTap:
         edges = [since_s, *times, time.monotonic()]
         return max(later - earlier for earlier, later in pairwise(edges))
 
-    def _note(self, source: int, octets: bytes) -> None:
+    def _copy(self) -> None:
+        theirs = self._theirs.fileno()
+        other = {theirs: self._master, self._master: theirs}
+        while not self._is_over:
+            for source in select.select(tuple(other), (), (), 0.2)[0]:
+                octets = os.read(source, 4096)
+                if source == self._master:
+                    self._note(octets)
+                os.write(other[source], octets)
+
+    def _note(self, octets: bytes) -> None:
         """Note the requests; one read may bring two of them or a part of one."""
-        if source != self._master:
-            return
         self._begun += octets
         try:
             while (size := request_adu_size(self._begun)) is not None and size <= len(self._begun):

@@ -13,6 +13,7 @@ from pathlib import Path
 from tests.packages.built import Packages
 from tests.packages.container import Container
 from tests.packages.line_tap import LineTap
+from tests.rig.sites import ALICE, line, starter, table
 
 SYSTEMS = {"deb12": "bookworm", "deb13": "trixie"}
 TOP = "/usr/lib/starter-gateway"
@@ -20,45 +21,25 @@ UNIT = "/usr/lib/systemd/system/starter-gateway.service"
 WATCHDOG_S = 60
 PATIENCE_S = 60.0
 LONGEST_GAP_S = 10.0  # far below the watchdog, which would stop the motor besides
-SITE = """\
-[gateway]
-name = "plant"
-state_dir = "/var/lib/starter-gateway"
-language = "{language}"
-
-[mqtt]
-url = "mqtt://127.0.0.1:1883"
-username = "plant"
-
-[[line]]
-name = "hall"
-port = "{port}"
-baud = 19200
-framing = "8N2"
-adapter_allowance_s = 0.3
-
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw06"
-model = "SSW-06 820A"
-every_s = 0.2
-watchdog_s = {watchdog_s}
-
-[line.starter.simulated]
-parameters = {{ P313 = 2, P314 = {watchdog_s} }}
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
 DROP_IN = "[Service]\nDeviceAllow=char-pts rw\n"
 CREDENTIAL = "LoadCredential=mqtt.password:/etc/starter-gateway/mqtt.password\n"
 ENCRYPTED = "LoadCredentialEncrypted=mqtt.password:/etc/starter-gateway/mqtt.password.cred\n"
 IDENTIFIED = '"firmware":"'  # before its information has this, a start is refused
 LOGIN = ("plant", "secret of the plant")
 BROKER = "listener 1883 127.0.0.1\nallow_anonymous false\npassword_file /etc/mosquitto/plant.passwords\n"
+
+
+def site_text(port: str, *, language: str) -> str:
+    """Return a configuration whose starter watches its line."""
+    simulated = table("line.starter.simulated", parameters={"P313": 2, "P314": WATCHDOG_S})
+    return (
+        table("gateway", name="plant", state_dir="/var/lib/starter-gateway", language=language)
+        + table("mqtt", url="mqtt://127.0.0.1:1883", username="plant")
+        + line("hall", port=port, adapter_allowance_s=0.3)
+        + starter("pump", 1, "ssw06", model="SSW-06 820A", every_s=0.2, watchdog_s=WATCHDOG_S)
+        + simulated
+        + ALICE
+    )
 
 
 class InstalledSite:
@@ -87,7 +68,7 @@ class InstalledSite:
     def write(
         self, path: str = "/etc/starter-gateway/site.toml", *, language: str = "es", port: str = ""
     ) -> None:
-        self.system.write(path, SITE.format(language=language, port=port or self.port, watchdog_s=WATCHDOG_S))
+        self.system.write(path, site_text(port or self.port, language=language))
 
     def run(self, credential: str) -> None:
         """Run the service with a broker, and start the motor."""

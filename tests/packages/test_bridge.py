@@ -9,18 +9,14 @@ from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, commands
 from tests.packages.built import Packages
 from tests.packages.container import Container
-from tests.packages.site import DROP_IN, IDENTIFIED, SITE, WATCHDOG_S, InstalledSite
+from tests.packages.site import DROP_IN, IDENTIFIED, InstalledSite, site_text
+from tests.rig.sites import operator
 
 CENTRAL_BASE, CENTRAL_PORT = "acme/site1/mcc1", 8884
+CENTRAL_BROKER = ("-h", "central.acme", "-p", f"{CENTRAL_PORT}", "--cafile", "/root/central-ca.pem")
 CONSUMER = ("consumer", "the consumer's")
 UNIT = "starter-gateway-bridge"
-REMOTE = """
-[[operator]]
-client = "dispatch"
-may = ["start", "stop"]
-starters = ["*"]
-freshness = "issued_at"
-"""
+REMOTE = operator("dispatch", ("start", "stop"), freshness="issued_at")
 TLS = 'url = "mqtts://broker.plant:8883"\nca_file = "plant-ca.pem"\npassword_file = "mqtt.password"'
 CENTRAL = f"""\
 listener {CENTRAL_PORT} 127.0.0.1
@@ -41,7 +37,7 @@ def test_the_bridges_unit_is_locked_down_and_telemetry_and_commands_pass(
     site.install("0.2.0")
     system.write("/etc/hosts", "127.0.0.1 localhost broker.plant central.acme\n")
     with site.simulated():
-        text = SITE.format(language="en", port=site.port, watchdog_s=WATCHDOG_S).replace('"plant"', '"mcc1"')
+        text = site_text(site.port, language="en").replace('"plant"', '"mcc1"')
         text = text.replace('url = "mqtt://127.0.0.1:1883"', TLS).replace(
             "[mqtt]", 'clock = "trusted"\n\n[mqtt]', 1
         )
@@ -104,21 +100,8 @@ def starts_the_central_broker(site: InstalledSite) -> None:
 def at_central(site: InstalledSite, topic: str) -> str:
     """Return what a consumer at the central broker gets."""
     user, password = CONSUMER
-    words = (
-        "-h",
-        "central.acme",
-        "-p",
-        str(CENTRAL_PORT),
-        "--cafile",
-        "/root/central-ca.pem",
-        "-C",
-        "1",
-        "-W",
-        "20",
-    )
-    return site.system.run(
-        "mosquitto_sub", *words, "-u", user, "-P", password, "-t", f"{CENTRAL_BASE}/{topic}"
-    ).strip()
+    what = ("-C", "1", "-W", "20", "-u", user, "-P", password, "-t", f"{CENTRAL_BASE}/{topic}")
+    return site.system.run("mosquitto_sub", *CENTRAL_BROKER, *what).strip()
 
 
 def until(site: InstalledSite, topic: str, text: str) -> None:
@@ -131,18 +114,7 @@ def until(site: InstalledSite, topic: str, text: str) -> None:
 
 def sends(site: InstalledSite, verb: str) -> None:
     password = site.system.run("cat", "/root/broker-kit/central/logins/dispatch").strip()
-    words = (
-        "-h",
-        "central.acme",
-        "-p",
-        str(CENTRAL_PORT),
-        "--cafile",
-        "/root/central-ca.pem",
-        "-q",
-        "1",
-        "-V",
-        "mqttv5",
-    )
+    words = (*CENTRAL_BROKER, "-q", "1", "-V", "mqttv5")
     body = json.dumps({"id": verb, "issued_at": rfc3339(time.time())})
     topic = f"{CENTRAL_BASE}/command/pump/dispatch/{verb}"
     site.system.run("mosquitto_pub", *words, "-u", "dispatch", "-P", password, "-t", topic, "-m", body)

@@ -1,11 +1,9 @@
-"""Writes every generated page of the reference: `python -m tests.reference`."""
+"""Writes every generated page of the documents: `python -m tests.reference`."""
 
 from __future__ import annotations
 
-from tests.reference.pages import FOLDER, pages
+from tests.reference.pages import FOLDER, NAMES, made
 
 if __name__ == "__main__":
-    for name, text in pages().items():
-        path = FOLDER / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8")
+    for name in NAMES:
+        (FOLDER / name).write_text(made(name), "utf-8")

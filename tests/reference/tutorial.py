@@ -27,8 +27,3 @@ def file(title: str) -> str:
     found = re.search(pattern, PAGE.read_text("utf-8"), re.DOTALL | re.MULTILINE)
     assert found is not None, title
     return found[1]
-
-
-def shipped_files() -> list[str]:
-    """Return the files of this repository that the commands name."""
-    return re.findall(r"\bdeploy/[\w./-]+", "\n".join(commands()))

@@ -6,7 +6,6 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gateway.config.values import Name, SparkplugId
-from gateway.plugins.sparkplug.topics import EdgeTopics
 
 
 @pytest.mark.parametrize("text", ["a+b", "a/b", "#", "", "a\n", "a\x00b"])
@@ -20,15 +19,3 @@ def test_reserved_signs_are_refused_in_ids(text: str) -> None:
 def test_names_of_starters_are_lower_case_so_none_differs_by_case_alone() -> None:
     with pytest.raises(ValidationError):
         TypeAdapter(Name).validate_python("Pump")
-
-
-def test_a_command_topic_of_another_node_or_with_more_levels_names_no_device() -> None:
-    topics = EdgeTopics("plant", "mcc1")
-
-    assert topics.commanded_device("spBv1.0/plant/DCMD/mcc1/pump") == "pump"
-    for other in (
-        "spBv1.0/plant/DCMD/mcc2/pump",
-        "spBv1.0/plant/DCMD/mcc1/pump/x",
-        "spBv1.0/plant/DCMD/mcc1/",
-    ):
-        assert topics.commanded_device(f"spBv1.0/plant/DCMD/{other}") is None

@@ -6,7 +6,7 @@ import asyncio
 import json
 import shutil
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from tests.end_to_end.site import PUMP, Program, site_config, write_config
 from tests.mosquitto import Certificate, StartMosquitto
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
 from tests.rig.sites import operator
+from tests.waiting import until
 
 STARTER = PUMP + operator("alice", freshness="issued_at")
 STOP_FRAME, START_FRAME = ">> 01 05 00 64 00 00", ">> 01 05 00 64 ff 00"
@@ -57,7 +58,6 @@ def start(level: int, id_: str) -> bytes:
 async def gateway_at(port: int, folder: Path, *, tls: str = "") -> AsyncIterator[Program]:
     """Run the gateway with a simulated starter; with `tls`, keys of its table, at a broker with TLS."""
     text = site_config(broker_port=port, port=str(folder / "ttyHALL"), starters=STARTER)
-    text = text.replace("[gateway]", '[gateway]\nclock = "trusted"')
     if tls:
         text = text.replace("mqtt://127.0.0.1", "mqtts://localhost").replace("[mqtt]\n", f"[mqtt]\n{tls}\n")
     config = write_config(folder, text)
@@ -76,12 +76,6 @@ async def result(broker: FakeBroker, id_: str) -> str:
             body = json.loads(brace + rest) if packet.topic.startswith("starters/plant/result/") else {}
             if body.get("id") == id_:
                 return str(body["code"])
-
-
-async def until(is_so: Callable[[], bool]) -> None:
-    async with asyncio.timeout(30.0):
-        while not is_so():  # noqa: ASYNC110 - of another process
-            await asyncio.sleep(0.05)
 
 
 @both_versions
@@ -164,7 +158,7 @@ async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_i
         FakeBroker(answers=spoken(level), after_suback=packet) as broker,
         gateway_at(broker.port, tmp_path) as gateway,
     ):
-        await until(lambda: broker.levels.count(level) >= 3)
+        await until(lambda: broker.levels.count(level) >= 3, "three connections")
 
     warnings = [line for line in gateway.output.splitlines() if " WARNING " in line and TOO_LARGE in line]
     assert len(warnings) == 1  # though it goes on
@@ -216,12 +210,12 @@ async def test_an_expired_certificate_is_reported_once_and_its_successor_is_take
     shutil.copy(expired.key, used.key)
     broker = start_mosquitto(tls=used)
     async with gateway_at(broker.port, tmp_path, tls=f'ca_file = "{used.cert}"') as gateway:
-        await until(lambda: broker.log().count("New connection") >= 4)
+        await until(lambda: broker.log().count("New connection") >= 4, "four connections")
         reported = gateway.output.count("its certificate: certificate has expired")
         shutil.copy(good.cert, used.cert)
         shutil.copy(good.key, used.key)
         broker.restart()
-        await until(lambda: " as plant " in broker.log())
+        await until(lambda: " as plant " in broker.log(), "a client")
 
     assert reported == 1
     assert "CONNECT" not in broker.log().partition("terminating")[0]

@@ -56,10 +56,6 @@ class PagePlant:
     config: Path
     port: int
 
-    async def by_hand(self, starter: str, control: str, setting: str) -> None:
-        """Do at a simulated starter what a hand there would do."""
-        await self.scada.set_knob(starter, control, setting)
-
 
 PumpPage = tuple[PagePlant, Page]
 
@@ -127,8 +123,8 @@ async def log_in(page: Page, password: str = PASSWORD) -> None:
     await page.click("#login-form button[type=submit]")
 
 
-async def logged_in(page: Page) -> None:
-    await log_in(page)
+async def logged_in(page: Page, password: str = PASSWORD) -> None:
+    await log_in(page, password)
     await page.get_by_role("button", name=f"{USER}: log out").wait_for()
 
 

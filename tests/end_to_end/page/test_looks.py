@@ -12,6 +12,7 @@ from playwright.async_api import Page, expect
 
 from tests.end_to_end.page.support import browser, logged_in, page_plant
 from tests.mosquitto import StartMosquitto
+from tests.rig.sites import ALICE, starter
 
 pytestmark = [pytest.mark.long]
 
@@ -34,8 +35,8 @@ async def findings(page: Page) -> list[str]:
 
 async def test_axe_finds_nothing_on_any_page(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
     async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        await plant.by_hand("mill", "trip", "F005")
-        await plant.by_hand("fan", "control", "local")
+        plant.scada.set_knob("mill", "trip", "F005")
+        plant.scada.set_knob("fan", "control", "local")
         await plant.scada.until("starter/mill/state", state="fault")
         for scheme in ("light", "dark"):
             page = await chromium.open(plant.url, color_scheme=scheme)
@@ -70,12 +71,8 @@ async def test_a_phone_shows_everything_without_scrolling_sideways_and_with_targ
 
 
 def many(count: int) -> str:
-    tables = "".join(
-        f'[[line.starter]]\nname = "m{number}"\naddress = {number}\nfamily = "ssw07"\n'
-        f"enabled = {str(number < 3).lower()}\n"
-        for number in range(1, count + 1)
-    )
-    return tables + '[[operator]]\nclient = "alice"\nmay = ["*"]\nstarters = ["*"]\n'
+    starters = (starter(f"m{place}", place, "ssw07", enabled=place < 3) for place in range(1, count + 1))
+    return "".join(starters) + ALICE
 
 
 async def test_247_starters_are_no_trouble(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:

@@ -22,9 +22,9 @@ from tests.end_to_end.page.support import (
     page_plant,
     select_start,
 )
-from tests.end_to_end.web.raw_client import until
 from tests.mosquitto import StartMosquitto
 from tests.relay import Relay
+from tests.waiting import until
 
 pytestmark = [pytest.mark.long]
 

@@ -37,7 +37,7 @@ async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
         await plant.scada.until("starter/pump/state", state="starting")
         await expect(page.locator("li[data-starter=pump] .state")).to_have_text("starting", timeout=1000.0)
 
-        await plant.by_hand("mill", "trip", "F005")
+        plant.scada.set_knob("mill", "trip", "F005")
         await plant.scada.until("starter/mill/state", state="fault")
         await expect(page.locator("li[data-starter=mill] .state")).to_have_text("fault", timeout=1000.0)
         await expect(page.locator("li[data-starter]").first).to_have_attribute("data-starter", "mill")
@@ -76,7 +76,7 @@ async def test_a_selected_start_falls_when_the_state_changes_before_it_is_held(p
     await page.locator("button[data-action^='start ']:enabled").click()
     await page.locator(".hold-box:not([hidden])").wait_for()
 
-    await plant.by_hand("pump", "trip", "E05")
+    plant.scada.set_knob("pump", "trip", "E05")
 
     await page.locator(".hold-box").wait_for(state="hidden")
     await expect(page.locator(".big-state")).to_have_text("fault")
@@ -135,9 +135,8 @@ async def test_foreign_words_are_shown_as_text_and_run_nothing(
 
         token = await plant.scada.token()
         evil = "<img src=x onerror=window.evil=1>"
-        await plant.scada.publish(
-            "command/pump/alice/lock", f'{{"id":"l","token":"{token}","reason":"{evil}","operator":"{evil}"}}'
-        )
+        lock = {"id": "l", "token": token, "reason": evil, "operator": evil}
+        plant.scada.say("command/pump/alice/lock", lock)
         await plant.scada.result("pump", id="l", phase="confirmed")
         await page.goto(f"{plant.url}#/events")
         await page.reload()
@@ -159,7 +158,7 @@ async def test_the_pages_of_lines_events_and_the_gateway_show_what_is_published(
         )
         await expect(page.get_by_role("table", name="Promised and measured")).to_contain_text("a stop waits")
         await page.get_by_role("link", name="Events").click()
-        await plant.by_hand("belt", "power", "off")
+        plant.scada.set_knob("belt", "power", "off")
         await expect(page.locator("main")).to_contain_text("belt", timeout=30_000.0)
         await page.get_by_role("link", name="Gateway").click()
         await expect(page.get_by_role("table", name="This gateway")).to_contain_text("not a safety function")

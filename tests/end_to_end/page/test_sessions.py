@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
-from playwright.async_api import Page, expect
+from playwright.async_api import expect
 
 from gateway.contract import StatusRecord
 from gateway.plugins.web.accounts import IDLE_S
-from gateway.plugins.web.server import Server
 from gateway.plugins.web.static_files import read_files
-from tests.end_to_end.page.support import browser
-from tests.web.support import PageRig, web_settings
+from tests.end_to_end.page.support import browser, logged_in
+from tests.end_to_end.web.served import served
+from tests.web.support import PageRig
 
 pytestmark = [pytest.mark.long]
 
@@ -30,29 +29,14 @@ async def paged() -> AsyncIterator[tuple[PageRig, str]]:
     rig.publish(StatusRecord(state="online", time_s=1.0, boot="b", since_s=1.0, reason=None, run="r"))
     for starter in ("pump-1", "pump-2"):
         rig.state(starter, "ready")
-    server = Server(rig.page, web_settings(port=0))
-    task = asyncio.create_task(server.run())
-    await server.is_open.wait()
-    assert server.address is not None
-    try:
-        yield rig, f"http://127.0.0.1:{server.address[1]}/"
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-
-async def logged_in(page: Page) -> None:
-    await page.click("#account")
-    await page.fill("input[name=user]", "anna")
-    await page.fill("input[name=password]", "right")
-    await page.click("#login-form button[type=submit]")
-    await expect(page.locator("#account")).to_have_text("anna: log out")
+    async with served(rig) as (_, _, port):
+        yield rig, f"http://127.0.0.1:{port}/"
 
 
 async def test_a_session_that_was_not_used_for_too_long_ends_and_the_page_says_so() -> None:
     async with paged() as (rig, url), browser() as chromium:
         page = await chromium.open(f"{url}#/starter/pump-1")
-        await logged_in(page)
+        await logged_in(page, "right")
         await expect(page.locator("button[data-action^='start ']")).to_be_enabled()
 
         rig.clock.s += IDLE_S + 1.0
@@ -61,14 +45,14 @@ async def test_a_session_that_was_not_used_for_too_long_ends_and_the_page_says_s
         await expect(notice).to_contain_text("Log in again to operate")
         await expect(page.locator("#account")).to_have_text("Log in")
         await expect(page.locator("#live")).to_have_text("LIVE")
-        await logged_in(page)
+        await logged_in(page, "right")
         await expect(notice).to_have_count(0)
 
 
 async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_silence() -> None:
     async with paged() as (rig, url), browser() as chromium:
         page = await chromium.open(f"{url}#/starter/pump-1")
-        await logged_in(page)
+        await logged_in(page, "right")
         stop = page.get_by_role("button", name="STOP")
         await expect(stop).to_be_enabled()
 
@@ -85,7 +69,7 @@ async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_sil
 async def test_a_logout_in_another_tab_is_shown_here_and_ones_own_is_not() -> None:
     async with paged() as (_, url), browser() as chromium:
         here = await chromium.open(url)
-        await logged_in(here)
+        await logged_in(here, "right")
         there = await here.context.new_page()
         await there.goto(url)
         await expect(there.locator("#account")).to_have_text("anna: log out")

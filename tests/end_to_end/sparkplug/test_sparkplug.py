@@ -11,25 +11,15 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.end_to_end.plant import plant
+from tests.end_to_end.site import PUMP
 from tests.end_to_end.sparkplug.judges import PYTHON, python_judges
 from tests.mosquitto import MosquittoBroker, StartMosquitto
+from tests.rig.sites import ALICE
 
 PATIENCE_S = 20.0
 SPARKPLUG = '\n[sparkplug]\ngroup = "plant"\ncommands = true\noperator = "alice"\ndatatypes_in_data = true\n'
 HOST = Path(__file__).with_name("host_server.py")
-PUMP = """
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-every_s = 0.2
-
-[[operator]]
-client = "alice"
-may = ["*"]
-starters = ["*"]
-"""
 
 
 class Host:
@@ -88,31 +78,13 @@ class Host:
         await self._process.stdin.drain()
 
 
-@asynccontextmanager
-async def site(
-    broker: MosquittoBroker, folder: Path, more: str = SPARKPLUG
-) -> AsyncIterator[tuple[Scada, Program, Path, Program]]:
-    """Run a simulated starter and the gateway until the starter is ready."""
-    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"), starters=PUMP)
-    text = text.replace("[mqtt]", 'clock = "trusted"\n\n[mqtt]', 1)  # the kernel's may not be synchronised
-    config = write_config(folder, text + more)
-    async with (
-        Program("gateway", "simulate", str(config)) as simulator,
-        broker.watch("starters/plant/#") as watcher,
-    ):
-        await simulator.says("line hall")
-        async with Program("gateway", "run", str(config)) as gateway:
-            scada = Scada(broker, watcher)
-            await scada.ready("pump")
-            yield scada, gateway, config, simulator
-
-
 @python_judges
 async def test_an_independent_host_sees_births_and_data_commands_the_starter_and_sees_deaths(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     broker = start_mosquitto()
-    async with Host.at(broker) as host, site(broker, tmp_path) as (scada, gateway, _, simulator):
+    site = plant(broker, tmp_path, starters=PUMP + ALICE, names=("pump",), more=SPARKPLUG)
+    async with Host.at(broker) as host, site as (scada, gateway, _):
         birth = await host.message("NBIRTH")
         device = await host.message("DBIRTH", **{"Properties/Hardware Make": "WEG"})
         assert birth["metrics"]["bdSeq"]["value"] == 0
@@ -133,9 +105,9 @@ async def test_an_independent_host_sees_births_and_data_commands_the_starter_and
         audit = await scada.until("audit", verb="stop", decision="confirmed")
         assert (audit["client"], audit["source"]) == ("alice", "sparkplug")
 
-        simulator.signal(signal.SIGSTOP)
+        scada.set_knob("pump", "power", "off")
         await host.message("DDEATH")
-        simulator.signal(signal.SIGCONT)
+        scada.set_knob("pump", "power", "on")
         await host.message("DBIRTH")
         gateway.signal(signal.SIGTERM)
         death = await host.message("NDEATH")

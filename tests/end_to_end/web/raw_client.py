@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,15 +21,6 @@ class RawAnswer:
     @property
     def json(self) -> Any:
         return json.loads(self.body)
-
-
-async def until(is_so: Callable[[], bool], within_s: float = 10.0) -> None:
-    """Wait until something is so."""
-    async with asyncio.timeout(within_s):
-        while True:
-            if is_so():
-                return
-            await asyncio.sleep(0.02)
 
 
 async def exchange(port: int, data: bytes, *, within_s: float = 15.0, host: str = "127.0.0.1") -> RawAnswer:

@@ -150,8 +150,8 @@ async def act(plant: PagePlant) -> None:
     """Let one motor run, one trip, one stop, and one starter lose its supply."""
     await plant.scada.command("fan", "start", "1")
     await plant.scada.command("mill", "stop", "2")
-    await plant.by_hand("pump", "trip", "E05")
-    await plant.by_hand("belt", "power", "off")
+    plant.scada.set_knob("pump", "trip", "E05")
+    plant.scada.set_knob("belt", "power", "off")
 
 
 async def switch_off(plant: PagePlant) -> None:

@@ -8,38 +8,21 @@ import shutil
 import socket
 import ssl
 import struct
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from gateway.plugins.web import server as web_server
-from gateway.plugins.web.server import MOST_CONNECTIONS, Server
+from gateway.plugins.web.server import MOST_CONNECTIONS
 from gateway.plugins.web.streams import MOST_STREAMS
-from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
+from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request
+from tests.end_to_end.web.served import served
 from tests.mosquitto import Certificate
+from tests.waiting import until
 from tests.web.support import PageRig, web_settings
 
 QUICK_S = 0.6
-
-
-@asynccontextmanager
-async def served(
-    rig: PageRig | None = None, certificate: Certificate | None = None
-) -> AsyncIterator[tuple[PageRig, Server, int]]:
-    """Serve a page on a free port of loopback."""
-    rig = rig or PageRig()
-    files = {"cert_file": str(certificate.cert), "key_file": str(certificate.key)} if certificate else {}
-    server = Server(rig.page, web_settings(port=0, **files))
-    task = asyncio.create_task(server.run())
-    await server.is_open.wait()
-    assert server.address is not None
-    try:
-        yield rig, server, server.address[1]
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
 
 
 @pytest.fixture

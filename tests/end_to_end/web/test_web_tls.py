@@ -18,8 +18,9 @@ from gateway.plugins.web.plugin import WebSettings, WebUser
 from gateway.plugins.web.server import Server
 from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
-from tests.end_to_end.web.raw_client import RawAnswer, exchange, read_answer, request, until
+from tests.end_to_end.web.raw_client import RawAnswer, exchange, read_answer, request
 from tests.mosquitto import Certificate
+from tests.waiting import until
 from tests.web.support import FakeGateway, web_settings
 
 PATIENCE_S = 10.0

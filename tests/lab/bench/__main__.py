@@ -8,17 +8,11 @@ import subprocess
 import time
 
 from tests.lab.bench.costs import cpu, start, stop, sweep
-from tests.lab.bench.page import page
 from tests.lab.bench.report import Goal, table
-from tests.lab.bench.rows import (
-    BenchRow,
-    dead,
-    efficiency,
-    judge,
-)
+from tests.lab.bench.rows import BenchRow, dead, efficiency, judge
 from tests.mosquitto import missing_programs
 
-ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep, page)}
+ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep)}
 
 QUIET = 0.3
 BUSY = " (others use this machine: efficiency, stops and the start come out worse than they are)"

@@ -6,8 +6,8 @@ import queue
 import random
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,10 +55,10 @@ def bench_site(
     spec: Spec,
     *,
     has_page: bool = False,
-    starting: AbstractContextManager[object] | None = None,
+    prefix: Sequence[str] = (),
     is_persistent: bool = False,
 ) -> Iterator[BenchSite]:
-    """Run it; `starting` is around its start alone, sessions outlive a restart of a persistent broker."""
+    """Run it, `prefix` before its command; sessions outlive a restart of a persistent broker."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         options = ["log_type none", "max_queued_messages 0"] if is_persistent else ["log_type none"]
@@ -71,8 +71,7 @@ def bench_site(
             text += f'[web]\nlisten = "127.0.0.1:{port}"\n[[web.user]]\nname = "anna"\n'
             text += f'password = "{PASSWORD}"\noperator = "{OPERATOR}"\n'
         (folder / "site.toml").write_text(text, "utf-8")
-        with starting or nullcontext():
-            process = stack.enter_context(gateway(folder / "site.toml"))
+        process = stack.enter_context(gateway(folder / "site.toml", prefix))
         yield BenchSite(process, judge, broker, port, folder)
 
 

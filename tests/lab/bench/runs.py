@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -99,13 +99,14 @@ def run_subject(
 
 
 @contextmanager
-def gateway(config: Path) -> Iterator[Process]:
+def gateway(config: Path, prefix: Sequence[str] = ()) -> Iterator[Process]:
     """Run the gateway itself, its modules compiled, as pip leaves them when it installs."""
     compileall.compile_dir(Path(package.__file__).parent, quiet=1)
     log_path = config.parent / "gateway.log"
     with log_path.open("wb") as log:
         begun_s = time.monotonic()
-        process = subprocess.Popen([sys.executable, "-m", "gateway", "run", str(config)], stderr=log)
+        command = [*prefix, sys.executable, "-m", "gateway", "run", str(config)]
+        process = subprocess.Popen(command, stderr=log)
         try:
             yield Process(process, begun_s, log_path)
         finally:

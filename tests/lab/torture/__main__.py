@@ -1,7 +1,7 @@
 """`python -m tests.lab.torture`: the gateway under every fault that we can think of; 1 when one fails.
 
 --short takes some minutes, the whole some hours. A scenario's name, the beginning of one, or a place (crash,
-broker, hang, port, disk) runs only that.
+broker, hang, port, disk, commands) runs only that.
 """
 
 from __future__ import annotations
@@ -12,19 +12,14 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from tests.lab.torture import noise, of_commands, of_malformed
-from tests.lab.torture.of_commands import Proof
+from tests.lab.torture import noise, of_malformed
 from tests.lab.torture.of_disk import may_mount
 from tests.lab.torture.rig_row import RigScenario
 from tests.lab.torture.runner import SCENARIOS, run_place
 from tests.lab.torture.scenario import Much, Place, Row
 from tests.mosquitto import missing_programs
 
-OTHERS: tuple[RigScenario | Proof, ...] = (
-    *noise.SCENARIOS,
-    *of_malformed.SCENARIOS,
-    *of_commands.SCENARIOS,
-)
+IN_VIRTUAL_TIME: tuple[RigScenario, ...] = (*noise.SCENARIOS, *of_malformed.SCENARIOS)
 
 
 def main() -> int:
@@ -69,7 +64,7 @@ def _run_all(args: argparse.Namespace, report: Callable[[Row], None]) -> None:
             asyncio.run(run_place(place, chosen, report=report, **how))
     if args.quick:
         return
-    for each in OTHERS:
+    for each in IN_VIRTUAL_TIME:
         if _is_wanted(each.name, args.names):
             report(each.row(args.count or (each.short if args.short else each.whole), args.seed))
 

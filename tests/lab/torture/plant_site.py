@@ -8,24 +8,26 @@ from gateway.app.capacity import prospects_of
 from gateway.cli.check import gaps_of_starter
 from gateway.config.load import load
 from gateway.line.capacity.outage import Gaps, Restart
+from tests.rig.sites import ALICE, line, starter, table
 
 STARTERS = {"pump": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
 KEEPALIVE_S = 5
 
 
-def site(folder: Path, broker_port: int, *, deaf_after_s: float, state_dir: Path, watchdog_s: int = 0) -> str:
-    """Return the configuration of one line with a starter of each family."""
-    starters = "".join(
-        f'\n[[line.starter]]\nname = "{name}"\naddress = {address}\nfamily = "{family}"\nevery_s = 1.0\n'
-        f"watchdog_s = {watchdog_s}\n"
-        for address, (name, family) in enumerate(STARTERS.items(), 1)
-    )
+def site(
+    folder: Path, broker_port: int, *, deaf_after_s: float, state_dir: Path, mqtt: str, watchdog_s: int = 0
+) -> str:
+    """Return the configuration of one line with a starter of each family; `mqtt` is the version to speak."""
+    url = f"mqtt://127.0.0.1:{broker_port}"
     return (
-        f'[gateway]\nname = "plant"\nstate_dir = "{state_dir}"\n\n'
-        f'[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\nkeepalive_s = {KEEPALIVE_S}\n\n'
-        f'[[line]]\nname = "hall"\nport = "{folder}/ttyHALL"\nbaud = 19200\nframing = "8N2"\n'
-        f"deaf_after_s = {deaf_after_s}\n{starters}"
-        '\n[[operator]]\nclient = "alice"\nmay = ["*"]\nstarters = ["*"]\n'
+        table("gateway", name="plant", state_dir=f"{state_dir}", clock="trusted")
+        + table("mqtt", version=mqtt, url=url, keepalive_s=KEEPALIVE_S)
+        + line("hall", port=f"{folder}/ttyHALL", deaf_after_s=deaf_after_s)
+        + "".join(
+            starter(name, address, family, watchdog_s=watchdog_s)
+            for address, (name, family) in enumerate(STARTERS.items(), 1)
+        )
+        + ALICE
     )
 
 

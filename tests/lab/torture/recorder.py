@@ -8,18 +8,19 @@ from collections import Counter
 from typing import Any
 
 from paho.mqtt import client as paho
-from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.lab.torture.books import Books
 from tests.lab.torture.waiting import until
+from tests.listener import BrokerListener
 
 BASE = "starters/plant"
 
 
-class Recorder:
-    """One client with a session that outlives its connections; paho's thread takes the messages."""
+class Recorder(BrokerListener):
+    """One client with a session that outlives its connections."""
 
     def __init__(self, port: int) -> None:
+        super().__init__(port, f"{BASE}/#", "recorder")
         self.latest: dict[str, Any] = {}
         self.received_s: dict[str, float] = {}
         self.events: list[dict[str, Any]] = []
@@ -29,25 +30,9 @@ class Recorder:
         self.seqs: set[int] = set()  # of whatever has one
         self.messages = 0
         self.bad: list[str] = []  # what no consumer could read
-        self._port = port
-        self._client = paho.Client(
-            CallbackAPIVersion.VERSION2, client_id="recorder", protocol=paho.MQTTv311, clean_session=False
-        )
-        self._client.on_connect = self._connected
-        self._client.on_message = self._take
-        self._client.reconnect_delay_set(0.1, 0.1)  # before the gateway
-        self._subscribed_s = 0.0
 
-    def start(self) -> None:
-        self._client.connect("127.0.0.1", self._port, keepalive=30)
-        self._client.loop_start()
-
-    def stop(self) -> None:
-        self._client.disconnect()
-        self._client.loop_stop()
-
-    def publish(self, topic: str, payload: str, *, retain: bool = False) -> None:
-        self._client.publish(f"{BASE}/{topic}", payload, qos=1, retain=retain)
+    def publish(self, topic: str, payload: str | dict[str, Any] = "", *, retain: bool = False) -> None:
+        super().publish(f"{BASE}/{topic}", payload, retain=retain)
 
     @property
     def token(self) -> str:
@@ -55,8 +40,7 @@ class Recorder:
         return str(self.latest.get("gateway/fresh", {}).get("token", "none"))
 
     def command(self, starter: str, verb: str, id_: str, **args: Any) -> None:
-        payload = json.dumps({"id": id_, "token": self.token, "args": args})
-        self.publish(f"command/{starter}/alice/{verb}", payload)
+        self.publish(f"command/{starter}/alice/{verb}", {"id": id_, "token": self.token, "args": args})
 
     async def until(
         self, topic: str, *, since_s: float = 0.0, within_s: float = 10.0, **wanted: Any
@@ -90,6 +74,10 @@ class Recorder:
         await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
         return finals()[0]
 
+    def of(self, id_: str, *, since: int = 0) -> list[dict[str, Any]]:
+        """Return what was published of a command, from that result on."""
+        return [each for each in self.results[since:] if each["id"] == id_]
+
     def finals_of_ids(self) -> Counter[str]:
         """Return how many final results each id has had, duplicates that say so left out.
 
@@ -99,10 +87,7 @@ class Recorder:
         distinct = {json.dumps(each, sort_keys=True): each["id"] for each in finals}
         return Counter(distinct.values())
 
-    def _connected(self, client: paho.Client, *_: Any) -> None:
-        client.subscribe(f"{BASE}/#", qos=1)
-
-    def _take(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
+    def take(self, message: paho.MQTTMessage) -> None:
         topic = message.topic.removeprefix(f"{BASE}/")
         if topic.startswith("command/"):
             return

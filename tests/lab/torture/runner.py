@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.line.capacity.outage import Restart
-from tests.lab.torture import of_broker, of_disk, of_port, of_process, of_soak
+from tests.lab.torture import of_broker, of_disk, of_kills, of_port, of_process, of_soak, of_stale
 from tests.lab.torture.scenario import Much, Place, Row, Scenario
 from tests.lab.torture.supervisor import restart_of_unit
 from tests.lab.torture.verdict import judge
@@ -22,9 +22,12 @@ SCENARIOS = (
     *of_soak.SCENARIOS,
     *of_port.SCENARIOS,
     *of_disk.SCENARIOS,
+    *of_kills.SCENARIOS,
+    *of_stale.SCENARIOS,
 )
 
 SHORT_RESTART = Restart(restart_s=0.5, watchdog_s=3.0, abort_s=2.0, start_up_s=2.0)  # a hang ends sooner
+PATIENT_RESTART = Restart(restart_s=0.1, watchdog_s=10.0, abort_s=2.0, start_up_s=2.0)
 
 
 async def run_place(
@@ -38,6 +41,8 @@ async def run_place(
 ) -> None:
     """Run the scenarios of one place in one world, with their own counts unless one is given."""
     restart = restart_of_unit() if much is Much.WHOLE else SHORT_RESTART
+    if place in (Place.COMMANDS, Place.OLD_MQTT):
+        restart = PATIENT_RESTART
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
     async with AsyncExitStack() as stack:
         made = TemporaryDirectory(prefix=f"torture-{place.value}-", ignore_cleanup_errors=True)
@@ -48,6 +53,8 @@ async def run_place(
             options["deaf_after_s"] = of_port.DEAF_AFTER_S
         if place is Place.BROKER:
             options["is_persistent"] = True  # or the recorder would lose what the broker has for it
+        if place is Place.OLD_MQTT:
+            options["mqtt"] = "3.1.1"
         if place is Place.DISK:
             options["state_dir"] = folder / "disk"
             stack.enter_context(of_disk.small_disk(folder / "disk"))

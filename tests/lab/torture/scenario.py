@@ -18,6 +18,8 @@ class Place(enum.Enum):
     HANG = "hang"  # watchdogs outlast 1.5 times a hang's gap
     PORT = "port"  # a deaf port is noticed early; the line itself may be cut off, so watchdogs may act
     DISK = "disk"  # the state is stored on a small disk of its own
+    COMMANDS = "commands"  # a process that stands still for seconds is not taken for one that hangs
+    OLD_MQTT = "MQTT 3.1.1"  # the same, and the gateway speaks that
 
 
 class Much(enum.Enum):

@@ -14,6 +14,7 @@ import sys
 import tty
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -25,17 +26,19 @@ from gateway.sim.bus.pty import PtyLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.sim.sst import registers as sst_registers
-from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE
+from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_ACTION, C8_TIMEOUT_MODE
 from gateway.sim.weg.command_sources import ACTION_NONE, P_ACTION, P_TIMEOUT
 from tests.lab.torture.truth import Truth
 
 TOLERANCE_S = 0.0005  # two busy processes never wake on the spot
 SILENCE_TRIPS = ("E28", "A128", "F128", "R41", "R42")
 ALARM_ONLY = 2  # C8.2.5.1
+INDICATE = 0  # C8.2.5.2: by default it would go to local
 LATE_TICK_S = 0.005
 LATE_S = 0.004  # more than this and the silences on our line are not what they seem
 LATE_AROUND_S = 0.3
 GAPS_REPORTED = 20  # of each starter, the longest
+QUICK = {"ramp_up_s": 0.6, "ramp_down_s": 0.4, "coast_s": 0.4}  # of the motors
 
 
 class TortureLine(PtyLine):
@@ -106,6 +109,8 @@ class StarterLine:
         self.units = {
             each.name: watching_unit(each.family, each.address, watchdog_s) for each in table.starters
         }
+        for unit in self.units.values():
+            unit.motor.data = replace(unit.motor.data, **QUICK)
         self.truths = {
             each.name: Truth(
                 self.units[each.name],
@@ -233,7 +238,7 @@ def watching_unit(family: str, address: int, watchdog_s: int) -> SimulatedUnit:
         settings = {P_TIMEOUT: watchdog_s, P_ACTION: ACTION_NONE}
         return make_unit(family, address, seed=address, settings=settings)
     if family == "ssw900":
-        timeout = {C8_TIMEOUT_MODE: ALARM_ONLY, C8_TIMEOUT: 10 * watchdog_s}
+        timeout = {C8_TIMEOUT_MODE: ALARM_ONLY, C8_TIMEOUT_ACTION: INDICATE, C8_TIMEOUT: 10 * watchdog_s}
         return make_unit(family, address, seed=address, settings=timeout)
     unit: Any = make_unit(family, address, seed=address)
     unit.settings[sst_registers.TIMEOUT_STOP] = min(watchdog_s, 255)

@@ -9,7 +9,8 @@ import random
 import re
 import signal
 import time
-from collections.abc import AsyncIterator, Callable
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,11 @@ QUIET_S = 4.0  # what is asked after a change has been asked by then
 ONLINE_WITHIN_S = 5.0
 LOOK_S = 0.5  # more than the longest regular gap, and a look must have seen it
 STOP_WITHIN_S = 1.0  # over MQTT, beside what the line needs
+NOT_NOW = ("busy", "too_many", "expired", "not_fresh")  # the newest token may have been on its way for long
+SETTLED_TRIES = 80
+SETTLING = "settling-"  # how the ids of the reads of `settled` begin
+READABLE = {"pump": "P314", "fan": "P313", "mill": "C8.2.5.3", "belt": "R33"}
+PACE_S = 0.24  # between commands of one client to one starter, so that none is refused as too many
 
 
 class Rate(NamedTuple):
@@ -126,10 +132,53 @@ class World:
         is_same = 1 - tolerance - during.held <= ratio <= 1 + tolerance + before.held
         self.check(is_same, f"the line's rate changed: {before} -> {during}")
 
-    async def stop(self, starter: str, *, within_s: float = 10.0) -> None:
+    async def ready(self, starters: Iterable[str] = STARTERS) -> None:
+        """Wait until starters stand still, and the present gateway says so and knows who they are."""
+        began_s = self.gateway.lives[-1].began_s
+        for starter in starters:
+            wanted = {"state": "ready", "quality": "good"}
+            await self.recorder.until(f"starter/{starter}/state", since_s=began_s, within_s=60.0, **wanted)
+            await self._identified(starter, since_s=began_s)
+
+    async def _identified(self, starter: str, *, since_s: float) -> None:
+        """Wait until a gateway that began then knows who answers: before that it refuses starts."""
+        topic = f"starter/{starter}/info"
+
+        def is_known() -> bool:
+            is_new = self.recorder.received_s.get(topic, 0.0) >= since_s
+            return is_new and bool(self.recorder.latest[topic].get("firmware"))
+
+        await until(is_known, f"{starter} is identified", within_s=60.0)
+
+    async def settled(self) -> None:
+        """Wait until nothing that was sent before can be written any more.
+
+        Each starter's commands are taken in their order, one at a time: so a read that was sent after all
+        others is carried out after them.
+        """
+        for starter, parameter in READABLE.items():
+            for _ in range(SETTLED_TRIES):
+                self.ids += 1
+                self.recorder.command(starter, "read", f"{SETTLING}{self.ids}", parameter=parameter)
+                final = await self.recorder.final(f"{SETTLING}{self.ids}")
+                if final["code"] not in NOT_NOW:
+                    break
+                await asyncio.sleep(PACE_S)
+            self.check(final["phase"] == "confirmed", f"a read of {starter} ended as {final}")
+
+    async def starts(self) -> dict[str, int]:
+        """Return how many start frames each starter has received."""
+        return {name: each["start_frames"] for name, each in (await self.report())["starters"].items()}
+
+    async def written(self, starter: str, *, since_s: float) -> Counter[str]:
+        """Return what was written to a starter since then."""
+        writes = (await self.report())["starters"][starter]["writes"]
+        return Counter(pdu for at_s, pdu in writes if at_s >= since_s)
+
+    async def stop(self, starter: str, *, within_s: float = 10.0, id_: str = "") -> None:
         """Command a stop; check that its first frame comes within the bound and that the motor obeys."""
         sent_s = time.monotonic()
-        self.recorder.publish(f"command/{starter}/alice/stop", "")
+        self.recorder.publish(f"command/{starter}/alice/stop", {"id": id_} if id_ else "")
         while True:
             report = await self.report()
             times_s = [at_s for at_s, _ in report["starters"][starter]["writes"] if at_s >= sent_s]
@@ -140,6 +189,18 @@ class World:
                 return
             await asyncio.sleep(0.02)
         self.stops_s.append(_fair_s(sent_s, times_s[0]))
+
+    async def stand(self, starter: str) -> float:
+        """Stop a motor and wait until that is confirmed and the motor off; return when it was confirmed."""
+        self.ids += 1
+        id_ = f"stop-{self.ids}"
+        await self.stop(starter, id_=id_)
+        final = await self.recorder.final(id_)
+        confirmed_s = self.recorder.received_s[f"result/{starter}/alice"]
+        self.check(final["phase"] == "confirmed", f"a stop of {starter} ended as {final}")
+        report = await self.report()
+        self.check(not report["starters"][starter]["is_on"], f"{starter} is on after a confirmed stop")
+        return confirmed_s
 
     async def report(self, **options: Any) -> dict[str, Any]:
         """Return what the starters have lived through since the mark."""
@@ -223,6 +284,7 @@ async def world(
     is_persistent: bool = False,
     state_dir: Path | None = None,
     module: str = "gateway",
+    mqtt: str = "auto",
     seed: int = 0,
 ) -> AsyncIterator[World]:
     """Set everything up, wait until all is well, and give it to a scenario."""
@@ -233,7 +295,7 @@ async def world(
     broker = MosquittoBroker(folder / "broker", is_persistent=is_persistent)
     broker.start()
     config = folder / "site.toml"
-    place: dict[str, Any] = {"deaf_after_s": deaf_after_s, "state_dir": state_dir}
+    place: dict[str, Any] = {"deaf_after_s": deaf_after_s, "state_dir": state_dir, "mqtt": mqtt}
     config.write_text(site(folder, broker.port, **place), "utf-8")
     gaps = computed(config, restart)
     watchdog_s = math.ceil(WIDE_FACTOR * (gaps.hang_s if outlasts_hang else gaps.crash_s))

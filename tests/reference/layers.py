@@ -1,4 +1,4 @@
-"""Makes the tables of layers in docs/architecture.md from the import contracts: run it with `python -m`."""
+"""The tables of layers in docs/architecture.md, from the import contracts."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "architecture.md"
-BEGIN, END = "<!-- layers: made by python -m tests.layers_page -->\n", "<!-- end of layers -->\n"
-
+ROOT = Path(__file__).parents[2]
 PURE = "Pure packages import nothing that waits, logs or stores"
 
 
@@ -41,16 +38,7 @@ def tables() -> str:
     inside = layers()
     rows = [f"| {_names(layer)} | {_of(layer, inside)} |" for layer in inside["gateway"]]
     names = ", ".join(f"`{name.removeprefix('gateway.')}`" for name in pure())
-    return "\n".join(
-        ["| layer, the top first | layers inside |", "|---|---|", *rows, "", f"Pure: {names}.", ""]
-    )
-
-
-def page(text: str) -> str:
-    """Return the page with its tables made again."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{tables()}\n{END}{after}"
+    return "\n".join(["| layer, the top first | layers inside |", "|---|---|", *rows, "", f"Pure: {names}."])
 
 
 def _names(layer: list[str]) -> str:
@@ -69,7 +57,3 @@ def _is_in(container: str, name: str) -> bool:
 def _chain(container: str, inside: Mapping[str, list[list[str]]]) -> str:
     steps = (" · ".join(each) for each in inside[container])
     return f"{container.rpartition('.')[2]}: {' > '.join(steps)}"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text("utf-8")), "utf-8")

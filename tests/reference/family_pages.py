@@ -1,29 +1,18 @@
-"""The generated half of docs/families: `python -m tests.family_pages` writes it anew."""
+"""The generated half of docs/families."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 
-from gateway.families.profile.load import ENGLISH, FAMILIES, languages_of, load_profile
+from gateway.families.profile.load import ENGLISH, languages_of, load_profile
 from gateway.families.profile.names import meaning_of
 from gateway.families.profile.rows import RESERVED, Parameter
 from gateway.families.profile.schema import Point, Profile, Write
 
-FOLDER = Path(__file__).parent.parent / "docs" / "families"
-MARK = "<!-- From here on generated"
 
-
-def page_of(family: str, text: str) -> str:
-    """Return a page with its generated half made anew; what stands above the mark stays."""
-    above, mark, rest = text.partition(MARK)
-    if not mark:
-        raise ValueError(f"{family}.md has lost its line {MARK!r}")
-    line, _, _ = rest.partition("\n")
-    return f"{above}{mark}{line}\n\n{_generated(load_profile(family))}"
-
-
-def _generated(profile: Profile) -> str:
+def tables(family: str) -> str:
+    """Return all that a family's profile says, as Markdown."""
+    profile = load_profile(family)
     sections = (_limits, _points, _commands, _alarms, _parameters, _values, _bits)
     return "\n".join(section(profile) for section in sections)
 
@@ -155,13 +144,3 @@ def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -
     lines = [f"## {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
     return "\n".join([*lines, ""])
-
-
-def main() -> None:
-    for family in FAMILIES:
-        path = FOLDER / f"{family}.md"
-        path.write_text(page_of(family, path.read_text("utf-8")), "utf-8")
-
-
-if __name__ == "__main__":
-    main()
