@@ -216,6 +216,17 @@ class _SlowStore(Store):
         return done
 
 
+def test_a_command_that_ends_at_once_is_accepted_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=6.0)
+        for second in (7.0, 9.0):
+            plant.command("pump/alice/select", args={"verb": "start"})
+            plant.run(until=second + 1.5)
+
+        assert plant.results() == ["select accepted ok", "select confirmed ok"] * 2
+
+
 def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
