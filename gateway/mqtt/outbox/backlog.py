@@ -262,10 +262,10 @@ class Backlog:
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
-        for row in page.damaged:
-            queue.lose_beyond(1, row.size)
-            self._gone[row.id] = Gone(rank, is_lost=True)
-            self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
+        for id_ in page.damaged:
+            queue.lose_beyond(1, 0)  # its size is not known: the last page sets the sum right
+            self._gone[id_] = Gone(rank, is_lost=True)
+            self._note_lost(DAMAGED, rank, 1, queue.first_s, queue.last_s)
         upto = HIGHEST if page.is_last else page.upto
         queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:
@@ -344,6 +344,5 @@ class Backlog:
         """Declare what the table should have and has not."""
         queue = self.queues[rank]
         if queue.beyond:
-            size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
-            queue.lose_beyond(queue.beyond, size)
+        queue.lose_beyond(queue.beyond, queue.bytes - sum(self._memory[id_].size for id_ in queue.ids))
