@@ -12,6 +12,7 @@ from gateway.contract import Quality, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
+from gateway.store import Loss, Rank
 from tests.mqtt.outbox_model import TROUBLES, Trouble, run
 
 WIDE = 1000  # a window that never fills
@@ -141,6 +142,28 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
 
     assert texts(taken) == "s/p/state="
     assert texts(take_all(box)) == "s/p/state=1"
+
+
+def test_after_a_long_absence_of_the_disk_no_transaction_is_long() -> None:
+    box = outbox()
+    connect(box)
+    for number in range(1800):
+        box.put(event(f"{number}"), 0.0)
+    box.backlog.losses.add(Loss("memory_full", Rank.EVENT, 1, 1.0, 2.0))
+    declared = box.backlog.losses.declare(0.0)
+    assert declared is not None
+    box.put(event(declared.code), 0.0)
+
+    written, losses = [], []
+    while batches := box.backlog.batches():
+        for batch in batches:
+            box.backlog.written(batch)
+            written.append([row.payload.decode() for row in batch.rows])
+            losses.append(None if batch.losses is None else len(batch.losses))
+
+    assert max(map(len, written)) == 500
+    assert sum(written, []) == [*map(str, range(1800)), "gap"]
+    assert losses == [1, None, None, 0], "a loss stays in the table until its event is there"
 
 
 def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go() -> None:

@@ -21,7 +21,8 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 100  # at a time: the intent of a start waits for no more
+MOST_ROWS = 500  # at a time: the intent of a start waits for no more, and the log takes no more room
+MOST_VALUES = 100  # of these
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -45,6 +46,7 @@ class Batch(NamedTuple):
     rows: Sequence[OutboxRow] = ()
     gone: Mapping[int, Gone] = {}  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None = None  # None: the table has them
+    has_events: bool = False  # the table has all of them then
 
     @property
     def is_flushed(self) -> bool:
@@ -195,7 +197,7 @@ class Backlog:
     def batches(self) -> list[Batch]:
         """Return what is to be written next: what is to be deleted, then what is new.
 
-        All events and results are in the second, so that what declares a loss is written with the loss.
+        While there are more events than that, the table keeps losses whose event it may not have yet.
         """
         found: list[Batch] = []
         needed = frozenset(self._needed.values())
@@ -204,21 +206,23 @@ class Backlog:
         if gone:
             self._gone = {id_: each for id_, each in self._gone.items() if id_ not in gone}
             found.append(Batch((), gone, self.losses.with_declared() if has_lost else None))
-        if self._unwritten or has_lost or self.losses.is_unsaved:
+        if self._unwritten or has_lost or self.losses.differ_from_stored(self.losses.pending):
             ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
             values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
-            ids += islice(values, MOST_VALUES)
+            has_events = len(ids) <= MOST_ROWS
+            ids = [*ids, *islice(values, MOST_VALUES)][:MOST_ROWS]
             self._unwritten.update(dict.fromkeys(ids, True))
             rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-            losses = self.losses.pending if has_lost or self.losses.is_unsaved else None
-            found.append(Batch(rows, losses=losses))
+            losses = self.losses.pending if has_events else self.losses.with_declared()
+            is_unsaved = has_lost or self.losses.differ_from_stored(losses)
+            found.append(Batch(rows, losses=losses if is_unsaved else None, has_events=has_events))
         return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
         if batch.losses is not None:
             self.losses.note_stored(batch.losses)
-        if not batch.gone:
+        if batch.has_events:
             self.losses.note_events_stored()
         for row in batch.rows:
             if self._unwritten.pop(row.id, False):
