@@ -23,6 +23,7 @@ WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory o
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_ROWS = 500  # at a time: the intent of a start waits for no more, and the log takes no more room
 MOST_VALUES = 100  # of these
+MOST_NEEDED = 2000  # rows that stay for the history, which may be away for good
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -176,9 +177,16 @@ class Backlog:
             if row.key in self._needed:
                 self._needed[row.key] = row.id
 
-    def need(self, key: str) -> None:
-        """Have the row of a key stay in the table after its delivery, until `let_go`."""
+    def need(self, key: str) -> bool:
+        """Have the row of a key stay in the table after its delivery, until `let_go`.
+
+        Return whether there is room for that without letting the oldest one go.
+        """
         self._needed.setdefault(key)
+        has_room = len(self._needed) <= MOST_NEEDED
+        if not has_room:
+            del self._needed[next(iter(self._needed))]
+        return has_room
 
     def let_go(self, key: str) -> None:
         """Let a row be deleted once it is delivered; keys that are not needed do not matter."""
@@ -282,7 +290,10 @@ class Backlog:
         for rank, queue in self.queues.items():
             self._lose_beyond(rank)
             queue.bring((), HIGHEST, 0.0)
-        self._unwritten = dict.fromkeys(sorted(self._memory), True)
+        others = (
+            self._memory.keys() - self._staged.values()
+        )  # what is staged is stored with its command's row
+        self._unwritten = dict.fromkeys(sorted(others), True)
         self.losses.note_stored(None)
         self.on_work()
 
