@@ -19,7 +19,6 @@ import json
 import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -196,9 +195,8 @@ class CommandTable(Journal):
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
-        with suppress(StoreError, TimeoutError):
-            async with asyncio.timeout(within_s):
-                await asyncio.wrap_future(self._store.submit(_nothing, is_urgent=True))
+        for _ in range(2):  # a final phase that has waited for `accepted` is noted after that
+            await self._behind.finish(within_s=within_s)
 
     def resume(self) -> None:
         """Go on now that the store is open: read it, the first time; write what it has missed."""
@@ -226,10 +224,6 @@ class CommandTable(Journal):
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
             self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
         self.on_recalled(future.result())
-
-
-def _nothing(_connection: Connection) -> None:
-    """Have a transaction of its own, after all others."""
 
 
 def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None:

@@ -35,7 +35,8 @@ def test_what_is_staged_before_the_table_is_read_was_not_left_by_an_earlier_run(
 
 
 @pytest.mark.parametrize(
-    "damage", ["payload = x'00'", "payload = 7", "time_s = 'x'", "time_s = 1e300", "key = 1", "checksum = 'x'"]
+    "damage",
+    ["payload = x'00'", "payload = 7", "time_s = 'x'", "time_s = 1e300", "key = 1", "checksum = 'x'"],
 )
 def test_of_a_damaged_row_the_id_alone_is_reported(damage: str) -> None:
     connection, table = disk(), OutboxTable()
@@ -60,7 +61,9 @@ def test_what_is_counted_of_earlier_runs_bears_any_damage(column: str, value: st
     assert all(isinstance(key, str) for key in OutboxTable().keys(connection))
 
 
-@pytest.mark.parametrize("damage", ["rank = 9", "rank = 'x'", "rows = 'x'", "first_s = 'x'", "last_s = 1e300"])
+@pytest.mark.parametrize(
+    "damage", ["rank = 9", "rank = 'x'", "rows = 'x'", "first_s = 'x'", "last_s = 1e300"]
+)
 def test_a_damaged_loss_is_left_out(damage: str) -> None:
     connection, table = disk(), OutboxTable()
     losses = [Loss("disk_full", rank, 3, 1.0, 2.0) for rank in (Rank.VALUE, Rank.EVENT)]
