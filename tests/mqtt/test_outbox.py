@@ -13,7 +13,7 @@ from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
-from gateway.store import Loss, Rank
+from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 from tests.mqtt.outbox_model import TROUBLES, Trouble, run
 
 WIDE = 1000  # a window that never fills
@@ -219,6 +219,20 @@ def test_what_is_staged_is_not_stored_without_its_command_in_a_new_table() -> No
 
     assert [row.payload for batch in box.backlog.batches() for row in batch.rows] == [b"1"]
     assert [row.rank for batch in box.backlog.batches() for row in batch.rows] == [Rank.EVENT]
+
+
+def test_a_page_of_a_table_that_was_lost_meanwhile_takes_nothing_back() -> None:
+    box = outbox()
+    box.backlog.expect_table()
+    box.backlog.recall({Rank.RESULT: Total(1, 300, 0.0, 1.0)}, ())
+    box.backlog.lose_table()
+    row = OutboxRow(0, Rank.RESULT, "r", b"old", 0.0, "b", "")
+    box.backlog.page(Rank.RESULT, OutboxPage([row], [], 0, is_last=True))
+    box.put(result("new"), 0.0)
+    connect(box)
+
+    assert [loss.rows for loss in box.backlog.losses.pending] == [1]
+    assert texts(take_all(box)) == "r=old r=new"
 
 
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:

@@ -358,6 +358,6 @@ class Backlog:
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not."""
         queue = self.queues[rank]
-        if queue.beyond:
+        if queue.beyond > 0:  # less after a page of the table before, of which all was declared lost
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
         queue.lose_beyond(queue.beyond, queue.bytes - sum(self._memory[id_].size for id_ in queue.ids))
