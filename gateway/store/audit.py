@@ -9,6 +9,7 @@ wait in memory, a bounded number of them, until they are written, which they do 
 from __future__ import annotations
 
 import json
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -22,6 +23,8 @@ from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
 from gateway.store.worker import Store
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -62,6 +65,12 @@ class Audit:
     def resume(self) -> None:
         """Have what waits written; the store is open."""
         self._behind.resume()
+
+    async def finish(self, *, within_s: float) -> None:
+        """Have all that waits written, before an orderly end."""
+        await self._behind.finish(within_s=within_s)
+        if self._behind:
+            log.error("the last %d entries of the audit could not be stored", len(self._behind))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
         if len(self._behind) >= MOST_WAITING:

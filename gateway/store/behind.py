@@ -1,21 +1,23 @@
 """Work that is written behind: the newest of each key waits in memory until the disk has done it.
 
 While the file is away it waits on, for a bounded number of keys. A part at a time is written, with another
-transaction if there is one soon; each success starts the next part, and `resume` starts one when the file is
-back. Work with a bug is given up alone.
+transaction if there is one soon; each success starts the next part, and after a failure one starts when the
+file is back (`resume`), or some seconds later. Work with a bug is given up alone.
 """
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from itertools import islice
+from typing import Any
 
 from gateway.errors import UnstorableError
 from gateway.store.database import Connection, Work
-from gateway.store.worker import BEHIND_S, Store
-from gateway.system.supervised import on_this_loop
+from gateway.store.worker import BEHIND_S, RETRY_S, Store
+from gateway.system.supervised import is_set_within, on_this_loop
 
 MOST_KEYS = 10_000  # the oldest are given up
 AT_ONCE = 100  # in one transaction
@@ -31,6 +33,9 @@ class Behind:
         self._on_lost = on_lost
         self._waiting: dict[Hashable, Work] = {}  # the oldest first
         self._is_writing = False
+        self._at_once = AT_ONCE
+        self._is_idle = asyncio.Event()
+        self._retry: asyncio.TimerHandle | None = None
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -52,10 +57,19 @@ class Behind:
         """Do at once what waits under a key."""
         return self._submit((key,), within_s=0.0)
 
+    async def finish(self, *, within_s: float) -> None:
+        """Do all that waits, before an orderly end; return when that is done, or cannot be in time."""
+        self._at_once = MOST_KEYS
+        if self._waiting and not self._store.trouble:
+            self.resume()
+            self._store.submit(lambda _: None, is_urgent=True)  # the part rides with this
+            await is_set_within(self._is_idle, within_s)
+
     def resume(self) -> None:
         """Have the next part done of what waits."""
         if self._waiting and not self._is_writing:
             self._is_writing = True
+            self._is_idle.clear()
             self._submit((), within_s=BEHIND_S if len(self._waiting) < AT_ONCE else 0.0)
 
     def _set(self, key: Hashable, work: Work) -> None:
@@ -79,7 +93,7 @@ class Behind:
     def _write(self, keys: Sequence[Hashable], begun: list[Hashable], connection: Connection) -> Done:
         """Do the newest that waits by now, in the store's thread, and return it; `begun` gets its keys."""
         begun.clear()
-        some = [(key, self._waiting.get(key)) for key in keys or list(islice(self._waiting, AT_ONCE))]
+        some = [(key, self._waiting.get(key)) for key in keys or list(islice(self._waiting, self._at_once))]
         done = [(key, work) for key, work in some if work is not None]
         for key, work in done:
             begun.append(key)
@@ -97,5 +111,19 @@ class Behind:
         elif isinstance(error, UnstorableError) and begun:
             self._give_up(begun[-1])
         else:
-            return  # `resume` goes on
+            loop = asyncio.get_running_loop()
+            if self._retry is None or self._retry.when() <= loop.time():
+                self._retry = loop.call_later(RETRY_S, self.resume)
+            self._is_idle.set()
+            return
+        if not self._waiting:
+            self._is_idle.set()
         self.resume()
+
+
+async def is_done_within(future: Future[Any], within_s: float) -> bool:
+    """Return whether work is done in time; if it is not, it is not given up."""
+    done = asyncio.Event()
+    future.add_done_callback(on_this_loop(lambda _: done.set()))
+    await is_set_within(done, within_s)
+    return future.done() and future.exception() is None

@@ -1,7 +1,8 @@
 """Commands on the disk: what became of each, by client and id; stops without an id until they end.
 
 1. `intend` returns when it is on the disk that a command is about to be written; nothing else waits.
-   No phase before the final one is published of what is not on the disk; a final one is after 2 s.
+   No phase before the final one is published of what is not on the disk; a final one is after 2 s. A
+   final one is noted once `accepted` is published, or cannot be: the outbox sends in the order of its rows.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
 3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
    commands, and is written behind. The phase `written` is not: its row has said before that it may be.
@@ -18,7 +19,6 @@ import json
 import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -106,6 +106,7 @@ class CommandTable(Journal):
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
         self._behind = Behind(store)
+        self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
         self._clock = clock
         self._hold_s = hold_s
         self._on_slow = on_slow  # called when the disk delays a command
@@ -129,21 +130,47 @@ class CommandTable(Journal):
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
-        key, is_final = self._key(result), result.phase.is_final
-        if key is not None and result.phase is not Phase.WRITTEN:
-            row = _row(key, result, may_be_written=result.verb == STOP)
-            work: Work = partial(_put, row=row, also=self.row_of(result) if is_final else None)
-            if not result.id and is_final:  # a stop has ended, and cannot be repeated
-                work = partial(_forget, key=key)
-            if then is None and not is_final:
-                self._behind.put(key, work)
-                return
-            done = self._behind.put_now(key, work)  # a crash must not find a stop that has ended under way
-            if then is not None and result.id:
-                _call_when_stored(done, then, is_limited=is_final)
-                return
-        if then is not None:
-            then()
+        key = self._key(result)
+        if key is None or result.phase is Phase.WRITTEN:
+            if then is not None:
+                then()
+        elif then is not None:
+            self._note_and_call(key, result, then)
+        elif not result.phase.is_final:
+            self._behind.put(key, _work(key, result))
+        elif result.id:
+            self._behind.put_now(key, _work(key, result, also=self.row_of(result)))
+        else:  # a stop has ended, and cannot be repeated; a crash must not find it under way
+            self._behind.put_now(key, partial(_forget, key=key))
+
+    def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
+        """Store a phase and call once; of a final one also when that fails or takes PUBLISH_WITHIN_S."""
+        is_final, calls = result.phase.is_final, [then]
+
+        def call() -> None:
+            while calls:
+                calls.pop()()
+
+        def store(_: object = None) -> None:
+            # What was published without the disk has its row in the outbox by now.
+            also = self.row_of(result) if is_final and calls else None
+            done = self._behind.put_now(key, _work(key, result, also=also))
+            if not is_final:
+                self._untold[key] = done
+            done.add_done_callback(on_this_loop(end))
+
+        def end(done: Future[Any]) -> None:
+            if not is_final:
+                self._untold.pop(key, None)
+            if is_final or done.exception() is None:
+                call()
+
+        if is_final:
+            asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, call)
+        if key in self._untold:  # the outbox sends in the order of its rows: `accepted` gets the first
+            self._untold[key].add_done_callback(on_this_loop(store))
+        else:
+            store()
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -168,9 +195,8 @@ class CommandTable(Journal):
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
-        with suppress(StoreError, TimeoutError):
-            async with asyncio.timeout(within_s):
-                await asyncio.wrap_future(self._store.submit(_nothing, is_urgent=True))
+        for _ in range(2):  # a final phase that has waited for `accepted` is noted after that
+            await self._behind.finish(within_s=within_s)
 
     def resume(self) -> None:
         """Go on now that the store is open: read it, the first time; write what it has missed."""
@@ -200,27 +226,6 @@ class CommandTable(Journal):
         self.on_recalled(future.result())
 
 
-def _call_when_stored(future: Future[Any], call: Callable[[], None], *, is_limited: bool) -> None:
-    """Call once when it is stored; where that is limited, also when it fails or takes PUBLISH_WITHIN_S."""
-    calls = [call]
-
-    def end() -> None:
-        while calls:
-            calls.pop()()
-
-    def note(done: Future[Any]) -> None:
-        if is_limited or done.exception() is None:
-            end()
-
-    future.add_done_callback(on_this_loop(note))
-    if is_limited:
-        asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, end)
-
-
-def _nothing(_connection: Connection) -> None:
-    """Have a transaction of its own, after all others."""
-
-
 def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None:
     connection.execute(_PUT, row)
     if also is not None:
@@ -234,6 +239,10 @@ def _forget(connection: Connection, *, key: Key) -> None:
         connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
     else:
         connection.execute(_FORGET, key)
+
+
+def _work(key: Key, result: ResultRecord, *, also: Work | None = None) -> Work:
+    return partial(_put, row=_row(key, result, may_be_written=result.verb == STOP), also=also)
 
 
 def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:

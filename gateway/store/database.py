@@ -137,9 +137,11 @@ class Database:
         return answers
 
     def take_reserve(self) -> None:
-        """Take the room again that was given up, as soon as the disk has it; FullError."""
-        if not self._reserve.is_held:
-            self._shrink()
+        """Take the room again that was given up, as soon as the disk has it; FullError.
+
+        The log of a transaction that failed for want of room is as long as that, and may take up that room.
+        """
+        self._shrink()
         with translated(self.path):
             if not self._reserve.take():
                 raise FullError(f"{self.path}: the disk is full")

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.behind import Behind
+from gateway.store.behind import Behind, is_done_within
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
@@ -122,9 +122,7 @@ class Document(Generic[T]):
             self._write()
         if self._behind is None or self._name not in self._behind:
             return True
-        done = self._behind.hurry(self._name)
-        await asyncio.wait((asyncio.wrap_future(done),), timeout=within_s)
-        return done.done() and done.exception() is None
+        return await is_done_within(self._behind.hurry(self._name), within_s)
 
     def _write(self) -> None:
         if self._timer is not None:

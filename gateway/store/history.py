@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import StoreError, UnstorableError
-from gateway.store.database import Connection, read_file
+from gateway.store.database import Connection, Work, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
 from gateway.store.worker import BEHIND_S, RETRY_S, News, OnNews, Store
 from gateway.system.supervised import on_this_loop
@@ -75,6 +75,7 @@ class HistoryStore:
         self._store = Store(path, HISTORY, retry_s=retry_s, prepare=prepare)
         self._collect_s = collect_s
         self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet
+        self._copies: dict[tuple[str, str], Work] = {}  # by starter and kind, of rows that are to be copied
         self._timer: asyncio.TimerHandle | None = None
         self._is_away = False
         self._on_news: OnNews = lambda *_: None
@@ -96,8 +97,8 @@ class HistoryStore:
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
         self.flush()
-        work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._store.submit(work, is_flushed=False)
+        self._copies[starter, to_kind] = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
+        self._copy()
 
     def flush(self) -> None:
         """Hand everything that waits to the thread, as one transaction."""
@@ -136,6 +137,18 @@ class HistoryStore:
         if len(self._waiting) > MOST_UNSAVED:
             del self._waiting[next(iter(self._waiting))]
 
+    def _copy(self) -> None:
+        """Copy what is to be copied; what cannot be waits until the disk is back."""
+        copies, self._copies = self._copies, {}
+        for place, work in copies.items():
+            future = self._store.submit(work, is_flushed=False)
+            future.add_done_callback(on_this_loop(partial(self._when_copied, place, work)))
+
+    def _when_copied(self, place: tuple[str, str], work: Work, future: Future[None]) -> None:
+        error = future.exception()
+        if error is not None and not isinstance(error, UnstorableError):
+            self._copies.setdefault(place, work)
+
     def _when_done(self, rows: Sequence[HistoryRow], future: Future[None]) -> None:
         """Have rows that could not be written wait again, before those that came later."""
         error = future.exception()
@@ -150,6 +163,7 @@ class HistoryStore:
         self._is_away = news is News.AWAY
         if news is News.OPEN:
             self.flush()
+            self._copy()
         self._on_news(news, text)
 
 

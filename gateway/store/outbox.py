@@ -21,6 +21,7 @@ from gateway.store.database import Connection
 
 ROW_BYTES = 220  # what a row costs besides its topic and payload, in memory and on the disk
 ID_BITS = 56
+LATEST_S = 2**33  # of the times that a sound row may have
 
 TABLES = (
     f"""
@@ -43,10 +44,17 @@ _DELETE = "DELETE FROM outbox WHERE place = ?"
 _PAGE = f"SELECT id, {_COLUMNS} FROM outbox WHERE place > ? AND place < ? ORDER BY place LIMIT ?"
 _LAST = "SELECT coalesce(max(place), 0) FROM outbox WHERE place < ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
-_TOTALS = (
-    f"SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank"
-)
-_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
+_TIME = f"CASE WHEN time_s BETWEEN 0 AND {LATEST_S} THEN time_s END"  # a damaged one is none
+_TOTALS = f"""
+    SELECT rank, count(*), coalesce(sum({_SIZE}), 0), coalesce(min({_TIME}), 0.0), coalesce(max({_TIME}), 0.0)
+    FROM outbox WHERE id <= ? GROUP BY rank
+"""
+_KEYS = "SELECT CAST(key AS TEXT) FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
+_LOSSES = f"""
+    SELECT CAST(reason AS TEXT), rank, rows, first_s, last_s FROM outbox_losses
+    WHERE rank IN (0, 1, 2) AND typeof(rows) = 'integer'
+    AND first_s BETWEEN 0 AND {LATEST_S} AND last_s BETWEEN 0 AND {LATEST_S}
+"""
 _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
@@ -99,7 +107,7 @@ class OutboxPage(NamedTuple):
     """The next rows of a rank, in order."""
 
     rows: Sequence[OutboxRow]
-    damaged: Sequence[OutboxRow]  # of which only the ids are certain
+    damaged: Sequence[int]  # the ids of rows of which nothing else is certain
     upto: int  # the rank is read up to this id
     is_last: bool  # nothing comes after it
 
@@ -128,10 +136,13 @@ class OutboxTable:
         end = _place(rank, max(after + base, 0)), _place(rank + 1, 0)
         found = connection.execute(_PAGE, (*end, limit)).fetchall()
         rows: list[OutboxRow] = []
-        damaged: list[OutboxRow] = []
+        damaged: list[int] = []
         for id_, *columns, checksum in found:
             row = OutboxRow(id_, rank, *columns)
-            (rows if _checksum(row) == checksum else damaged).append(row._replace(id=id_ - base))
+            if _checksum(row) == checksum:
+                rows.append(row._replace(id=id_ - base))
+            else:
+                damaged.append(id_ - base)
         upto = found[-1][0] - base if found else after
         return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
 
@@ -147,14 +158,14 @@ class OutboxTable:
 
     def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
         """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
-        wanted = f"SELECT rank, id, {_COLUMNS} FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
+        wanted = f"SELECT id, rank, {_COLUMNS} FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
         found = connection.execute(wanted, tuple(keys))
-        rows = ((OutboxRow(id_, Rank(rank), *columns), checksum) for rank, id_, *columns, checksum in found)
+        rows = ((OutboxRow(*columns), checksum) for *columns, checksum in found)
         return {row.key: row.payload for row, checksum in rows if _checksum(row) == checksum}
 
     def losses(self, connection: Connection) -> list[Loss]:
-        """Return the losses that are not declared yet."""
-        found = connection.execute("SELECT * FROM outbox_losses")
+        """Return the losses that are not declared yet, but those that are damaged."""
+        found = connection.execute(_LOSSES)
         return [Loss(reason, Rank(rank), *columns) for reason, rank, *columns in found]
 
     def set_losses(self, connection: Connection, losses: Iterable[Loss]) -> None:

@@ -86,6 +86,7 @@ class StateStore:
     async def close(self, reason: str) -> None:
         """Write what waits, as far as the disk lets us."""
         self._audit.note("gateway_ended", reason)
+        await self._audit.finish(within_s=CLOSE_WITHIN_S)
         if not await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
 

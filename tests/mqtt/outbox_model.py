@@ -470,7 +470,10 @@ def _numbers(outgoing: Outgoing) -> Iterable[int]:
 
 def run(seed: int, messages: int, trouble: Trouble) -> Counter[str]:
     """Run one model and check it; return what happened, for people."""
-    with patch.dict(backlog.WINDOWS, dict.fromkeys(Rank, 8)), patch.object(backlog, "MOST_VALUES", 5):
+    with (
+        patch.dict(backlog.WINDOWS, dict.fromkeys(Rank, 8)),
+        patch.multiple(backlog, MOST_VALUES=5, MOST_ROWS=7),
+    ):
         model = Model(seed, trouble)
         while model.puts < messages:
             model.step()

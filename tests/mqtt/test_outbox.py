@@ -10,8 +10,10 @@ import pytest
 
 from gateway.contract import Quality, ValueRecord
 from gateway.mqtt.message import Message, message_of
+from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
+from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 from tests.mqtt.outbox_model import TROUBLES, Trouble, run
 
 WIDE = 1000  # a window that never fills
@@ -143,6 +145,28 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
     assert texts(take_all(box)) == "s/p/state=1"
 
 
+def test_after_a_long_absence_of_the_disk_no_transaction_is_long() -> None:
+    box = outbox()
+    connect(box)
+    for number in range(1800):
+        box.put(event(f"{number}"), 0.0)
+    box.backlog.losses.add(Loss("memory_full", Rank.EVENT, 1, 1.0, 2.0))
+    declared = box.backlog.losses.declare(0.0)
+    assert declared is not None
+    box.put(event(declared.code), 0.0)
+
+    written, losses = [], []
+    while batches := box.backlog.batches():
+        for batch in batches:
+            box.backlog.written(batch)
+            written.append([row.payload.decode() for row in batch.rows])
+            losses.append(None if batch.losses is None else len(batch.losses))
+
+    assert max(map(len, written)) == 500
+    assert [text for texts in written for text in texts] == [*map(str, range(1800)), "gap"]
+    assert losses == [1, None, None, 0], "a loss stays in the table until its event is there"
+
+
 def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go() -> None:
     box = outbox()
     backlog = box.backlog
@@ -165,6 +189,50 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     assert deleted() == []
     backlog.let_go("alice/7")
     assert deleted() == [taken["alice/7"].rows[0].id]
+
+
+def test_only_so_many_rows_stay_for_a_history_that_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backlog, "MOST_NEEDED", 2)
+    box = outbox()
+    connect(box)
+
+    had_room = []
+    for number in "123":
+        had_room.append(box.backlog.need(f"alice/{number}"))
+        box.put(result(number), 0.0)
+    for batch in box.backlog.batches():
+        box.backlog.written(batch)
+    taken = take_all(box)
+    for each in taken:
+        box.acked(each.ticket, 0)
+
+    assert had_room == [True, True, False]
+    assert [list(batch.gone) for batch in box.backlog.batches()] == [[taken[0].rows[0].id]]
+
+
+def test_what_is_staged_is_not_stored_without_its_command_in_a_new_table() -> None:
+    box = outbox()
+    box.stage(result("1"), 0.0)
+    box.put(event("1"), 0.0)
+
+    box.backlog.lose_table()
+
+    assert [row.payload for batch in box.backlog.batches() for row in batch.rows] == [b"1"]
+    assert [row.rank for batch in box.backlog.batches() for row in batch.rows] == [Rank.EVENT]
+
+
+def test_a_page_of_a_table_that_was_lost_meanwhile_takes_nothing_back() -> None:
+    box = outbox()
+    box.backlog.expect_table()
+    box.backlog.recall({Rank.RESULT: Total(1, 300, 0.0, 1.0)}, ())
+    box.backlog.lose_table()
+    row = OutboxRow(0, Rank.RESULT, "r", b"old", 0.0, "b", "")
+    box.backlog.page(Rank.RESULT, OutboxPage([row], [], 0, is_last=True))
+    box.put(result("new"), 0.0)
+    connect(box)
+
+    assert [loss.rows for loss in box.backlog.losses.pending] == [1]
+    assert texts(take_all(box)) == "r=old r=new"
 
 
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:

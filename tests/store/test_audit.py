@@ -11,6 +11,7 @@ import pytest
 
 from gateway.store import BEHIND_S, Connection, Store, verify
 from gateway.store.audit import Audit, _anchor, append
+from gateway.store.behind import AT_ONCE
 from gateway.store.schema import STATE
 from tests.store.store_rig import PATIENCE_S
 
@@ -60,3 +61,28 @@ async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyP
     assert [text in line for text, line in zip(("0", "1", "2"), found, strict=False)] == [True] * 3
     assert "4 entries could not be stored" in found[3]
     assert "end" in found[4]
+
+
+async def test_before_an_orderly_end_all_that_waits_is_written_and_nothing_twice() -> None:
+    store = Store(None, STATE)
+    audit = Audit(store, boot="b")
+    for number in range(3 * AT_ONCE):
+        audit.note("x", f"{number}")
+    store.start(lambda *_: None)
+    await asyncio.wrap_future(store.submit(lambda _: None))  # it is open
+    audit.note("x", "end")
+    await audit.finish(within_s=PATIENCE_S)
+    found = [line for _, line in await asyncio.wrap_future(store.submit(lines))]
+    store.close(within_s=PATIENCE_S)
+
+    assert len(found) == 3 * AT_ONCE + 1
+    assert "end" in found[-1]
+
+
+async def test_an_audit_that_ends_without_its_last_entries_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    audit = Audit(Store(None, STATE), boot="b")  # its file is never opened
+    audit.note("x", "end")
+
+    await audit.finish(within_s=PATIENCE_S)
+
+    assert "the last 1 entries of the audit could not be stored" in caplog.text

@@ -102,10 +102,12 @@ async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order
         here.put(str(number), limit=10_000)
     with pytest.raises(StoreError):
         await here.ids()
+    here.store.copy("p", "start", "20", "chosen")
     assert here.stored == []
 
     folder.unlink()
     await here.until(News.OPEN)
 
+    assert await here.ids(kind="chosen") == ["20"]
     assert await here.ids() == [str(number) for number in range(10, MOST_UNSAVED + 10)]
     await here.store.close(within_s=PATIENCE_S)

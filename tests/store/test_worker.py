@@ -152,6 +152,29 @@ def test_a_disk_that_stays_full_is_reported_once(keeping: Make, monkeypatch: pyt
     assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
 
 
+def test_what_did_not_fit_on_the_disk_gives_its_room_back(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def room(_: Path) -> SimpleNamespace:
+        left = 4 * 2**20 - sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+        return SimpleNamespace(f_bavail=left, f_frsize=1)
+
+    def too_much(connection: Connection) -> None:
+        for _ in range(250):
+            insert("x" * 10_000)(connection)
+        raise FullError("the disk is full")
+
+    monkeypatch.setattr(os, "statvfs", room)
+    one = keeping(max_bytes=2**23)
+    with pytest.raises(StoreError, match="full"):
+        one.do(too_much)
+    until_s = time.monotonic() + PATIENCE_S
+    while one.store.trouble:
+        assert time.monotonic() < until_s
+
+    assert one.do(texts) == []
+
+
 def test_urgent_work_for_which_there_was_no_time_keeps_its_place(keeping: Make) -> None:
     one = keeping()
     gate, _ = held_up(one)

@@ -21,7 +21,9 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_VALUES = 100  # at a time: the intent of a start waits for no more
+MOST_ROWS = 500  # at a time: the intent of a start waits for no more, and the log takes no more room
+MOST_VALUES = 100  # of these
+MOST_NEEDED = 2000  # rows that stay for the history, which may be away for good
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
 
 
@@ -45,6 +47,7 @@ class Batch(NamedTuple):
     rows: Sequence[OutboxRow] = ()
     gone: Mapping[int, Gone] = {}  # rows that are to be deleted, by id
     losses: Sequence[Loss] | None = None  # None: the table has them
+    has_events: bool = False  # the table has all of them then
 
     @property
     def is_flushed(self) -> bool:
@@ -174,9 +177,16 @@ class Backlog:
             if row.key in self._needed:
                 self._needed[row.key] = row.id
 
-    def need(self, key: str) -> None:
-        """Have the row of a key stay in the table after its delivery, until `let_go`."""
+    def need(self, key: str) -> bool:
+        """Have the row of a key stay in the table after its delivery, until `let_go`.
+
+        Return whether there is room for that without letting the oldest one go.
+        """
         self._needed.setdefault(key)
+        has_room = len(self._needed) <= MOST_NEEDED
+        if not has_room:
+            del self._needed[next(iter(self._needed))]
+        return has_room
 
     def let_go(self, key: str) -> None:
         """Let a row be deleted once it is delivered; keys that are not needed do not matter."""
@@ -195,7 +205,7 @@ class Backlog:
     def batches(self) -> list[Batch]:
         """Return what is to be written next: what is to be deleted, then what is new.
 
-        All events and results are in the second, so that what declares a loss is written with the loss.
+        While there are more events than that, the table keeps losses whose event it may not have yet.
         """
         found: list[Batch] = []
         needed = frozenset(self._needed.values())
@@ -204,21 +214,23 @@ class Backlog:
         if gone:
             self._gone = {id_: each for id_, each in self._gone.items() if id_ not in gone}
             found.append(Batch((), gone, self.losses.with_declared() if has_lost else None))
-        if self._unwritten or has_lost or self.losses.is_unsaved:
+        if self._unwritten or has_lost or self.losses.differ_from_stored(self.losses.pending):
             ids = [id_ for id_ in self._unwritten if self._memory[id_].rank is not Rank.VALUE]
             values = (id_ for id_ in self._unwritten if self._memory[id_].rank is Rank.VALUE)
-            ids += islice(values, MOST_VALUES)
+            has_events = len(ids) <= MOST_ROWS
+            ids = [*ids, *islice(values, MOST_VALUES)][:MOST_ROWS]
             self._unwritten.update(dict.fromkeys(ids, True))
             rows = [self.in_utc(self._memory[id_]) for id_ in ids]
-            losses = self.losses.pending if has_lost or self.losses.is_unsaved else None
-            found.append(Batch(rows, losses=losses))
+            losses = self.losses.pending if has_events else self.losses.with_declared()
+            is_unsaved = has_lost or self.losses.differ_from_stored(losses)
+            found.append(Batch(rows, losses=losses if is_unsaved else None, has_events=has_events))
         return found
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
         if batch.losses is not None:
             self.losses.note_stored(batch.losses)
-        if not batch.gone:
+        if batch.has_events:
             self.losses.note_events_stored()
         for row in batch.rows:
             if self._unwritten.pop(row.id, False):
@@ -262,10 +274,10 @@ class Backlog:
         for row in rows:
             self._memory[row.id] = row
             self._bytes += row.size
-        for row in page.damaged:
-            queue.lose_beyond(1, row.size)
-            self._gone[row.id] = Gone(rank, is_lost=True)
-            self._note_lost(DAMAGED, rank, 1, row.time_s, row.time_s)
+        for id_ in page.damaged:
+            queue.lose_beyond(1, 0)  # its size is not known: the last page sets the sum right
+            self._gone[id_] = Gone(rank, is_lost=True)
+            self._note_lost(DAMAGED, rank, 1, queue.first_s, queue.last_s)
         upto = HIGHEST if page.is_last else page.upto
         queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:
@@ -278,7 +290,10 @@ class Backlog:
         for rank, queue in self.queues.items():
             self._lose_beyond(rank)
             queue.bring((), HIGHEST, 0.0)
-        self._unwritten = dict.fromkeys(sorted(self._memory), True)
+        others = (
+            self._memory.keys() - self._staged.values()
+        )  # what is staged is stored with its command's row
+        self._unwritten = dict.fromkeys(sorted(others), True)
         self.losses.note_stored(None)
         self.on_work()
 
@@ -343,7 +358,6 @@ class Backlog:
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not."""
         queue = self.queues[rank]
-        if queue.beyond:
-            size = queue.bytes - sum(self._memory[id_].size for id_ in queue.ids)
+        if queue.beyond > 0:  # less after a page of the table before, of which all was declared lost
             self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
-            queue.lose_beyond(queue.beyond, size)
+        queue.lose_beyond(queue.beyond, queue.bytes - sum(self._memory[id_].size for id_ in queue.ids))

@@ -40,7 +40,7 @@ RETRY_S = 1.0
 COMPANY_S = 0.1  # starts of several motors share a transaction
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
-REFUSED_EVERY_S = 3600.0  # events
+REFUSED_EVERY_S = 3600.0  # events, also of what the history will lack
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 
 
@@ -78,6 +78,7 @@ class DiskSync:
         self._outbox.backlog.on_work = self._work.set
         refused = Damped(self._publish_refused, clock=clock, every_s=REFUSED_EVERY_S)
         self._outbox.on_refused = lambda topic, code: refused.put("", (topic, code))
+        self._unkept = Damped(self._publish_unkept, clock=clock, every_s=REFUSED_EVERY_S)
         self._outbox.backlog.expect_table()
 
     def note_news(self, news: News, _text: str) -> None:
@@ -99,7 +100,7 @@ class DiskSync:
 
     def keep(self, message: Message) -> Future[None]:
         """Store a message that has a key; it is sent once the outbox has it, and stays until `let_go`."""
-        self._outbox.backlog.need(message.key)
+        self._need(message.key)
         return self._store.submit(self.stage(message), within_s=COMPANY_S)
 
     def let_go(self, key: str) -> None:
@@ -143,7 +144,11 @@ class DiskSync:
     def _wait_no_longer(self, keys: Sequence[str] = ()) -> None:
         call, self.on_recalled = self.on_recalled, lambda _: ()
         for key in call(keys):
-            self._outbox.backlog.need(key)
+            self._need(key)
+
+    def _need(self, key: str) -> None:
+        if not self._outbox.backlog.need(key):
+            self._unkept.put("", None)
 
     async def _step(self, *, is_due: bool) -> bool:
         """Do what is to be done, and return whether all of it could be."""
@@ -241,3 +246,7 @@ class DiskSync:
     def _publish_refused(self, last: tuple[str, int], count: int) -> None:
         topic, code = last
         self._publish_event(EventCode.PUBLISH_REFUSED, count=max(count, 1), topic=topic, reason_code=code)
+
+    def _publish_unkept(self, _: None, count: int) -> None:
+        trouble = f"it was away for too long: {max(count, 1)} more of the oldest starts and trips are missing"
+        self._publish_event(EventCode.HISTORY_LOST, trouble=trouble)

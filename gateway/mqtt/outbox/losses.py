@@ -23,10 +23,9 @@ class Losses:
         self._stored: Sequence[Loss] | None = ()  # what the table has, as far as is known
         self._declared_s = float("-inf")
 
-    @property
-    def is_unsaved(self) -> bool:
-        """Return whether the table has others."""
-        return self._stored != self.pending
+    def differ_from_stored(self, losses: Sequence[Loss]) -> bool:
+        """Return whether the table has others than these, or may have."""
+        return self._stored is None or [*self._stored] != [*losses]
 
     def add(self, loss: Loss) -> None:
         """Note a loss of this run."""
@@ -41,7 +40,7 @@ class Losses:
         self._stored = losses
 
     def with_declared(self) -> Sequence[Loss]:
-        """Return all of them, also those whose event a full disk does not take: a crash would forget it."""
+        """Return all of them, also those whose event is not in the table: a crash would forget it."""
         return merged((*self.pending, *self._declared))
 
     def note_stored(self, losses: Sequence[Loss] | None) -> None:

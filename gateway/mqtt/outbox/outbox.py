@@ -28,7 +28,7 @@ from gateway.store import OutboxRow, Rank
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
 IN_MEMORY = Bounds(20_000, 16 * 2**20)
-IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 64 MiB
+IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 256 MiB, which has the audit too
 
 
 class LiveMessage(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -36,9 +37,10 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, act
 from tests.rig.sites import ALICE, QUICK, SSW07
-from tests.rig.state import fail_disk, heal_disk
+from tests.rig.state import fail_disk, heal_disk, with_sql
 from tests.scenarios.broker.support import HEAL, TRIP
 
+OLDEST = "SELECT min(place) FROM outbox WHERE rank = 1"
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 
 
@@ -175,6 +177,29 @@ DISKS = [
 ]
 
 
+DISKS += [
+    row(
+        f"an outbox with a row whose {damage} declares that row, and all others go out",
+        given=SSW07,
+        at={
+            4.0: "broker down",
+            5.0: TRIP,
+            7.0: HEAL,
+            9.0: ["end", with_sql(f"UPDATE outbox SET {damage} WHERE place = ({OLDEST})"), "start"],
+            12.0: TRIP,
+            14.0: "broker up",
+        },
+        then={
+            20.0: [
+                event("gap", text=re.compile("damaged"), data={"count": 1}),
+                seen("starter/pump/event", code="fault"),
+            ]
+        },
+    )
+    for damage in ("payload = 7", "time_s = 'x'")
+]
+
+
 @pytest.mark.parametrize("row", DISKS)
 def test_a_disk(row: ScenarioRow) -> None:
     play(row)
@@ -214,6 +239,17 @@ class _SlowStore(Store):
 
         asyncio.get_running_loop().call_later(self.takes_s, begin)
         return done
+
+
+def test_a_command_that_ends_at_once_is_accepted_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.state.Store", _SlowStore)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=6.0)
+        for second in (7.0, 9.0):
+            plant.command("pump/alice/select", args={"verb": "start"})
+            plant.run(until=second + 1.5)
+
+        assert plant.results() == ["select accepted ok", "select confirmed ok"] * 2
 
 
 def test_a_repetition_learns_of_no_end_that_a_crash_may_change(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from tests.rig import (
     row,
     seen,
 )
+from tests.rig.rows import act
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW06, SSW07, SSW900, operator, table
 from tests.scenarios.plugins.doors import BRISK, SLOW
 
@@ -599,17 +601,43 @@ def test_baseline_and_drift(row: ScenarioRow) -> None:
     play(row)
 
 
-def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_can(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    connect, is_away = sqlite3.connect, True
+@pytest.fixture
+def away() -> Iterator[pytest.MonkeyPatch]:
+    """Let the history's file be one that cannot be opened, until this is undone."""
+    connect = sqlite3.connect
 
     def connect_unless_away(path: Path, **options: Any) -> Any:
-        if is_away and Path(path).name == "history.sqlite":
+        if Path(path).name == "history.sqlite":
             raise OSError("the disk is away")
         return connect(path, **options)
 
-    monkeypatch.setattr(sqlite3, "connect", connect_unless_away)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sqlite3, "connect", connect_unless_away)
+        yield patch
+
+
+@pytest.mark.usefixtures("away")
+def test_a_history_that_is_away_for_too_long_is_said_to_lack_the_oldest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_NEEDED", 1)
+    with RigPlant(SSW07) as plant:
+        for at_s in (4.0, 8.0):
+            plant.run(until=at_s)
+            act(plant, "pump trip E05")
+            plant.run(until=at_s + 2.0)
+            act(plant, "pump clear")
+        plant.run(until=12.0)
+
+        lost = [each.json for each in plant.messages("gateway/event") if each.json["code"] == "history_lost"]
+        assert ["1 more of the oldest starts and trips are missing" in each["text"] for each in lost] == [
+            True
+        ]
+
+
+def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_can(
+    away: pytest.MonkeyPatch,
+) -> None:
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start")
@@ -617,7 +645,7 @@ def test_while_the_file_cannot_be_opened_starts_are_recorded_and_stored_once_it_
         assert "history_unavailable" in plant.events()
         assert len(plant.messages(ONE)) == 1
 
-        is_away = False
+        away.undo()
         plant.run(until=100.0)
         assert "history_available" in plant.events()
         plant.restart()
