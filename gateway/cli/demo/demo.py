@@ -63,7 +63,7 @@ WITH_PYTHON = {  # where Mosquitto's clients are missing; paho is there
     "watch": '{python} -c "import paho.mqtt.subscribe as s; s.callback('
     "lambda c, u, m: print(m.topic, m.payload.decode(), flush=True), 'starters/demo/#', port={port})\"",
     "trip": '{python} -c "import paho.mqtt.publish as p; '
-    "p.single('simulator/pump/trip', 'E05', port={port})\"",
+    "p.single('simulator/pump/trip', 'E05', 1, port={port})\"",
     "by_hand": "",
 }
 
