@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.reserve import Reserve
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 log = logging.getLogger(__name__)
 
 Connection = sqlite3.Connection
 Work = Callable[[Connection], Any]
+RESERVE_BYTES = 2**20
 T = TypeVar("T")
 
 PAGE_BYTES = 1024  # a transaction of a row or two writes some four pages, and again to write them back
@@ -404,3 +404,42 @@ def put_aside(path: Path) -> Path:
         if os.path.lexists(f"{path}{end}"):
             os.rename(f"{path}{end}", f"{aside}{end}")
     return aside
+
+
+class Reserve:
+    """Room on the disk that is given up while the disk is full: deleting rows needs room too.
+
+    It is a file beside the database, allocated and never written; of a database in memory there is none.
+    There is enough room only when the disk has as much left besides, so that a store on a full disk does not
+    change its mind every few seconds.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = None if path is None else path.with_name(f"{path.name}-reserve")
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether the room is taken, by this run or an earlier one."""
+        try:
+            return self._path is None or self._path.stat().st_size == RESERVE_BYTES
+        except OSError:
+            return False
+
+    def take(self) -> bool:
+        """Take the room, and return whether there is enough; OSError."""
+        if self._path is None:
+            return True
+        disk, is_held = os.statvfs(self._path.parent), self.is_held
+        if disk.f_bavail * disk.f_frsize < (1 if is_held else 2) * RESERVE_BYTES:
+            return False
+        if not is_held:
+            with open(self._path, "wb", opener=private) as file:
+                os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
+        return True
+
+    def give_up(self) -> bool:
+        """Give the room back to the disk; return whether there was any."""
+        is_held = self._path is not None and self.is_held
+        if self._path is not None and is_held:
+            os.truncate(self._path, 0)
+        return is_held

@@ -153,8 +153,8 @@ class Store:
         while not is_over:
             is_over = self._wait()
             self._do([])  # opens the file
-            while batch := self._next_batch():
-                self._do(batch)
+            while self._urgent or self._riding or self._others:
+                self._do(self._next_batch())  # empty when the callers have given all of it up
         self._file.close()
 
     def _wait(self) -> bool:

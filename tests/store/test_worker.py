@@ -13,8 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.errors import StoreError
-from gateway.store.database import Connection, FullError
-from gateway.store.reserve import Reserve
+from gateway.store.database import Connection, FullError, Reserve
 from gateway.store.worker import News
 from tests.store.store_rig import PATIENCE_S, Keeping, Make, insert, texts
 
