@@ -204,6 +204,7 @@ ROW"P005"LIMITS | line 32: row[0].parameter: P005 is not to be described: it is 
 ROW"P264"LIMITS | line 32: row[0].parameter: P264 is not to be described: an input may command the motor
 ROW"P231"LIMITS | line 32: row[0].parameter: P231 is not to be described: it may choose who commands the motor
 ROW"P310"LIMITS | line 32: row[0].parameter: P310 is not to be described: it may cut the connection
+ROW"P218"LIMITS\ntype = "u32" | line 32: row[0].parameter: P218 is not to be described: it has two registers to be written
 ROW"P204"LIMITS | line 32: row[0].parameter: P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
     | line 32: row[0].name: 'current' means something else already

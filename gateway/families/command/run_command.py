@@ -32,7 +32,7 @@ from gateway.families.command.control_word import (
     word_codes,
 )
 from gateway.families.command.interlock import local_source, points_needed
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, TakeBack, WriteStep
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
@@ -84,7 +84,7 @@ def with_run_cleared(
         procedure,
         steps=(*off, *procedure.steps, *again),
         verify=_and_standing(profile, procedure.verify),
-        take_back=TakeBack(released(profile, _scope(variant, is_source=is_source), seen)),
+        is_run_cleared=True,
         notes=(Note("run_cleared"), *procedure.notes),
         is_source=is_source,
     )

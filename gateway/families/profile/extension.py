@@ -89,6 +89,8 @@ def why_not_described(profile: Profile, row: Parameter) -> str:
             return "its registers may be those of any other row"
     if row.access is not Access.RW:
         return ""
+    if row.words > 1:
+        return "it has two registers to be written, and the second may be another parameter's"
     if row.is_rated_scaled:
         return "its scale depends on the model, so that it cannot be set"
     reasons = profile.protected.site.items()

@@ -68,10 +68,10 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class TakeBack:
-    """How it shows that no run command is left, after the stop that follows a command which failed."""
+    """When a start or a jog that did not act is taken back, by the starter's stop, and how that shows."""
 
     released: Expect  # run and jog read 0 while the starter obeys this line: else it may ignore the write
-    at_rest: Expect | None = None  # of a start or a jog: one that cannot be seen to stand is left alone
+    at_rest: Expect  # one whose motor cannot be seen to stand is left alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Procedure:
     """What a command writes and what must be seen afterwards; no steps for a `read`.
 
     When `is_unchanged`, the starter already holds what was asked for and nothing is written. When something
-    failed after the first write, `abandon` is written, then the starter is stopped as `take_back` says.
+    failed after the first write, `abandon` is written; a start or a jog is taken back as `take_back` says.
     """
 
     steps: tuple[WriteStep, ...]
@@ -90,15 +90,11 @@ class Procedure:
     subject: str = ""  # code of the row that is set or read
     subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
     notes: tuple[Note, ...] = ()  # what the operator must know with the result
+    is_run_cleared: bool = False  # it begins with run = 0 (families/command/run_command.py)
     is_source: bool = False  # it chooses who commands the motor: no write of it may come long after a reading
     wears: int = 0  # how many writes go to the starter's non-volatile memory
 
     @property
     def is_motion(self) -> bool:
         """Return whether it starts or jogs the motor."""
-        return self.take_back is not None and self.take_back.at_rest is not None
-
-    @property
-    def is_run_cleared(self) -> bool:
-        """Return whether it begins with run = 0 (families/command/run_command.py)."""
-        return self.take_back is not None and self.take_back.at_rest is None
+        return self.take_back is not None

@@ -179,68 +179,13 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
         when(RESET_1, 3),
         "failed illegal_data_value",
         *WHOLE,
-        RUN_OFF,
-        JOG_OFF,
-    ),
-    row(
-        "a motor that starts at a reset is stopped until it stands; it may be turning, says the result",
-        given=SITE,
-        at={
-            2.0: "pump trip E05",
-            4.0: [answers("pump", after(RESET_1, RUNS)), do("pump reset")],
-            11.0: READY,
-        },
-        then={
-            16.0: [
-                result("reset unconfirmed not_seen"),
-                msg(
-                    "result/pump/alice", text=re.compile("the motor may be turning.*run = 0 was written and")
-                ),
-                frames("pump", *WHOLE, *[RUN_OFF, JOG_OFF] * 4),
-                never("starter/pump/event", code="stop_unconfirmed"),
-            ]
-        },
-    ),
-    row(
-        "run = 0 after a reset that failed does not wait for the starter's earlier replies",
-        given=SITE,
-        at={
-            2.0: "pump trip E05",
-            4.0: [answers("pump", after(RESET_1, "pump VB01 = 0xC102")), do("pump reset")],
-            9.2: fault("lose", "pump", for_s=0.5),
-        },
-        then={
-            14.0: [
-                result("reset unconfirmed not_seen"),
-                msg("result/pump/alice", text=re.compile("run = 0 was written and read back")),
-                frames("pump", *WHOLE, RUN_OFF, JOG_OFF, RUN_OFF, JOG_OFF),
-            ]
-        },
     ),
     reset(
-        "after a silence, in which another starter may have come, nothing is written, and the result says so",
-        lost_after(RESET_1),
+        "a motor that somebody starts during a reset is not stopped; it may be turning, says the result",
+        after(RESET_1, RUNS),
         "unconfirmed not_seen",
         *WHOLE,
-        text=re.compile("could not be left as it was"),
-    ),
-    row(
-        "a motor that starts at general enable is stopped by the word just read, and stays enabled",
-        given=SSW900 + ALICE,
-        at={
-            2.0: "mill S5.1.1 = 0x0100",
-            3.0: [
-                answers("mill", after("06 02 ad 00 12", "mill S5.1.1 = 0x0103")),
-                do("mill general_enable", value=True),
-            ],
-            6.6: "mill S5.1.1 = 0x0102",
-        },
-        then={
-            9.0: [
-                result("general_enable unconfirmed not_seen"),
-                frames("mill", "06 02 ad 00 10", "06 02 ad 00 12", "06 02 ad 00 12"),
-            ]
-        },
+        text=re.compile("the motor may be turning; run = 0 was written first"),
     ),
     row(
         "a later write that would wait for the starter's earlier replies is handed over again",

@@ -20,7 +20,7 @@ _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which
 
 
 class RunOff(Protocol):
-    """The stop that follows a command which failed."""
+    """The stop by which a start is taken back."""
 
     is_local: bool  # the latest reading shows local mode
 
@@ -86,13 +86,12 @@ class Outlook:
         return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self.note))
 
     def stopped(self, end: Final, run_off: RunOff) -> Final:
-        """Return the end of a command that did not succeed, with the outcome of run = 0 after it."""
+        """Return the end of a start that was seen not to act, with the outcome of run = 0 after it."""
         if run_off.is_shown():
             phase = Phase.FAILED if self.refusal is not None else end.phase
             return replace(end.noted(Note("at_rest"), Note("taken_back")), phase=phase)
-        at_rest = None if self.is_run_cleared else Note("at_rest")  # a start was seen not to act before
         in_local = Note("in_local") if run_off.is_local else None
-        return _doubtful(end).noted(at_rest, in_local, Note("not_taken_back"))
+        return _doubtful(end).noted(Note("at_rest"), in_local, Note("not_taken_back"))
 
 
 def crashed(verb: str, *, may_be_written: bool) -> Final:

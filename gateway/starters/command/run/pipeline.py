@@ -7,9 +7,9 @@
 3. A write is followed by the next only once what it brings about is seen; run = 0 must be taken.
 4. Confirmed is what two readings in a row show that were asked for after the last write.
 5. A start or a jog that is seen not to act is taken back by its starter's stop (`run_off`), within
-   `LEFT_SAFE_WITHIN_S`; where the motor cannot be seen to stand it is left alone.
-6. Any other command that fails after its first write is ended as its procedure says, and its starter is
-   stopped likewise: a stop's writes wait for no earlier reply, and its words are of a fresh reading.
+   `ENDED_WITHIN_S`; where the motor cannot be seen to stand it is left alone.
+6. Any other command that fails after its first write is ended as its procedure says (`abandon`). It stops
+   nothing: run = 0 was seen before anything else was written, and a motor that turns since was started there.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ logger = logging.getLogger(__name__)
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
-LEFT_SAFE_WITHIN_S = 3.0  # after its end is known, a starter is left safe
+ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
     ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -108,7 +108,7 @@ class CommandRun:
         """Carry the command out; never raises."""
         try:
             end = await self._ended()
-        except HaltedError as error:  # while its starter was left safe
+        except HaltedError as error:  # while it was taken back or abandoned
             end = self._outlook.cut(error.reason)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
@@ -117,7 +117,7 @@ class CommandRun:
         self.report.finish(end)
 
     async def _ended(self) -> Final:
-        """Return how the command ended, whatever came in its way; HaltedError while it leaves it safe."""
+        """Return how the command ended, whatever came in its way; HaltedError while it is undone."""
         try:
             return await self._carried_out()
         except CommandError as error:
@@ -125,12 +125,12 @@ class CommandRun:
         except RefusedError as error:
             return Final(Phase.FAILED, error.reason)
         except OverdueError:
-            end, is_stopped = self._outlook.overdue(), False
+            end = self._outlook.overdue()
         except HaltedError as error:
-            end, is_stopped = self._outlook.cut(error.reason), error.reason.code == ResultCode.STOPPED_FIRST
+            end = self._outlook.cut(error.reason)
             if error.reason.code == ResultCode.SHUTTING_DOWN:  # then nothing is written
                 return end
-        return await self._left_safe(end, is_stopped=is_stopped)
+        return await self._abandoned(end)
 
     async def _carried_out(self) -> Final:
         if self._slot is not None:
@@ -165,17 +165,16 @@ class CommandRun:
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(decision, step, is_last=is_last)
             if end is not None:
-                # After run = 0 that was not taken, and after a start, nothing is to be undone.
-                return end if step.is_run_off else await self._left_safe(end)
+                return await self._abandoned(end)
         if procedure.verify is None:
             return self._outlook.not_readable()
         values = await self._wire.see(procedure.verify)
         if values is not None:
             return ends.confirmed(procedure, self._subject(procedure, values), values)
         end = self._outlook.not_seen(procedure.verify)
-        if procedure.take_back is not None and procedure.take_back.at_rest is not None:
+        if procedure.take_back is not None:
             return await self._taken_back(end, procedure.take_back.at_rest, procedure.take_back.released)
-        return await self._left_safe(end.noted(*procedure.notes))
+        return await self._abandoned(end.noted(*procedure.notes))
 
     async def _take_step(self, decision: CommandDecision, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
@@ -303,7 +302,7 @@ class CommandRun:
 
     async def _taken_back(self, end: Final, at_rest: Expect, released: Expect) -> Final:
         """Have a start taken back that is seen not to have acted; else it might act later."""
-        self._wire.until_s = self.report.now_s() + LEFT_SAFE_WITHIN_S
+        self._wire.until_s = self.report.now_s() + ENDED_WITHIN_S
         profile = self._starter.profile
         rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
@@ -311,29 +310,24 @@ class CommandRun:
             return end.noted(MAY_ACT_LATER)
         return await self._stopped(end, released)
 
-    async def _left_safe(self, end: Final, *, is_stopped: bool = False) -> Final:
-        """Return the end of any other command that failed after its first write, its starter left safe.
-
-        `is_stopped`: a client's stop is under way, which does the rest.
-        """
+    async def _abandoned(self, end: Final) -> Final:
+        """Return the end of a command that failed, after what its procedure leaves to be undone."""
         procedure = self._outlook.procedure
-        if procedure is None or not self.report.life.is_written or not procedure.is_run_cleared:
+        if procedure is None or not self.report.life.is_written or not procedure.abandon:
             return end
         if self._is_another:
             return ends.unsafe(end)
-        self._wire = self._new_wire(self.report.now_s() + LEFT_SAFE_WITHIN_S)  # the other may be halted
+        self._wire = self._new_wire(self.report.now_s() + ENDED_WITHIN_S)  # the other may be halted
         try:
             for request in procedure.abandon:
                 outcome = await self._wire.write(request, lane=Priority.FOLLOW_UP)
                 end = end if isinstance(outcome, Answered) else ends.unsafe(end)
         except OverdueError:
             return ends.unsafe(end)
-        if is_stopped or procedure.take_back is None:
-            return end
-        return await self._stopped(end, procedure.take_back.released)
+        return end
 
     async def _stopped(self, end: Final, released: Expect) -> Final:
-        """Return the end of a command after which the starter is stopped: it never waits for its step."""
+        """Return the end of a start that is taken back: the stop never waits for its step."""
         self._wire.demand_not_halted()  # at shut-down nothing is written
         order = self._run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
