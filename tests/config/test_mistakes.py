@@ -204,7 +204,7 @@ ROW"P005"LIMITS | line 32: row[0].parameter: P005 is not to be described: it is 
 ROW"P264"LIMITS | line 32: row[0].parameter: P264 is not to be described: an input may command the motor
 ROW"P231"LIMITS | line 32: row[0].parameter: P231 is not to be described: it may choose who commands the motor
 ROW"P310"LIMITS | line 32: row[0].parameter: P310 is not to be described: it may cut the connection
-ROW"P218"LIMITS\ntype = "u32" | line 32: row[0].parameter: P218 is not to be described: it has two registers to be written
+ROW"P218"LIMITS\ntype = "u32" | line 32: row[0].parameter: P218 is not to be described: it has two registers
 ROW"P204"LIMITS | line 32: row[0].parameter: P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
     | line 32: row[0].name: 'current' means something else already
@@ -233,7 +233,7 @@ ROW"P102"LIMITS\nscale = 0.1\nunit = "s"\nwhile = "always"
 ROW"P102"\n[[points]]\nfamily = "ssw07"\ncodes = ["p102", "P1*"]
 ROW"P202"
 ROW"P101"LIMITS
-MENU"C5.3.9"\naddress = 2000\ntype = "s32"
+MENU"C5.3.9"\naddress = 2000\ntype = "s16"
 [[points]]\nfamily = "sst"\ncodes = ["R??"]
 [homeassistant]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"

@@ -6,7 +6,8 @@
    until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
 4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
-   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome is an event and an entry of the audit.
+   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
+   is an event and an entry of the audit.
 
 Of a group each member is stopped so on its own: `group`.
 """
