@@ -248,5 +248,4 @@ class DiskSync:
         self._publish_event(EventCode.PUBLISH_REFUSED, count=max(count, 1), topic=topic, reason_code=code)
 
     def _publish_unkept(self, _: None, count: int) -> None:
-        trouble = f"it was away for too long: {max(count, 1)} more of the oldest starts and trips are missing"
-        self._publish_event(EventCode.HISTORY_LOST, trouble=trouble)
+        self._publish_event(EventCode.HISTORY_LOST, "away", count=max(count, 1))

@@ -204,4 +204,4 @@ class History:
                 self._is_away = True
                 self._publish_event(EventCode.HISTORY_UNAVAILABLE, trouble=text)
             case News.LOST:
-                self._publish_event(EventCode.HISTORY_LOST, trouble=text)
+                self._publish_event(EventCode.HISTORY_LOST, "damaged", trouble=text)

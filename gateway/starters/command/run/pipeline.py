@@ -9,7 +9,7 @@
 5. A start or a jog that is seen not to act is taken back by its starter's stop (`run_off`), within
    `ENDED_WITHIN_S`; where the motor cannot be seen to stand it is left alone.
 6. Any other command that fails after its first write is ended as its procedure says (`abandon`). It stops
-   nothing: run = 0 was seen before anything else was written, and a motor that turns since was started there.
+   nothing: run = 0 was seen before its other writes, and a motor that runs since then was started there.
 """
 
 from __future__ import annotations
