@@ -13,6 +13,8 @@ from gateway.contract import to_level
 from gateway.families import FAMILIES, TYPE_LIMITS, Profile, Type, extension, load_profile
 from gateway.starters import OWN_POINT_NAMES
 
+REGISTERS = 65536
+
 # What records and other programs name, beside points.
 _TAKEN = {"state", "quality", "availability", "reason", "locked", "online", "trouble", "result"}
 _TAKEN |= {"start", "stop", "reset", "thermal_load"}
@@ -70,6 +72,8 @@ def _wrong_in(row: RowTable) -> tuple[str, str, str] | None:
         return "parameter", f"{row.parameter!r} is no parameter of {row.family}", hint
     if row.address is not None and row.address != row.place:
         return "address", f"is {row.address}, and not the number of {row.parameter}", "leave it out"
+    if row.place + (2 if row.type.endswith("32") else 1) > REGISTERS:
+        return "address", f"{row.place} and the next are no registers", "the last register is 65535"
     if row.scale not in SCALES:
         return "scale", f"is {row.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
     if row.limits is None and (row.writable or row.min is not None or row.max is not None):

@@ -64,8 +64,12 @@ class RowTable(ConfigTable):
         default=1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001."
     )
     unit: str = Field(default="", max_length=16, description="The unit of its value.")
-    min: float | None = Field(default=None, description="The smallest value to be set, in its unit.")
-    max: float | None = Field(default=None, description="The largest value to be set, in its unit.")
+    min: float | None = Field(
+        default=None, ge=-1e10, le=1e10, description="The smallest value to be set, in its unit."
+    )
+    max: float | None = Field(
+        default=None, ge=-1e10, le=1e10, description="The largest value to be set, in its unit."
+    )
     writable: bool = Field(default=False, description="Whether it may be set; it needs min and max then.")
     while_: Literal["stopped", "always"] = Field(
         default="stopped", alias="while", description="When it may be set: at standstill only, or always."

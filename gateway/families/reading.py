@@ -150,7 +150,9 @@ def _planned(
 ) -> tuple[Block, ...]:
     variant = Variant(firmware=firmware)
     points = [point for point in profile.points.values() if is_there(profile, variant, point.source)]
-    extra = {point.code: point.every_s for point in points if point.every_s is not None}
+    own = {point.code for point in points if point.every_s is None}  # these keep their pace
+    asked = [point for point in points if point.code not in own]
+    extra = {point.code: point.every_s for point in asked if point.every_s is not None}
     slow_s = slow_period_s(every_s)
     planned: list[Block] = []
     seen: set[str] = set()

@@ -205,6 +205,8 @@ ROW"P264"LIMITS | line 32: row[0].parameter: P264 is not to be described: an inp
 ROW"P231"LIMITS | line 32: row[0].parameter: P231 is not to be described: it may choose who commands the motor
 ROW"P310"LIMITS | line 32: row[0].parameter: P310 is not to be described: it may cut the connection
 ROW"P218"LIMITS\ntype = "u32" | line 32: row[0].parameter: P218 is not to be described: it has two registers
+ROW"P000"LIMITS | line 32: row[0].parameter: P000 is not to be described: it may command the motor, cut the
+ROW"P102"\nmin = 1\nmax = 1e28\nwritable = true | line 34: row[0].max: is 1e+28 (must be at most 1e+10)
 ROW"P204"LIMITS | line 32: row[0].parameter: P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
     | line 32: row[0].name: 'current' means something else already
@@ -216,6 +218,9 @@ MENU"C5.3.9"\naddress = 900
     | line 35: row[0].parameter: C5.3.9 is not to be described: its registers are those of
 MENU"C5.3.9"\naddress = 1599\ntype = "u32"
     | line 35: row[0].parameter: C5.3.9 is not to be described: its registers may be
+MENU"C5.3.9"\naddress = 65535\ntype = "u32" | line 36: row[0].address: 65535 and the next are no registers
+MENU"C7.3.2"\naddress = 220
+    | line 35: row[0].parameter: C7.3.2 is not to be described: the manual gives it the register
 MENU"C5.3.9" | line 35: row[0].parameter: needs address beside it
 MENU"C3.9"\naddress = 2000
     | line 35: row[0].parameter: C3.9 is not to be described: it may choose who commands the motor

@@ -101,6 +101,6 @@ def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> 
         hint = " (--command-sources restores it too)" if code in sources else ""
         print(f"left as it is: {code}: {why}{hint}")
     if not plan.changes:
-        print("nothing to write: the starter holds these settings already")
+        print(f"nothing {'else ' if plan.left else ''}to write: the starter holds the other settings already")
     for change in plan.changes:
         print(f"{'would write' if is_dry else 'to write'}: {change.text}")

@@ -140,7 +140,8 @@ def _warnings(facts: MotorFacts, t: Translate) -> Iterator[str]:
     latest = [start.outcome.value for start in facts.starts[-LATEST_STARTS:]]
     for outcome in ("tripped", "given_up"):
         if outcome in latest:
-            yield f"{latest.count(outcome)} {t('of the last 20 starts')}: {t(_spaced(outcome))}"
+            of_all = t("of the last {n} starts").replace("{n}", str(len(latest)))
+            yield f"{latest.count(outcome)} {of_all}: {t(_spaced(outcome))}"
     yield from map(str, facts.cable.get("texts") or ())
 
 

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         with backup.open_archive(Path(args.file)) as archive:
             _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)
     except OSError as error:
-        raise StoreError(f"{error.filename}: {error.strerror or error}") from error
+        raise StoreError(f"{error.filename or args.file}: {error.strerror or error}") from error
     return 0
 
 
@@ -85,7 +85,9 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
         try:
             _switch(place, stage, old, aside)
         except OSError as error:
-            what = f"{error.filename}: {error.strerror}; the gateway has no configuration now"
+            what = (
+                f"{error.filename or place.state_dir}: {error.strerror}; the gateway has no configuration now"
+            )
             hint = "correct this, then restore once more with --replace; what was there is set aside"
             raise StoreError(f"{what} ({hint})") from error
     if old:
@@ -172,7 +174,7 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     folder = before if to is None else to.absolute()
     configured, state = _places(archive)
     if "/" in name or name not in configured or not before.is_absolute():
-        raise DamagedError("the backup does not say which its configuration is")
+        raise DamagedError("the backup does not say which file is its configuration")
     config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
     known = {f"{CONFIG}/{name}", *(name_in_backup(before, path) for path in files_of(config))}
     for stored in configured.values():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import uuid
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,7 +53,8 @@ def run(args: argparse.Namespace) -> int:
         )
     console = Console()
     watching = Watching(console, settings, "/".join(levels))
-    asyncio.run(watching.show_once() if args.once or not console.is_terminal else watching.show())
+    with suppress(KeyboardInterrupt):
+        asyncio.run(watching.show_once() if args.once or not console.is_terminal else watching.show())
     return 0
 
 

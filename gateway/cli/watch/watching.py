@@ -77,6 +77,7 @@ class Watching:
         session, _ = await connected(self._settings, on_incoming=self._take)
         for topic in (f"{self._base}/{each}" for each in TOPICS):
             if not await session.subscribe(topic, with_retained=True):
+                session.abort()
                 raise BrokerError(
                     f"broker {self._settings.address} does not let {topic} be read",
                     "log in with --username, or look at its access list",

@@ -97,8 +97,10 @@ def sources(
     if remote not in (None, own) and (mode != ALWAYS_LOCAL or local != own):
         what = "a start is not executed: in remote mode the commands come from elsewhere"
         fix = f"set {codes[2]} = {own}, {name}"
-        yield start(Weight.ERROR, f"{what}: {settings.shown(codes[2])} ({fix})")
-    if mode == ALWAYS_LOCAL and local != own:
+        acts_in_local = local == own and mode != ALWAYS_REMOTE
+        weight = Weight.WARNING if acts_in_local else Weight.ERROR
+        yield start(weight, f"{what}: {settings.shown(codes[2])} ({fix})")
+    if mode == ALWAYS_LOCAL and local not in (None, own):
         what = "a start needs remote mode, and the starter is never in it"
         fix = f"set {codes[0]} = {ALWAYS_REMOTE} or {own_modes[-1]}, or {codes[1]} = {own}"
         yield start(Weight.ERROR, f"{what}: {settings.shown(codes[0])} ({fix})")

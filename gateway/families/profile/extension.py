@@ -74,13 +74,17 @@ def why_no_row(profiles: Sequence[Profile], pattern: str) -> tuple[str, str]:
 def why_not_described(profile: Profile, row: Parameter) -> str:
     """Return why a site may not describe this row; empty where it may."""
     known = profile.parameters.get(row.code)
+    if profile.protected.names(row.code):
+        return "it may command the motor, cut the connection or act at once, or is a password"
     if known is not None and known.access in (Access.NONE, Access.COMMAND):
         return known.note or "it is a command"
     if known is not None and not _is_open(known):
         return "the family's manual describes it: nothing is to be added"
     if any(point.code == row.code for point in profile.points.values()):
         return "it is read as a point of the family already"
-    if known is None and row.table is Table.HOLDING:
+    if known is not None and (row.table, row.address, row.words) != (known.table, known.address, known.words):
+        return f"the manual gives it the register {known.address}"
+    if row.table is Table.HOLDING:
         over = _overlapped(profile, row)
         if over is not None:
             return f"its registers are those of {over.code}"
@@ -107,7 +111,8 @@ def _is_open(row: Parameter) -> bool:
 def _overlapped(profile: Profile, row: Parameter) -> Parameter | None:
     end = row.address + row.words
     for other in profile.parameters.values():
-        if other.table is row.table and other.address < end and row.address < other.address + other.words:
+        is_over = other.address < end and row.address < other.address + other.words
+        if other.table is row.table and is_over and other.code != row.code:
             return other
     return None
 

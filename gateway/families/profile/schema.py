@@ -179,6 +179,11 @@ class Protected(Model):
         """Return whether a change of this row may let a run command act that stands in the starter."""
         return code in self.command_sources or code in self.waking
 
+    def names(self, code: str) -> bool:
+        """Return whether a row is protected in any way."""
+        kinds = self.command_sources, self.waking, self.connection, self.actions, self.password
+        return any(code in kind for kind in kinds)
+
 
 class Ceiling(Model):
     """A reading above which a command is refused."""

@@ -143,6 +143,7 @@ class BrokerConnection:
         if self._farewell_code is not None:
             await session.disconnect()
         session.abort()
+        self._session = None  # a message of it that is still on its way to us counts as early
 
     def _take(self, incoming: Incoming) -> None:
         """Pass a message on by its topic: to who listens there, else as a command.
@@ -194,6 +195,7 @@ class BrokerConnection:
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
         holding = asyncio.get_running_loop().call_later(self.settings.steady_s, self._held)
+        reason = "ended by an error inside the gateway"
         self._session = session
         self._outbox.connected(session.window)
         try:
@@ -212,7 +214,7 @@ class BrokerConnection:
                 self._beating.cancel()
             self._outbox.disconnected()
             self._acknowledged.set()
-        self._report(f"broker {self.settings.address}: {reason}", is_connected=False)
+            self._report(f"broker {self.settings.address}: {reason}", is_connected=False)
         self._lost(session.notice, reason)
 
     def _held(self) -> None:

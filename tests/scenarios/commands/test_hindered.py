@@ -127,6 +127,12 @@ def hides_run(pdu: str, _: object) -> Answer:
     return 2 if is_coil or (function == "03" and address <= 5003 < address + length) else None
 
 
+def hides_status(pdu: str, _: object) -> Answer:
+    """Refuse every read of S5.1.1."""
+    address, length = int(pdu[3:8].replace(" ", ""), 16), int(pdu[-5:].replace(" ", ""), 16)
+    return 2 if pdu[:2] in ("03", "04") and address <= 680 < address + length else None
+
+
 def once_written(name: str, pdu: str, action: Action) -> Action:
     """Do something right after a write has reached a starter."""
 
@@ -484,6 +490,12 @@ def stop(id_: str | None = None) -> Action:
 
 
 STOPS = [
+    row(
+        "without its status a command word is not known whole: a stop clears its bits alone",
+        given=SSW900 + ALICE,
+        at={6.0: answers("mill", hides_status), 12.0: do("mill stop")},
+        then={12.4: frames("mill", "16 02 ad ff fa 00 00")},
+    ),
     row(
         "a stop that is sent again under its id while it is under way has one end, and each copy a frame",
         given=SITE,

@@ -110,6 +110,13 @@ VALUES = [
         },
     ),
     row(
+        "the word whose bits are the status is read as often as without its point",
+        given=line() + starter("pump", 1, "ssw07", points=["VB*"]),
+        then={
+            25: [reads("pump", 3, 5001, 5001, every_s=1.0), seen("starter/pump/value/vb01", quality="good")]
+        },
+    ),
+    row(
         "a line's points are those of each of its starters that has them, a table's those of its family",
         given=line(points=["P220"])
         + starter("pump", 1, "ssw07")

@@ -55,7 +55,7 @@ export async function carryOut(starter, verb, { isQuiet = false, ...options } = 
     return final;
   } catch (error) {
     const isUnknown = error.isUnknown || error.name === "TimeoutError" || error.name === "TypeError";
-    end(isUnknown ? UNKNOWN.replace("yet", error.isUnknown ? "of the gateway" : "at all") : `not carried out: ${error.message}`, "bad");
+    end(isUnknown ? UNKNOWN.replace("yet", error.isUnknown ? "from the gateway" : "at all") : `not carried out: ${error.message}`, "bad");
     return null;
   }
 }

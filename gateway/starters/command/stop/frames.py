@@ -106,7 +106,9 @@ class Frames:
         starter, seen = self._starter, self._starter.snapshot.rows
         if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
             fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
-            seen = fresh if fresh.keys() >= set(starter.profile.command_word) else {}
+            # The device shows only a part of the word: without its status the rest is not known.
+            words = {*starter.profile.command_word, starter.profile.status_word}
+            seen = fresh if fresh.keys() >= words else {}
         return command.stop(starter.profile, starter.variant, seen=seen, with_jog=self.with_jog)
 
     def send_if_due(self) -> None:

@@ -35,7 +35,7 @@ export class Faceplate {
   }
 
   close() {
-    this.hold.drop();
+    this.hold.close();
   }
 
   refresh() {
@@ -140,7 +140,8 @@ class Hold {
       if (event.key === "Escape") this.giveUp();
     });
     this.button.addEventListener("keyup", () => this.release());
-    window.addEventListener("blur", () => this.release());
+    this.onBlur = () => this.release();
+    window.addEventListener("blur", this.onBlur);
     this.selected = null;
     this.attempt = 0;
   }
@@ -158,7 +159,7 @@ class Hold {
     }
     this.selected = { action, label, token: final.select, state: state.state, user: store.session.user,
       since: asked, validMs: Math.min((final.valid_s ?? 30) * 1000, SELECTED_MS) };
-    setText(this.seen, `${label} ${this.name}: permitted on the state “${state.state}”, reported at ${clock(state.time)}.`);
+    setText(this.seen, `${label} ${this.name}: permitted in the state “${state.state}”, reported at ${clock(state.time)}.`);
     setText(this.text, `Hold for a second to ${label}`);
     const isElsewhere = document.activeElement?.matches("input, select, textarea"); // an operator who types keeps the focus
     this.element.hidden = false;
@@ -214,6 +215,11 @@ class Hold {
     const isOpen = this.selected !== null;
     this.drop();
     if (isOpen) carryOut(this.name, "cancel", { isQuiet: true });
+  }
+
+  close() {
+    window.removeEventListener("blur", this.onBlur);
+    this.drop();
   }
 
   drop() {

@@ -96,7 +96,7 @@ export class Starter {
     this.facts.replaceChildren(h("dl", {}, Object.entries(FACTS).filter(([key]) => facts[key] !== undefined && facts[key] !== null)
       .map(([key, title]) => [h("dt", {}, title), h("dd", {}, Array.isArray(facts[key]) ? facts[key].join(", ") : String(facts[key]))])));
     const commands = [...(this.detail.commands ?? [])].reverse();
-    this.commands.replaceChildren(commands.length ? table("Last commands, newest first", ["time", "by", "command", "phases", "text"], commands.map(commandRow)) : h("p", {}, "None since the gateway runs."));
+    this.commands.replaceChildren(commands.length ? table("Last commands, newest first", ["time", "by", "command", "phases", "text"], commands.map(commandRow)) : h("p", {}, "None since the gateway started."));
     this.drawPoints();
   }
 
