@@ -164,12 +164,12 @@ class Overview:
                 case ["starter", starter, "state" | "availability" as kind]:
                     record = _read(kind, payload, starter)
                     setattr(self._row(gateway, starter), kind, record)
-                case ["starter", starter, "value" | "alarm" as kind, leaf]:
-                    record = _read(kind, payload, starter, leaf)
-                    getattr(self._row(gateway, starter), kind)[leaf] = record
                 case ["starter", starter, "value" | "alarm" as kind, leaf] if not payload:
                     if (name, starter) in self._rows:  # the gateway has had it forgotten
                         getattr(self._rows[name, starter], kind).pop(leaf, None)
+                case ["starter", starter, "value" | "alarm" as kind, leaf]:
+                    record = _read(kind, payload, starter, leaf)
+                    getattr(self._row(gateway, starter), kind)[leaf] = record
                 case ["result", starter, client] if (name, starter) in self._rows:
                     result = read_record(ResultRecord, payload, starter=starter, client=client)
                     row = self._rows[name, starter]
