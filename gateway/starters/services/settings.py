@@ -40,6 +40,7 @@ LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so 
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 VERBS = ("set", "configure")  # that set settings
 
+_MAYBE_SET = (Phase.CONFIRMED, Phase.UNCONFIRMED, Phase.FAILED)  # of several rows the last may have failed
 IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
@@ -82,7 +83,7 @@ class SettingsWatch:
             except CommandError:  # it was refused, too
                 continue
             codes.add(row.code)
-            if phase in (Phase.CONFIRMED, Phase.UNCONFIRMED):
+            if phase in _MAYBE_SET:
                 self._changed.pop(row.code, None)
                 self._known.pop(row.code, None)
             if phase == Phase.CONFIRMED and row.code in self._watched:
