@@ -103,12 +103,14 @@ class SettingsWatch:
             await asyncio.sleep(pause_s)
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
-            codes = diagnosis.readiness_codes(starter.profile)
+            codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
             try:
                 found = await self._read(reading.bulk_reads(starter.profile, codes))
             except (CommandError, PortLostError) as error:
                 logger.info("starter=%s readiness is not known: %s", starter.setup.name, error)
                 continue
+            # On some of them hangs what is permitted, and no poll reads those.
+            starter.snapshot.keep_rows(found.rows, at_s=began_s)
             self._note_reading(found.rows)
             self._publish_readiness(found.rows, await starter.gap_s())
             trouble = _watchdog_trouble(starter.profile, found.refused)
