@@ -1,8 +1,9 @@
 """The communication watchdogs of all starters as last known: read, from an earlier run, or admitted.
 
 The line keeps a starter from the shorter of two: the watchdog that the configuration states, and the one by
-its rows. A `set` that makes it shorter is admitted only if the line can keep it, and counts from then on:
-its read-back, or the look at the starter's readiness that follows each `set`, says what was written.
+its rows. A `set` that makes it shorter is admitted only if the line can keep it, and counts from then on,
+whatever is read of the old one before it is written. What is not read back by the command's end counts until
+the next reading, such as the look at the starter's readiness that follows each `set`.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ class KnownWatchdogs:
         self._in_thread = in_thread
         self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
         self._lines: dict[str, LineClient | None] = {}  # by starter
+        self._reserved: dict[str, dict[str, tuple[int, ...]]] = {}  # by starter: admitted, and not yet read
         self._document = (documents or Documents()).open(
             WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
         )
@@ -69,8 +71,9 @@ class KnownWatchdogs:
         self._lines.pop(name, None)
 
     def known(self) -> dict[str, KnownRows]:
-        """Return what must outlive the gateway, by starter."""
-        return self._known
+        """Return what must outlive the gateway, by starter: what is reserved may be written by now."""
+        written = {name: KnownRows({**self.rows(name), **rows}) for name, rows in self._reserved.items()}
+        return {**self._known, **written}
 
     def rows(self, name: str) -> Rows:
         """Return the settings as last known, in this run or an earlier one."""
@@ -82,7 +85,10 @@ class KnownWatchdogs:
 
     def limit_s(self, setup: StarterSetup) -> float | None:
         """Return the time of the watchdog that must not act in a starter; None when none is known."""
-        return _limit_s(setup, self.rows(setup.name))
+        rows, reserved = self.rows(setup.name), self._reserved.get(setup.name)
+        limit_s = _limit_s(setup, rows)
+        after_s = _limit_s(setup, {**rows, **reserved}) if reserved else None
+        return min((each_s for each_s in (limit_s, after_s) if each_s), default=None)
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
@@ -92,17 +98,32 @@ class KnownWatchdogs:
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
         found = self._watchdog_rows(name, rows) if name in self._setups else {}
-        if found:
-            self._take(name, {**self.rows(name), **found})
+        if not found:
+            return
+        reserved = self._reserved.get(name, {})
+        for code in [code for code, words in found.items() if reserved.get(code) == words]:
+            del reserved[code]
+        self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
-        CommandError, with both times, when it cannot.
+        CommandError, with both times, when it cannot; `end` must follow in any case.
         """
         if name in self._setups:
             profile = self._setups[name].profile
             await self._reserve(name, diagnosis.written_rows(profile, (s.request for s in procedure.steps)))
+
+    def end(self, name: str, *, is_written: bool) -> None:
+        """Record that a command is over; what it may have written counts until it is read."""
+        reserved = self._reserved.pop(name, None)
+        if reserved is None:
+            return
+        if is_written:
+            self._known[name] = KnownRows({**self.rows(name), **reserved})
+        self._document.touch()
+        if name in self._setups:
+            self._keep(name)
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
@@ -127,25 +148,30 @@ class KnownWatchdogs:
         """Let these be a starter's rows, for its line and for the next run."""
         if name in self._known and rows == self._known[name].rows:
             return
-        setup, line = self._setups[name], self._lines[name]
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
+        self._keep(name)
+
+    def _keep(self, name: str) -> None:
+        setup, line = self._setups[name], self._lines[name]
         if line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
 
     async def _reserve(self, name: str, written: Rows) -> None:
         """Reserve the line's time for a shorter watchdog before it is written, or give it back and refuse."""
-        setup, before = self._setups[name], self.rows(name)
-        rows, before_s = {**before, **written}, self._limits_s(setup.line)
+        setup = self._setups[name]
+        rows, before_s = {**self.rows(name), **written}, self._limits_s(setup.line)
         limit_s, earlier_s = _limit_s(setup, rows), before_s.get(setup.address)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return
-        self._take(name, rows)  # at once: another `set` on this line must see it
+        self._reserved[name] = dict(written)  # at once: another `set` on this line must see it
+        self._document.touch()
+        self._keep(name)
         on_line = [each for each in self._setups.values() if each.line == setup.line]
         after_s = self._limits_s(setup.line)
         error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
         if error is not None:
-            self._take(name, before)
+            self.end(name, is_written=False)
             raise error
 
     def _limits_s(self, line: str) -> dict[int, float | None]:

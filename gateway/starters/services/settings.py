@@ -40,6 +40,7 @@ LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so 
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 VERBS = ("set", "configure")  # that set settings
 
+_MAYBE_SET = (Phase.CONFIRMED, Phase.UNCONFIRMED, Phase.FAILED)  # of several rows the last may have failed
 IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
@@ -82,7 +83,7 @@ class SettingsWatch:
             except CommandError:  # it was refused, too
                 continue
             codes.add(row.code)
-            if phase in (Phase.CONFIRMED, Phase.UNCONFIRMED):
+            if phase in _MAYBE_SET:
                 self._changed.pop(row.code, None)
                 self._known.pop(row.code, None)
             if phase == Phase.CONFIRMED and row.code in self._watched:
@@ -102,12 +103,14 @@ class SettingsWatch:
             await asyncio.sleep(pause_s)
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
-            codes = diagnosis.readiness_codes(starter.profile)
+            codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
             try:
                 found = await self._read(reading.bulk_reads(starter.profile, codes))
             except (CommandError, PortLostError) as error:
                 logger.info("starter=%s readiness is not known: %s", starter.setup.name, error)
                 continue
+            # On some of them hangs what is permitted, and no poll reads those.
+            starter.snapshot.keep_rows(found.rows, at_s=began_s)
             self._note_reading(found.rows)
             self._publish_readiness(found.rows, await starter.gap_s())
             trouble = _watchdog_trouble(starter.profile, found.refused)

@@ -12,6 +12,7 @@ from tests.rig import (
     ScenarioRow,
     command,
     event,
+    fault,
     frames,
     msg,
     never,
@@ -30,6 +31,7 @@ SLOW = line(baud=9600)
 PUMP = starter("pump", 1, "ssw07")
 MANY = "".join(starter(f"p{at}", at, "ssw07", watchdog_s=3.0) for at in range(2, 20))
 OTHERS = tuple(f"p{at}" for at in range(2, 20))
+USED_FOR_30 = msg("gateway/line/pumps", watchdogs={"load": pytest.approx(0.0016, abs=0.001)})
 SET_3 = command("pump/alice/set", args={"parameter": "P314", "value": 3})
 
 
@@ -77,6 +79,13 @@ ROWS = [
                 frames("pump"),
             ]
         },
+    ),
+    row(
+        "a watchdog that the starter refused to take costs the line nothing more",
+        given=line() + starter("pump", 1, "ssw07", every_s=20.0) + ALICE,
+        sim={"pump": {"settings": {313: 2, 314: 30}}},
+        at={30.0: [fault("refuse", "pump", 4, (6, 16), for_s=5.0), SET_3]},
+        then={29.0: USED_FOR_30, 90.0: [result("set failed server_device_failure"), USED_FOR_30]},
     ),
     row(
         "a reload that would miss a watchdog that was read is refused",

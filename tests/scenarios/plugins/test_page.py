@@ -11,7 +11,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, event, frames, msg, play, reload, results, row
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, LOGIN, METRICS, QUICK, SSW07, WEB, operator, table
+from tests.rig.sites import ALICE, FOUR, LOGIN, METRICS, QUICK, SSW07, WEB, line, operator, starter, table
 from tests.scenarios.plugins.doors import SLOW, answer, log_in, phases, pressed
 
 PAGE = SSW07 + ALICE + WEB + LOGIN
@@ -78,6 +78,16 @@ SESSIONS = [
                 ),
             ]
         },
+    ),
+    *(
+        row(
+            f"a start is offered in local mode where an {family} obeys the line there, before any command",
+            given=line() + starter("pump", 1, family) + ALICE + WEB + LOGIN,
+            sim={"pump": {"settings": {229: source}}},
+            at={5.0: log_in(), 6.0: "pump control local"},
+            then={9.0: action("start", permitted=True, code="")},
+        )
+        for family, source in (("ssw07", 2), ("ssw06", 2), ("ssw900", 4))
     ),
     row(
         "a wrong password and an unknown user get the same answer",

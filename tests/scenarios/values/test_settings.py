@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, event, never, play, result, row, seen
+from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
@@ -41,6 +41,10 @@ def _not_asked(name: str, request: bytes, *, since: float) -> Expectation:
 def _loses_settings(pdu: bytes) -> bytes | None:
     """P313 and P314 are not answered."""
     return None if pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") in (312, 313, 314) else b""
+
+
+def _refuses_register_400(pdu: bytes) -> bytes | None:
+    return b"\x86\x03" if pdu[:3] == b"\x06\x01\x90" else b""
 
 
 SITES = (
@@ -95,6 +99,23 @@ ROWS = [
         given=SSW07 + ALICE,
         at={10: command("pump/alice/set", args={"parameter": "P314", "value": 30})},
         then={400: [result("set confirmed ok"), never(EVENTS, code="parameter_changed")]},
+    ),
+    row(
+        "what a set of two rows has changed before its second was refused is no event",
+        given=SSW900 + ALICE,
+        at={
+            400: [
+                answers("mill", _refuses_register_400),
+                command("mill/alice/set", args={"parameters": {"C1.3": 20, "C2.1": 1}}),
+            ]
+        },
+        then={
+            410: [
+                result("set failed illegal_data_value"),
+                frames("mill", "06 00 66 00 14", "06 01 90 00 01"),
+            ],
+            1000: never("starter/mill/event", code="parameter_changed"),
+        },
     ),
     row(
         "what was changed between two runs is an event of the next",

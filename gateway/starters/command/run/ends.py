@@ -22,7 +22,7 @@ _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which
 class RunOff(Protocol):
     """The stop by which a start is taken back."""
 
-    is_local: bool  # the latest reading shows local mode
+    is_local: bool  # the latest reading shows local mode, where it may not obey this line
 
     def is_shown(self) -> bool:
         """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""

@@ -114,6 +114,7 @@ class CommandRun:
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._outlook.cut(Reason(ResultCode.INTERNAL))
         self._leave_slot()
+        self._watchdogs.end(self.report.request.starter, is_written=self.report.life.is_written)
         self.report.finish(end)
 
     async def _ended(self) -> Final:

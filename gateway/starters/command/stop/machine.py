@@ -60,7 +60,7 @@ class StopOrder:
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
-    is_local: bool = False  # as the latest reading showed
+    is_local: bool = False  # as the latest reading showed, and not known to obey this line there
 
     @property
     def until_s(self) -> float:
@@ -90,10 +90,15 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
-        self.is_local = values.get("remote") is False
+        self.is_local = values.get("remote") is False and not self._obeys(values)
         self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
         self.good_s = now_s if is_shown else self.good_s
         return is_shown
+
+    def _obeys(self, values: dict[str, Any]) -> bool:
+        """Return whether these show one of the alternatives to remote mode in which run = 0 counts."""
+        demands = () if self.released is None else (self.released, *self.released.also)
+        return any(other.is_met(values) for demand in demands for other in demand.or_else)
 
     def is_seen(self, now_s: float) -> bool:
         """Return whether two readings in a row show it, and count for it."""
