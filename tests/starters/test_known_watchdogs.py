@@ -18,7 +18,7 @@ SET_NEW = Procedure((WriteStep(WriteRegister(314, 1)),), None)
 
 
 class Deadlines:
-    """A line that keeps what it was told, by address."""
+    """A line that keeps its deadlines, by address."""
 
     def __init__(self) -> None:
         self.now: dict[int, float | None] = {}
