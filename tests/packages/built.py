@@ -60,7 +60,9 @@ def only_the_version(gateway: Path) -> None:
 def without_spanish(gateway: Path) -> None:
     """Take a language away, so that a configuration with it is refused."""
     replace(
-        gateway / "config" / "schema.py", "Language = Literal[LANGUAGES]", 'Language = Literal["en", "pt"]'
+        gateway / "config" / "site_tables.py",
+        "Language = Literal[LANGUAGES]",
+        'Language = Literal["en", "pt"]',
     )
 
 
