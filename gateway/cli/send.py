@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import add_starter, arguments, choose, completed, expectations, targets
-from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
+from gateway.cli.operator_login import add_login, client_of, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.contract import OWN_VERBS, SELECT, STOP, Phase, ResultRecord, Topics, is_level
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"no starter {args.starter!r} ({choose(args.starter, known)})")
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
-    order = _order(args, _client(config, args.client))
+    order = _order(args, client_of(config, args.client))
     settings = settings_of(config, Path(args.config).parent, tool="send", login=args)
     sender = CommandClient(settings, Topics(config.base))
     sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
@@ -87,17 +87,6 @@ def _order(args: argparse.Namespace, client: str) -> Order:
         expect=expectations(expect) if expect is not None else {},
         select=select,
     )
-
-
-def _client(config: Config, client: str | None) -> str:
-    if client is not None:
-        return checked_client(client)
-    clients = sorted({operator.client for operator in config.operators})
-    if len(clients) == 1:
-        return clients[0]
-    if not clients:
-        raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
-    raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
 
 
 def _show(result: ResultRecord) -> None:

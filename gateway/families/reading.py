@@ -17,7 +17,7 @@ from typing import Any
 
 from gateway.families.profile.decode import is_there
 from gateway.families.profile.extension import EXTRA
-from gateway.families.profile.parameters import find, is_read_alone, raw_row, read_request, read_run, runs_of
+from gateway.families.profile.parameters import find, is_read_alone, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Limits, Profile, Variant, once_per_profile
@@ -354,15 +354,9 @@ def _request(run: Sequence[Parameter]) -> Request:
     return read_run(run[0].table, start, max(row.address + row.words for row in run) - start)
 
 
-def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:
-    """Return every row that can be read; `with_unnamed` adds P000 to P999 where those are raw words."""
-    codes = [row.code for row in profile.parameters.values() if row.access is not Access.NONE]
-    if with_unnamed and profile.raw_range is not None:
-        first, last = profile.raw_range
-        named = {row.address for row in profile.parameters.values() if row.table is Table.HOLDING}
-        rows = (raw_row(profile, address) for address in range(first, last + 1) if address not in named)
-        codes += [row.code for row in rows if row is not None]
-    return tuple(codes)
+def readable_codes(profile: Profile) -> tuple[str, ...]:
+    """Return every row that can be read."""
+    return tuple(row.code for row in profile.parameters.values() if row.access is not Access.NONE)
 
 
 def is_setting(profile: Profile, row: Parameter) -> bool:

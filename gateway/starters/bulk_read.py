@@ -35,9 +35,8 @@ async def read_in_bulk(
     reads: Iterable[Read],
     *,
     tries: int = TRIES,
-    on_read: Callable[[Read], None] | None = None,
 ) -> BulkReading:
-    """Carry out these reads; `on_read` is called after each request.
+    """Carry out these reads.
 
     Beside polls `tries` is 1: two misses in a row make a unit count as silent.
     CommandError("no_answer") when the starter does not answer, PortLostError when the port is gone.
@@ -54,8 +53,6 @@ async def read_in_bulk(
             waiting.extendleft(reversed(smaller))
             if not smaller:
                 found.refused |= dict.fromkeys(read.codes, exception_name(outcome.code))
-        if on_read is not None:
-            on_read(read)
     return found
 
 

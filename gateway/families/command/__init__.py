@@ -2,4 +2,3 @@
 
 from gateway.families.command.interlock import demand, points_needed
 from gateway.families.command.procedures import TAKEN_BACK, build, prepare, stop, verbs
-from gateway.families.command.run_command import with_standstill

@@ -491,6 +491,12 @@ def stop(id_: str | None = None) -> Action:
 
 STOPS = [
     row(
+        "after run = 0 that an SST does not answer nothing is written, not even the end of a configuration",
+        given=SST + ALICE,
+        at={3.0: [answers("belt", when("05 00 00 00 00", "unheard", first=1)), do("belt configure", R41=30)]},
+        then={12.0: [result("configure unconfirmed no_answer"), frames("belt", "05 00 00 00 00")]},
+    ),
+    row(
         "without its status a command word is not known whole: a stop clears its bits alone",
         given=SSW900 + ALICE,
         at={6.0: answers("mill", hides_status), 12.0: do("mill stop")},

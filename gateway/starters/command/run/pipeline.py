@@ -166,7 +166,8 @@ class CommandRun:
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(decision, step, is_last=is_last)
             if end is not None:
-                return await self._abandoned(end)
+                # After run = 0 that was not taken nothing is written: nothing was begun either.
+                return end if step.is_run_off else await self._abandoned(end)
         if procedure.verify is None:
             return self._outlook.not_readable()
         values = await self._wire.see(procedure.verify)
