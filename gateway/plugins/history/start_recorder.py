@@ -78,6 +78,23 @@ class _Phase(enum.Enum):
 
 
 @dataclass(slots=True)
+class _Motor:
+    """The latest readings of the motor; times on the steady clock."""
+
+    motion_s: float | None = None  # of the latest reply that showed whether it moves
+    rest_since_s: float | None = None
+    remote: bool | None = None
+    was_full: bool = False  # at full voltage
+    thermal: tuple[float, float] | None = None  # time, level
+
+    def thermal_at(self, now_s: float) -> float | None:
+        """Return the thermal level of the motor at rest; None when it was read too long ago."""
+        if self.thermal is None or now_s - self.thermal[0] > THERMAL_VALID_S:
+            return None
+        return self.thermal[1]
+
+
+@dataclass(slots=True)
 class _Start:
     """The start under way; times on the steady clock."""
 
@@ -102,11 +119,7 @@ class StartRecorder:
         self._boot = boot
         self._sequence = sequence
         self._phase = _Phase.UNSEEN
-        self._motion_s: float | None = None  # the latest reply that showed whether it moves
-        self._rest_since_s: float | None = None
-        self._remote: bool | None = None
-        self._was_full = False
-        self._thermal: tuple[float, float] | None = None  # time, level
+        self._motor = _Motor()
         self._commands: list[StartCommand] = []
         self._start: _Start | None = None
         self._curve = Curve()  # of the start under way; before it, of the latest samples
@@ -129,7 +142,8 @@ class StartRecorder:
             return None
         self._last_s = readings.at_s
         remote = readings.values.get("remote")
-        self._remote = remote if isinstance(remote, bool) else self._remote
+        if isinstance(remote, bool):
+            self._motor.remote = remote
         finished = self._follow(readings)
         self._sample(readings)
         start = self._start
@@ -145,7 +159,7 @@ class StartRecorder:
             case _Phase.AFTER:
                 return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON)
             case _:
-                self._rest_since_s = None  # it may have been started meanwhile
+                self._motor.rest_since_s = None  # it may have been started meanwhile
                 return None
 
     def _follow(self, readings: Readings) -> StartRecord | None:
@@ -156,7 +170,7 @@ class StartRecorder:
         if self._points.motion.isdisjoint(readings.values):
             if self._phase is _Phase.UNSEEN and readings.state in AT_REST:
                 # as an earlier reply showed, which was not handed to us
-                self._phase, self._rest_since_s = _Phase.REST, readings.at_s
+                self._phase, self._motor.rest_since_s = _Phase.REST, readings.at_s
             return None
         finished: StartRecord | None = None
         if readings.state == "starting":
@@ -167,7 +181,7 @@ class StartRecorder:
             finished = self._leave(StartOutcome.STOPPED, _Phase.ON)
         else:
             finished = self._rest(readings)
-        self._motion_s = readings.at_s
+        self._motor.motion_s = readings.at_s
         return finished
 
     def _accelerate(self, readings: Readings) -> StartRecord | None:
@@ -178,22 +192,22 @@ class StartRecorder:
         start = self._start
         if start is None:
             start = self._begin(readings)
-            self._phase, self._was_full = _Phase.STARTING, is_full
+            self._phase, self._motor.was_full = _Phase.STARTING, is_full
         elif self._phase is _Phase.AFTER:
             if is_full or start.began is None:
                 return self._stay(start, readings)
             start.ended, self._phase = None, _Phase.STARTING  # it was not over
         if is_accelerating and start.began is None:
             start.began = (self._earliest(start), readings.at_s)
-        elif is_full and not self._was_full and start.began is not None:
+        elif is_full and not self._motor.was_full and start.began is not None:
             self._reach_full_voltage(start, readings.at_s)
-        self._was_full = is_full
+        self._motor.was_full = is_full
         return None
 
     def _earliest(self, start: _Start) -> float:
         """Return after which time the motor began to accelerate; nan when that is not known."""
-        if self._motion_s is not None and self._motion_s >= start.seen_s:
-            return self._motion_s  # when it was announced already
+        if self._motor.motion_s is not None and self._motor.motion_s >= start.seen_s:
+            return self._motor.motion_s  # when it was announced already
         return math.nan if start.earliest_s is None else start.earliest_s
 
     def _run(self, readings: Readings) -> StartRecord | None:
@@ -220,16 +234,16 @@ class StartRecorder:
         return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON) if is_over else None
 
     def _reach_full_voltage(self, start: _Start, at_s: float) -> None:
-        if start.began is not None and self._motion_s is not None:
-            start.ended = (max(self._motion_s, start.began[1]), at_s)
+        if start.began is not None and self._motor.motion_s is not None:
+            start.ended = (max(self._motor.motion_s, start.began[1]), at_s)
         start.after_until_s = at_s + AFTER_S
         self._phase = _Phase.AFTER
 
     def _rest(self, readings: Readings) -> StartRecord | None:
         is_fault = readings.state == "fault"
         outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
-        if self._phase is not _Phase.REST or self._rest_since_s is None:
-            self._rest_since_s = readings.at_s
+        if self._phase is not _Phase.REST or self._motor.rest_since_s is None:
+            self._motor.rest_since_s = readings.at_s
         return self._leave(outcome, _Phase.REST)
 
     def _leave(self, outcome: StartOutcome, phase: _Phase) -> StartRecord | None:
@@ -239,20 +253,19 @@ class StartRecorder:
         return self._finish(StartOutcome.FULL_VOLTAGE if self._phase is _Phase.AFTER else outcome, phase)
 
     def _begin(self, readings: Readings) -> _Start:
-        rest_s, now_s = self._rest_since_s, readings.at_s
-        thermal = self._thermal
-        is_fresh = thermal is not None and now_s - thermal[0] <= THERMAL_VALID_S
+        motor, now_s = self._motor, readings.at_s
+        rest_s = motor.rest_since_s
         was_found = self._phase is _Phase.UNSEEN
         start = self._start = _Start(
-            earliest_s=None if was_found else self._motion_s,
+            earliest_s=None if was_found else motor.motion_s,
             seen_s=now_s,
             utc_offset_s=readings.time_s - now_s,
             standstill_s=None if rest_s is None else now_s - rest_s,
-            thermal_before=thermal[1] if thermal is not None and is_fresh else None,
-            remote=None if was_found else self._remote,  # who gave it was not seen
+            thermal_before=motor.thermal_at(now_s),
+            remote=None if was_found else motor.remote,  # who gave it was not seen
             was_found=was_found,
         )
-        self._rest_since_s = None
+        motor.rest_since_s = None
         return start
 
     def _sample(self, readings: Readings) -> None:
@@ -264,7 +277,7 @@ class StartRecorder:
         row = tuple([math.nan if number is None else number for number in numbers])
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
-            self._thermal = (readings.at_s, thermal)
+            self._motor.thermal = (readings.at_s, thermal)
         if not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
             self._curve.add(readings.at_s, row)
         if self._start is None and len(self._curve.at_s) > MOST_BEFORE:
@@ -301,7 +314,7 @@ class StartRecorder:
         self._start, self._curve, self._phase = None, Curve(), phase
         self._commands.clear()
         if phase is not _Phase.REST:
-            self._rest_since_s = None
+            self._motor.rest_since_s = None
         before_s = self.given_up_s
         self.given_up_s = record.time_s if outcome is StartOutcome.GIVEN_UP else None
         if start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S:

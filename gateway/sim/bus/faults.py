@@ -94,3 +94,37 @@ class Doubled:
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
         """Return the reply twice."""
         return reply, replace(reply, after_s=reply.after_s + self.pause_s)
+
+
+@dataclass(slots=True)
+class _InForce:
+    impairment: Impairment
+    left: int | None  # replies that it still concerns; None = until healed
+    chance: float
+
+
+class Impairments:
+    """The impairments in force on a bus, by the address of the unit."""
+
+    def __init__(self, dice: random.Random) -> None:
+        self._dice = dice
+        self._in_force: dict[int, _InForce] = {}
+
+    def begin(self, address: int, impairment: Impairment, *, count: int | None, chance: float) -> None:
+        """Impair a unit's next `count` replies, or until `end`; each with this chance."""
+        self._in_force[address] = _InForce(impairment, count, chance)
+
+    def end(self, address: int) -> None:
+        """Send a unit's replies as they are."""
+        self._in_force.pop(address, None)
+
+    def apply(self, address: int, reply: Reply) -> tuple[Reply, ...]:
+        """Return what a unit sends in the place of its reply."""
+        found = self._in_force.get(address)
+        if found is None or self._dice.random() >= found.chance:
+            return (reply,)
+        if found.left is not None:
+            found.left -= 1
+            if found.left <= 0:
+                del self._in_force[address]
+        return found.impairment.apply(reply, self._dice)
