@@ -1,4 +1,4 @@
-"""What else a starter can be asked while an earlier reply of it would pass for the next.
+"""Other requests for a starter while one of its earlier replies would pass for the next.
 
 Alternates read the same registers by replies of other shapes: more registers, or the bits of a word. Fences
 are any reads of different shapes, whose answers prove that nothing earlier can come. Only registers that a

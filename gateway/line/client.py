@@ -1,4 +1,4 @@
-"""What the app may ask of a line."""
+"""The requests that the app may make of a line."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class LineClient:
         self._change(lambda scheduler, now_s: scheduler.polls.add(poll, now_s))
 
     def remove_poll(self, key: str) -> None:
-        """Ask no more; an answer under way is not published any more."""
+        """End this poll; an answer under way is not published any more."""
         self._change(lambda scheduler, _: scheduler.polls.remove(key))
 
     def set_every(self, key: str, every_s: float) -> None:
@@ -111,7 +111,7 @@ class _Pending(asyncio.Future[Outcome]):
         self._withdraw = withdraw
 
     def settle(self, outcome: Outcome) -> None:
-        """Set what became of it, unless it was cancelled."""
+        """Set its outcome, unless it was cancelled."""
         self._withdraw = _nothing  # or job and outcome hold each other until a whole garbage collection
         if not self.done():
             self.set_result(outcome)

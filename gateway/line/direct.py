@@ -109,7 +109,7 @@ class Survey:
             await self._opener.wait_closed()
 
     async def ask(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
-        """Send a read and return what became of it; ValueError for a write, PortLostError."""
+        """Send a read and return its outcome; ValueError for a write, PortLostError."""
         if request.is_write:
             raise ValueError("a survey only reads")
         if self._master is None:

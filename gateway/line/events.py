@@ -1,6 +1,6 @@
-"""What happens on the lines, as data: appended on the lines' thread, handled on the app's.
+"""Events on the lines, as data: appended on the lines' thread, handled on the app's.
 
-1. What happened in a transaction is appended to one list, in order.
+1. The events of a transaction are appended to one list, in order.
 2. The list is handed over once the next request is on the wire: the app's thread would else take the
    interpreter while the silence runs out.
 3. Results of polls may wait `POLLS_WAIT_S` for more: to wake the app's thread for each costs processor
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 
 class PollResult(NamedTuple):
-    """What became of a poll; a garbled reply only when repeating did not help."""
+    """The outcome of a poll; a garbled reply only when repeating did not help."""
 
     line: str
     key: str
@@ -48,7 +48,7 @@ class UnitChanged:
 
 @dataclass(frozen=True, slots=True)
 class LineFault:
-    """What is wrong on a line, with its last frames."""
+    """A fault of a line, with its last frames."""
 
     line: str
     fault: BusFault
@@ -66,7 +66,7 @@ class PortChanged:
 
 @dataclass(frozen=True, slots=True)
 class JobDone:
-    """What became of a job; `job.finish` is to be called with it, whatever became of the line."""
+    """The outcome of a job; `job.finish` is to be called with it, whatever the state of the line."""
 
     job: Job
     outcome: Outcome

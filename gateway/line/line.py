@@ -185,7 +185,7 @@ class Line:
     async def _use(self, port: Port) -> None:
         """Serve on an open port until it is lost or we stop; leave it closed.
 
-        After a reset of ours the jobs wait for the new connection, and nothing is published of it.
+        After our own reset the jobs wait for the new connection, and nothing is published of it.
         """
         self._is_open, self._is_reopening = True, False
         self._master.use(port)

@@ -49,7 +49,7 @@ class PortRecovery:
             self._since_s = None
 
     def record(self, outcome: Outcome, now_s: float) -> bool:
-        """Record what became of a request; return whether the port should be opened afresh now."""
+        """Record the outcome of a request; return whether the port should be opened afresh now."""
         if isinstance(outcome, Answered | Refused):
             if self.is_deaf or (self._since_s is not None and now_s - self._since_s >= ASK_EVERY_S):
                 self._is_back = True

@@ -164,7 +164,7 @@ class LineService:
         late_units.clear()
 
     def _end_jobs(self, slot: Slot) -> None:
-        """End the jobs of a slot that a bug has cut off: the line begins anew without them."""
+        """End the jobs of a slot that a bug has cut off: the line restarts without them."""
         for job in slot.jobs:
             self.scheduler.jobs.withdraw(job)
             self.events.job_done(job, Silent("line crashed", is_sent=True))

@@ -1,4 +1,4 @@
-"""What a line has done so far, in numbers."""
+"""The counts and times of a line so far."""
 
 from __future__ import annotations
 

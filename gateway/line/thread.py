@@ -145,7 +145,7 @@ class LineHost:
         return {name: hosted.line.progress for name, hosted in self._lines.items()}
 
     def capture(self, on_frame: OnFrame | None) -> None:
-        """Hand on every frame of every line from now on, on the app's loop; None: no more."""
+        """Hand on every frame of every line from now on, on the app's loop; None: stop."""
         self._on_frame = on_frame
         is_on = on_frame is not None
         for hosted in self._lines.values():

@@ -1,4 +1,4 @@
-"""Who a unit is: Read Device Identification (function 0x2B, MEI type 0x0E, [APP 6.21])."""
+"""The identity of a unit: Read Device Identification (function 0x2B, MEI type 0x0E, [APP 6.21])."""
 
 from __future__ import annotations
 

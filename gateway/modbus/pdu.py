@@ -1,4 +1,4 @@
-"""What all requests have in common: shape, limits, exception reply, how bits are packed [APP 4, 7].
+"""The common part of all requests: shape, limits, exception reply, how bits are packed [APP 4, 7].
 
 Coils: the first one is the lowest bit of the first byte [APP 6.1, 6.11].
 """

@@ -23,7 +23,7 @@ from gateway.modbus.pdu import (
 
 @dataclass(frozen=True, slots=True)
 class _ReadRun:
-    """What the four reads share: a run of neighbours in one table."""
+    """The base of the four reads: a run of neighbours in one table."""
 
     address: int
     count: int

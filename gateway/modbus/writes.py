@@ -21,7 +21,7 @@ COIL_OFF = 0x0000
 
 
 class _Acknowledged(ABC):
-    """What all writes share: the reply repeats what was asked, and says nothing else."""
+    """The base of all writes: the reply repeats the request, and says nothing else."""
 
     __slots__ = ()
     is_write: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""What a command writes: single coils, masked command words, or a new word out of the one in force.
+"""The writes of a command: single coils, masked command words, or a new word out of the one in force.
 
 A command word without mask sets all its bits at once (SSW900 S5.2, ssw07 4.2.2), so every word must be built
 from what is in force: a word built from zero would also command general disable and local. A stop for which

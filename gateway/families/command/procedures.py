@@ -1,4 +1,4 @@
-"""What a family's verbs read, demand, write and read back; nothing is written that no profile names.
+"""The readings, demands, writes and read-backs of a family's verbs; nothing is written that no profile names.
 
 `prepare` says what to read freshly and which rules must hold on it, `build` makes steps of what was seen,
 `verification` says how a command is seen to have acted: an accepted write is not an executed command.

@@ -1,4 +1,4 @@
-"""What each family does beyond its profile: one file each, named as its folder. Start at `device`."""
+"""The behaviour of each family beyond its profile: one file each, named as its folder. Start at `device`."""
 
 from __future__ import annotations
 

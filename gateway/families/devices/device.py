@@ -35,7 +35,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a unit said about itself; None is unknown. `reason` says why the family is, or is not, known."""
+    """The answers of a unit about itself; None is unknown. `reason` says why the family is, or is not, known."""
 
     family_seen: str | None = None
     model: str | None = None

@@ -1,4 +1,4 @@
-"""What a starter's own settings mean for remote control: findings, and its watchdogs."""
+"""The meaning of a starter's own settings for remote control: findings, and its watchdogs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Weight(enum.StrEnum):
 
 
 class Topic(enum.StrEnum):
-    """What a finding is about."""
+    """The subject of a finding."""
 
     START = "start"  # an error here: a start would be refused
     LOCAL = "local"

@@ -93,7 +93,7 @@ class SstDevice(Device):
             yield Remark(Topic.WATCHDOG, Weight.WARNING, f"{what}: {shown}")
 
     def watchdogs(self, settings: Settings) -> Iterator[Watchdog]:
-        """Registers 41 and 42; any request starts both anew [register table, NOTES]."""
+        """Registers 41 and 42; any request restarts both [register table, NOTES]."""
         for code, does in (
             (_STOP_AFTER, "stops the motor"),
             (_RESTART_AFTER, "stops the motor and restarts itself"),

@@ -1,4 +1,4 @@
-"""Who answers, and what its settings mean for its operation.
+"""The identity of an answering device, and the meaning of its settings for its operation.
 
 Start at `identification` and `readiness_check`.
 """

@@ -1,4 +1,4 @@
-"""What a configuration says of a starter that no device of its family can be, or be set to."""
+"""Statements of a configuration that are impossible for a device of the starter's family."""
 
 from __future__ import annotations
 

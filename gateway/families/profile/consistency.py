@@ -1,4 +1,4 @@
-"""What must hold between the parts of a profile: every name used exists, every figure fits."""
+"""The rules between the parts of a profile: every name used exists, every number fits."""
 
 from __future__ import annotations
 

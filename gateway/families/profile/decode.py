@@ -22,7 +22,7 @@ _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
 
 
 class Decoded(NamedTuple):
-    """What words mean; `value` is None when it cannot be known, `raw` is always there."""
+    """The meaning of words; `value` is None when it cannot be known, `raw` is always there."""
 
     value: Value
     label: str | None  # of an enum's number; "off"; hh:mm:ss of a time
@@ -74,7 +74,7 @@ def decode_words(
     """Return what a run of words (bits, for coils) means, ready for JSON: by code, with the point's name.
 
     Words of no row, or of a row that is not there whole, stand raw under HR, IR or COIL and their number.
-    What lies over several rows that are all there stands once more as a whole.
+    A text over several rows that are all there is added as a whole.
     """
     found: dict[str, dict[str, Any]] = {}
     end = start + len(words)

@@ -1,4 +1,4 @@
-"""What a site adds to a family: readable rows as points, and rows that it describes from a manual of its own.
+"""The additions of a site to a family: readable rows as points, and rows that it describes from a manual of its own.
 
 An extended profile serves wherever the family's own does, so that readings, commands and copies of the
 parameters follow from it. A row of a site never replaces one of the family's manual, nor one that is polled,
@@ -165,7 +165,7 @@ def site_row(
 ) -> SiteRow:
     """Return a row of holding registers that a site describes; `limits` are raw numbers.
 
-    What the family's manual says of its scale by the model stays so.
+    The scale by the model, which the family's manual gives, stays.
     """
     low, high = limits or (None, None)
     known = profile.parameters.get(code)

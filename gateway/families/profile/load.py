@@ -47,7 +47,7 @@ class _Label(BaseModel):
 def load_profile(family: str, language: str = ENGLISH) -> Profile:
     """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name.
 
-    What has no name in one of `LANGUAGES` is named in English.
+    A row without a name in one of `LANGUAGES` is named in English.
     """
     if family not in FAMILIES:
         raise UsageError(f"no family {family!r}; there are {', '.join(FAMILIES)}")

@@ -22,7 +22,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class Expect:
-    """What a read-back must show: a point's value, or a row's raw words, equal to one of these.
+    """The result that a read-back must show: a point's value, or a row's raw words, equal to one of these.
 
     Of a row that carries its value in the low byte only, `mask` leaves the rest out of the comparison. Ask
     `is_met`: it also counts the alternatives in `or_else` and the further demands in `also`, all of which
@@ -60,7 +60,7 @@ class WriteStep:
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """What must be read freshly, and which rules must hold on it, before a command is built."""
+    """The fresh readings that a command needs before it is built, and the rules that must hold on them."""
 
     reads: tuple[Read, ...]
     requires: tuple[str, ...]  # names of rules in families/command/interlock.py
@@ -76,7 +76,7 @@ class TakeBack:
 
 @dataclass(frozen=True, slots=True)
 class Procedure:
-    """What a command writes and what must be seen afterwards; no steps for a `read`.
+    """The writes of a command and the readings that must follow; no steps for a `read`.
 
     When `is_unchanged`, the starter already holds what was asked for and nothing is written. When something
     failed after the first write, `abandon` is written; a start or a jog is taken back as `take_back` says.

@@ -18,7 +18,7 @@ OFF = "off"  # the label of a number that switches something off, and a value th
 
 
 class Model(BaseModel):
-    """What all profile models share: nothing unknown, nothing changes after loading."""
+    """The base of all profile models: nothing unknown, nothing changes after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -61,7 +61,7 @@ class Type(enum.StrEnum):
 
 
 class Access(enum.StrEnum):
-    """What the manual allows; only `RW` rows can be set, only verbs write `COMMAND` rows."""
+    """The access that the manual allows; only `RW` rows can be set, only verbs write `COMMAND` rows."""
 
     RO = "ro"
     RW = "rw"
@@ -80,7 +80,7 @@ class Confidence(enum.StrEnum):
 
 
 class Preset(Model):
-    """What the manuals print of a row beside its range."""
+    """The numbers that the manuals print of a row beside its range."""
 
     code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
     factory: int | None = None  # the raw number as delivered; None = not printed

@@ -46,7 +46,7 @@ class Timing(Model):
 
 
 class Limits(Model):
-    """What one request may ask of this family."""
+    """The limits of one request to this family."""
 
     functions: tuple[int, ...]
     read_registers: int
@@ -77,7 +77,7 @@ class Write(Model):
 
 
 class CommandBits(Model):
-    """What the bits of a command word command; 0: it has no such bit. All others are reserved and stay 0."""
+    """The meaning of the bits of a command word; 0: it has no such bit. All others are reserved and stay 0."""
 
     run: int = 0x01
     general_enabled: int = 0
@@ -137,7 +137,7 @@ class State(Model):
 
 
 class Rows(Model):
-    """What kinds of rows there are, by how their codes begin."""
+    """The kinds of rows, by the beginnings of their codes."""
 
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
@@ -317,7 +317,7 @@ def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
 
 
 class Variant(Model):
-    """What distinguishes one starter from others of its family; unknown until configured or identified."""
+    """The properties that distinguish one starter from others of its family; unknown until configured or identified."""
 
     model: str | None = None
     firmware: str | None = None

@@ -1,4 +1,4 @@
-"""What state a starter is in, computed from its points and the profile's `[state]` alone."""
+"""The state of a starter, computed from its points and the profile's `[state]` alone."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _BYTE = (0, 0xFF)
 _WORD = (0, 0xFFFF)
 _LONG = (0, 0xFFFF_FFFF)
 
-# What each type can carry; types that are no numbers are not in it.
+# The range of each type; types that are no numbers are not in it.
 TYPE_LIMITS: dict[Type, tuple[int, int]] = {
     Type.U8: _BYTE,
     Type.LOW_U8: _BYTE,

@@ -1,4 +1,4 @@
-"""What a line can keep: load, sweep, watchdogs, gaps after an outage; pure.
+"""The promises that a line can keep: load, sweep, watchdogs, gaps after an outage; pure.
 
 Start at `line_forecast`.
 """

@@ -13,7 +13,7 @@ _SAME_S = 1e-9
 
 
 class Demand:
-    """What requests (cost, period) ask of a line, each due a period after the one before at the soonest.
+    """The demand of requests (cost, period) on a line, each due a period after the one before at the soonest.
 
     Each has its period as deadline. In a window of length x at most x // period of each both come and
     must be done; what is asked beyond x is what the last of them waits for (processor demand, Baruah 1990).

@@ -1,4 +1,4 @@
-"""What a line's polls add up to, from numbers alone.
+"""The sum of a line's polls, from numbers alone.
 
 Promised, with any number of commands under way: the load, the sweep, the longest wait of a stop, and the
 longest time that a unit with a watchdog is left (`Forecast.watchdog_gaps_s`). The bounds follow from how

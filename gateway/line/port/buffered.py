@@ -117,7 +117,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
     def _take(self, data: bytes, asked_s: float) -> None:
         """Keep bytes that have just been handed over, the driver being asked for them at `asked_s`."""
         now_s = self._time()
-        # What is here was here when we asked, unless that took us so long that more can have come meanwhile.
+        # These bytes were here when we asked, unless that took us so long that more can have come meanwhile.
         self.last_byte_s = asked_s if now_s - asked_s < _AT_ONCE_S else now_s
         self._received += data
         del self._received[:-UNREAD_BYTES]

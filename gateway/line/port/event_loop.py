@@ -41,7 +41,7 @@ class PreciseSelector(selectors.SelectSelector):
         self._quick[number] = call
 
     def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        """Watch a file no more."""
+        """Stop watching a file."""
         key = super().unregister(fileobj)
         self._quick.pop(key.fd, None)
         return key
@@ -89,7 +89,7 @@ class PreciseLoop(asyncio.SelectorEventLoop):
         self._precise.add_quick_reader(number, call)
 
     def remove_quick_reader(self, number: int) -> None:
-        """Watch a descriptor no more."""
+        """Stop watching a descriptor."""
         self._precise.unregister(number)
 
 

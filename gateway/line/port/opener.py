@@ -121,7 +121,7 @@ class SerialOpener:
             raise PortError(self._name, "too many open files", f"fewer than {_SELECT_LIMIT} can be served")
         with contextlib.suppress(
             OSError
-        ):  # the flock is ours: what an earlier holder has left counts no more
+        ):  # the flock is ours: leftovers of an earlier holder do not count any more
             fcntl.ioctl(device.fileno(), termios.TIOCNXCL if is_pseudo else termios.TIOCEXCL)
         with contextlib.suppress(OSError, ValueError, AttributeError):  # FTDI holds bytes back for 16 ms else
             device.set_low_latency_mode(True)

@@ -20,7 +20,7 @@ _KEEP_ALIVE = (  # a serial server that was switched off is noticed within about
     (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
     (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 4),
 )
-# What a closed connection still holds is dropped (RST), and what the other side's kernel has not acknowledged
+# Unsent bytes of a closed connection are dropped (RST), and what the other side's kernel has not acknowledged
 # after so long is too [tcp(7)]: no frame is to arrive when it has long been given up.
 _NO_LINGER = struct.pack("ii", 1, 0)
 _UNACKNOWLEDGED_MS = 2000

@@ -1,6 +1,6 @@
 """An open tty: bytes taken with as few wake-ups as possible.
 
-What pyserial-asyncio 0.6 leaves open is closed here: it reads through select() and writes one round of the
+The gaps of pyserial-asyncio 0.6 are closed here: it reads through select() and writes one round of the
 loop late, so bytes go to and from the descriptor directly; its graceful close may never end, so ports are
 aborted.
 

@@ -40,7 +40,7 @@ _NOISE_FROM = 4  # bytes; fewer are what drivers make when they switch
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """What is wrong on the line: an event, but for the line and its frames."""
+    """A fault of the line: an event, but for the line and its frames."""
 
     code: EventCode
     unit: int  # SOMEONE when it cannot be identified

@@ -37,7 +37,7 @@ def no_alternates(request: Request) -> tuple[Alternate, ...]:  # noqa: ARG001
 
 @dataclass(frozen=True)
 class Forms:
-    """What else can be asked of the starters of one family."""
+    """The other forms of requests to the starters of one family."""
 
     alternates_of: Alternates
     fences: tuple[Request, ...]  # reads that are answered or refused, of different shapes
@@ -123,7 +123,7 @@ class FormChoice:
         return wanted if chosen is None else EncodedRequest.of(unit, chosen[0], cut=chosen[1])
 
     def give_up(self, sent: EncodedRequest, now_s: float) -> None:
-        """Ask a unit no more by an alternate that it seems to refuse."""
+        """Give up an alternate that a unit seems to refuse."""
         if sent.cut is not None:
             self._given_up[sent.unit, sent.request] = now_s + GIVEN_UP_S
 

@@ -29,7 +29,7 @@ _IN_DOUBT = "it may answer an earlier request"
 class RtuMaster:
     """Asks on the port that it was given last; exactly one task uses it.
 
-    What may still come of the units outlives a port, and so does what the adapter was found to do.
+    The outstanding replies of the units outlive a port, and so does the adapter's known behaviour.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What became of one transaction. Silence, garbage and exception replies are values, not errors."""
+"""The outcome of one transaction. Silence, garbage and exception replies are values, not errors."""
 
 from __future__ import annotations
 

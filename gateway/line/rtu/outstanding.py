@@ -8,7 +8,7 @@ not answered, in the order asked; a unit without a list is *in step*.
 1. Ask in a form whose shape is not listed. Where none is free a fence goes first: any readable row of that
    unit in a free shape. Where no shape is free at all, ask in the form whose reply cuts the list most.
 2. Believe a reply to the request under way whose shape (of a refusal: whose function) is not listed. Whatever
-   is older can come no more: the list is emptied.
+   is older cannot come any more: the list is emptied.
 3. Drop any other whole frame, and cut the list up to and including the oldest entry of its shape (of a
    refusal: of its function).
 4. List what had no reply to believe in time. An entry expires `EXPIRES_S` after it was asked.
@@ -72,7 +72,7 @@ class Outstanding:
         return unit not in self._lists
 
     def expire(self, unit: int, now_s: float) -> None:
-        """Forget what can come no more, however late."""
+        """Forget the replies that cannot come any more, however late."""
         listed = self._lists.get(unit, ())
         self._replace(unit, [entry for entry in listed if entry.asked_s > now_s - EXPIRES_S])
 

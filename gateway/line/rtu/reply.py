@@ -1,4 +1,4 @@
-"""What was received after a request: which frames are in it, and what one of them says."""
+"""The bytes received after a request: the frames in them, and their meaning."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Reception:
         self._sent = sent
         self._keeps_copy = sent.is_mirrored and not is_echoing
         self._received = bytearray()
-        self._is_begun = False  # an echo can come no more
+        self._is_begun = False  # an echo cannot come any more
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes."""

@@ -1,7 +1,7 @@
-"""What came on a line and was not waited for: late replies, frames of others, noise.
+"""Bytes on a line that nothing waited for: late replies, frames of others, noise.
 
 Whole frames cut the list of their unit (`outstanding.py`, rule 3); all of it are signs for `bus_faults.py`.
-While a reply is awaited a frame is judged at once. What comes at any other time is judged when the line is
+While a reply is awaited a frame is judged at once. Bytes at any other time are judged when the line is
 quiet, since the rest of a frame may be under way.
 """
 

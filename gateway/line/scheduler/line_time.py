@@ -1,4 +1,4 @@
-"""What a line's time is given out by: deadlines, shares, and the factor by which all periods grow."""
+"""The rules by which a line's time is shared out: deadlines, shares, and the factor by which all periods grow."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class PollTable:
             self._silent.put(unit, now_s, now_s)
 
     def remove(self, key: str) -> None:
-        """Ask no more; KeyError when there is no such poll."""
+        """End a poll; KeyError when there is no such poll."""
         entry = self._polls.pop(key)
         entry.leave()
         self._set_load(entry, 0.0, entry.every_s)
@@ -219,7 +219,7 @@ class PollTable:
         is_repeated: bool,
         is_sure: bool,
     ) -> bool | None:
-        """Learn what became of a slot, and plan on; return whether its unit is online when that is new.
+        """Record the outcome of a slot, and plan on; return whether its unit is online when that is new.
 
         `entry` is that of the slot's poll; None for jobs, and for a poll that was removed.
         """

@@ -1,4 +1,4 @@
-"""What is asked of a line: polls that come again and again, and jobs that are done once."""
+"""The requests for a line: polls, which are periodic, and jobs, which are done once."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Slot:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What an outcome means beyond its own slot."""
+    """The meaning of an outcome beyond its own slot."""
 
     is_final: bool  # False: the request is sent again, or its poll was removed; nothing is published
     is_answering: bool | None = None  # the unit's new state when that has just changed

@@ -30,7 +30,7 @@ FADING_S = 5.0  # after anything was received: its silence may be noise, and is 
 
 
 class UnitState(enum.StrEnum):
-    """What is known of a unit."""
+    """The known facts of a unit."""
 
     NEW = "new"
     ANSWERING = "answering"

@@ -57,7 +57,7 @@ def values_of(start: StartRecord) -> Values | None:
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """What later starts are compared with."""
+    """The start that later ones are compared with."""
 
     values: Values
     starts: tuple[str, ...]  # ids of the starts that it was made of
@@ -74,7 +74,7 @@ NOTHING = Baseline({}, (), "")
 
 @dataclass(frozen=True, slots=True)
 class TrendVerdict:
-    """What a start says about the motor."""
+    """The verdict of a start about the motor."""
 
     is_baseline: bool = False  # it is one of those that make the baseline
     drift: Mapping[str, QuantityChange] = field(default_factory=dict)  # of all quantities, once it is known

@@ -1,10 +1,10 @@
-"""What adds up in the life of one motor: hours, hours by load, energy, starts, trips.
+"""The sums in the life of one motor: hours, hours by load, energy, starts, trips.
 
 1. Time counts between two readings of the status, both good, in the state of the first one; all times are on
    the steady clock, so a step of the wall clock adds nothing. Between a reading and a silence nothing counts.
 2. The load is what was read last of `current_pct`, or of `current` where the rated current is known.
 3. Energy is the trapezoid between two good readings of `active_power`.
-4. What the starter counts itself wins: ours are published only where it has no such counter.
+4. The starter's own counters win: ours are published only where it has none.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Totals:
 
 @dataclass(slots=True)
 class CountersRow:
-    """What is stored of one motor."""
+    """The stored counters of one motor."""
 
     totals: Totals = field(default_factory=Totals)
     thermal: Learnt = NOTHING

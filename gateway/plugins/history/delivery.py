@@ -1,4 +1,4 @@
-"""What the parts of a motor's history share, and how a start or a trip gets to the broker and the file.
+"""The common means of a motor's history, and the way of a start or a trip to the broker and the file.
 
 1. It is stored for the broker first: from then on it is certain. So it is counted, published and handed to
    the history after that, or when the disk takes too long: no number of starts is published that a kill
@@ -34,7 +34,7 @@ Rows = Mapping[str, Any]  # of a starter, by code
 
 
 class Past(NamedTuple):
-    """What earlier runs have stored of a motor, and what they only had for the broker; the oldest first."""
+    """The rows that earlier runs have stored of a motor, and those only in the outbox; the oldest first."""
 
     rows: Sequence[HistoryRow]
     starts: Sequence[StartRecord]
@@ -68,7 +68,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class StoredRecords:
-    """What is stored for the broker, by the keys of the records."""
+    """The records stored for the broker, by their keys."""
 
     keep: Callable[[Record], Future[None]]  # stores one; once it is put, it is sent
     payloads: Callable[[Sequence[str]], Awaitable[Mapping[str, bytes]]]  # StoreError

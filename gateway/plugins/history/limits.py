@@ -1,4 +1,4 @@
-"""What still has to be waited for before a motor may be started: starts in the hour, pauses, cooling.
+"""The time to wait before a motor may be started: starts in the hour, pauses, cooling.
 
 The thermal model is one exponential: while the motor stands, its level falls as `level * exp(-t / tau)`,
 where 0 is cold. `tau` is learnt from levels that were seen to fall; before that it is what the starter is set

@@ -3,7 +3,7 @@
 1. Nothing here is waited for: `put` and `take_readings` return at once, and an exception stays here.
 2. A motor's history begins with its configuration and goes on when its polls change; a starter that is not
    configured any more leaves memory, and its rows stay on the disk.
-3. What is stored on the disk is read once at the start; of a starter that comes later, when it comes. Until
+3. The stored rows are read once at the start; of a starter that comes later, when it comes. Until
    then its starts, trips and hours are recorded without it.
 """
 

@@ -3,7 +3,7 @@
 Each point has two arrays of its own: times and values. Three rules keep them small:
 
 1. A value that does not change has two entries, the first and the latest reading of it.
-2. What is older than `KEEP_S` goes.
+2. A reading older than `KEEP_S` goes.
 3. A point that was read `MOST` times gives up every other reading of its older half: near the present
    nothing is missing.
 """

@@ -8,7 +8,7 @@ The theory, in the order in which it is applied:
    voltage (or bypass), at a trip, at a stop, or when the starter is lost: then what is known is recorded, and
    nothing is a new start until the motor was seen at rest again.
 3. The instant of a change lies between two replies. It is taken in the middle, so it is known to plus or
-   minus half the time between them; the command of ours that was written between them narrows that down.
+   minus half the time between them; our command that was written between them narrows that down.
 4. Where no reply has shown the motor accelerating, the acceleration time is that over which the current was
    above 2.5 times the rated one [SEL-749M, Motor Start Report].
 5. Samples go on for 5 s after full voltage, so that the current of the load is seen too.
@@ -61,7 +61,7 @@ class StartPoints:
 
 @dataclass(frozen=True, slots=True)
 class StartCommand:
-    """A start of ours, at the moment when it was written."""
+    """A start command of the gateway, at the moment when it was written."""
 
     client: str
     id: str | None
@@ -128,11 +128,11 @@ class StartRecorder:
         self.given_up_s: float | None = None  # UTC, when the latest start began, if that was given up
 
     def note_command(self, command: StartCommand) -> None:
-        """Record that a start of ours was just written."""
+        """Record that a start command of the gateway was just written."""
         self._commands = [*self._commands, command][-MOST_COMMANDS:]
 
     def forget_command(self, client: str, command_id: str | None) -> None:
-        """Record that the starter has refused a start of ours."""
+        """Record that the starter has refused a start command of the gateway."""
         for command in [each for each in self._commands if (each.client, each.id) == (client, command_id)]:
             self._commands.remove(command)
 
@@ -186,7 +186,7 @@ class StartRecorder:
 
     def _accelerate(self, readings: Readings) -> StartRecord | None:
         if self._phase is _Phase.LOST:
-            return None  # the start whose record was given up; one that was on was started anew meanwhile
+            return None  # the start whose record was given up; a motor that was on was started again meanwhile
         is_full = _is_full(readings.values)
         is_accelerating = not self._points.has_acceleration or readings.values.get("accelerating") is True
         start = self._start
@@ -353,7 +353,7 @@ class StartRecorder:
         )
 
     def _command_of(self, start: _Start) -> StartCommand | None:
-        """Return the latest start of ours that this can be."""
+        """Return the latest start command of the gateway that this can be."""
         earliest_s = start.seen_s if start.earliest_s is None else start.earliest_s
         since_s = min(earliest_s, start.seen_s - FITS_S)
         fitting = [each for each in self._commands if since_s <= each.at_s <= start.seen_s + BEFORE_S]

@@ -39,7 +39,7 @@ LOOK_S = 1.0  # whether the broker has deleted what it was to delete
 
 @dataclass(frozen=True, slots=True)
 class HomeAssistantSettings:
-    """What discovery depends on, if it is wanted."""
+    """The facts on which discovery depends, if it is wanted."""
 
     facts: SiteFacts | None
 

@@ -1,4 +1,4 @@
-"""What discovery depends on beside a starter's `info`: the configuration; and the names made of it.
+"""The facts for discovery beside a starter's `info`: the configuration; and the names made of it.
 
 A name in Home Assistant has only `[a-zA-Z0-9_-]`. Ours have no capitals, so a capital marks where a name
 ends: no two starters of any gateways can meet in one name.

@@ -1,6 +1,6 @@
 """The metrics of one scrape as prometheus-client's families; for a thread of its own.
 
-What is not known has no sample: a series that ends is seen, a value that stands still is believed. Readings
+An unknown value has no sample: a series that ends is seen, a value that stands still is believed. Readings
 come from the starters' snapshots, not from published values: those are as old as `refresh_s` allows while
 nothing changes.
 """
@@ -35,7 +35,7 @@ Labels = dict[str, str]
 
 
 class Scrape(NamedTuple):
-    """What a scrape says, as references that the application's loop has gathered."""
+    """The content of a scrape, as references that the application's loop has gathered."""
 
     gateway: Gateway
     gauges: Mapping[str, float | None]  # of metrics without labels

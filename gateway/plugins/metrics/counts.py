@@ -1,4 +1,4 @@
-"""What only records show: commands, starts, trips; counted since the metrics were switched on; pure.
+"""Counts that only records show: commands, starts, trips; counted since the metrics were switched on; pure.
 
 1. A repeated result is the same command, so it is counted once.
 2. Clients choose some of the words in a result: what is no known verb counts as `other`, so that no

@@ -37,7 +37,7 @@ FILE_MODE = 0o644  # node-exporter runs as another user
 
 @dataclass(frozen=True, slots=True)
 class MetricsSettings:
-    """What the metrics run by."""
+    """The settings of the metrics."""
 
     has_all_points: bool = False
     textfile: Path | None = None

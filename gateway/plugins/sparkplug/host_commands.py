@@ -4,7 +4,7 @@
 2. Beyond `DECODED` a second only what is short and may hold a stop is decoded; whatever else it asks is
    counted with all commands of the operator.
 3. Of what is no payload nothing acts.
-4. What is refused so is counted: for each starter and reason one event and one result a second. A DCMD to
+4. Such refusals are counted: for each starter and reason one event and one result a second. A DCMD to
    a device that is no starter has an event alone, one a second for all of them.
 """
 

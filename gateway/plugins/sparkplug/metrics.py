@@ -50,7 +50,7 @@ _RESULT = dict.fromkeys([f"Command/Last/{each}" for each in ("Verb", "Id", "Phas
 
 
 class MetricFact(NamedTuple):
-    """What a record says of one metric; without a time it is as old as what the metric belongs to."""
+    """The value of one metric in a record; without a time it is as old as the node or device."""
 
     name: str
     value: Value

@@ -4,7 +4,7 @@
 2. It is made then, of the newest records: so neither a birth nor a change ever waits as bytes, and what waits
    is never more than the topics that have changed.
 3. Changes are gathered for at most `GATHER_S` a starter, and go out together in the order of their times.
-   What hosts know already is not sent again.
+   Values that hosts know already are not sent again.
 4. A rebirth is honoured at once when there was none for `REBIRTH_EVERY_S`, else as soon as that has passed.
 """
 
@@ -48,7 +48,7 @@ OF_LINES = ("utilisation", "sweep_s")
 
 
 class _KnownMetric:
-    """What hosts know of the node itself, or of a device, since its birth."""
+    """The values of the node itself, or of a device, that hosts know since its birth."""
 
     def __init__(self) -> None:
         self.known: dict[str, tuple[Value, int | None]] = {}
@@ -118,7 +118,7 @@ class _Device(_KnownMetric):
             self._is_renamed |= _types(self._metrics) != _types(before)
 
     def answer(self, facts: Iterable[MetricFact]) -> None:
-        """Show what became of a host's command, even if it is as before."""
+        """Show the outcome of a host's command, even if it is as before."""
         answers = {fact.name: fact for fact in facts}
         self._answers |= answers
         for name in answers:
@@ -165,7 +165,7 @@ class EdgeNode:
         self._since_s = since_s
         self._own = _KnownMetric()
         self._devices = {name: _Device(name, latest, since_s=since_s) for name in settings.starters}
-        self._gone: list[str] = []  # configured no more, death not yet published
+        self._gone: list[str] = []  # not configured any more, death not yet published
         self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
         self._bd_seq: int | None = None  # None: no connection
         self._seq = 0
@@ -252,7 +252,7 @@ class EdgeNode:
         self._mark("", self._own, now_s)
 
     def answer(self, starter: str, facts: Iterable[MetricFact], now_s: float) -> None:
-        """Show what became of a host's command, also where that is as before."""
+        """Show the outcome of a host's command, also where that is as before."""
         device = self._devices.get(starter)
         if device is not None:
             device.answer(facts)

@@ -1,7 +1,7 @@
 """Sparkplug B's payload as bytes, and back; pure.
 
 The messages are those of `sparkplug_b.proto` (proto2) as far as a node without templates and data sets needs
-them: the numbers of its fields are the contract [Sparkplug 3.0, 6.4]. What else a host sends is skipped.
+them: the numbers of its fields are the contract [Sparkplug 3.0, 6.4]. All other fields are skipped.
 The descriptors are built here, so nothing is generated.
 """
 

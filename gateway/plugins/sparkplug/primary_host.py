@@ -27,7 +27,7 @@ def host_state(payload: bytes) -> tuple[bool, int] | None:
 class PrimaryHost:
     """Whether the host that this node waits for is online at the server of the present connection.
 
-    What is older than the last that counted is ignored
+    A message older than the last that counted is ignored
     [tck-id-message-flow-edge-node-birth-publish-phid-wait-timestamp].
     """
 

@@ -31,7 +31,7 @@ from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
 
 AT_ONCE = 10  # messages written until the loop's other tasks run, and until the socket has taken them
-FULL_LOOK_S = 0.02  # how soon a socket that takes no more is looked at again
+FULL_LOOK_S = 0.02  # until a full socket is looked at again
 FACTS_EVERY_S = 5.0
 HOST_PATIENCE_S = 2.0  # then it is published that the primary host is missing
 HOST_WITHIN_S = 10.0  # of several servers: so long the primary host is waited for at each

@@ -1,4 +1,4 @@
-"""What the edge node runs by: its table, and what else of the configuration concerns it."""
+"""The settings of the edge node: its table, and the other parts of the configuration that concern it."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class IncomingFrame:
 
 
 class RequestQueue:
-    """What is on its way to the master: pieces of replies, and when each arrives."""
+    """Pieces of replies on their way to the master, and the time at which each arrives."""
 
     def __init__(self, loop: Callable[[], asyncio.AbstractEventLoop], timing: LineTiming) -> None:
         self.sink: Sink | None = None  # the master; what it does not read is lost
@@ -168,7 +168,7 @@ class Bus:
         for unit in units:
             self.add(unit)
 
-    # Who is on the line
+    # The units on the line
 
     def add(self, unit: SimulatedUnit) -> None:
         """Connect a unit, set to this line's speed and framing."""
@@ -297,7 +297,7 @@ class Bus:
             self._free_s[unit] = start_s + self.timing.wire_s(len(each.adu)) + self.timing.silence_s
             self._running().call_at(start_s, self._transmit, adu.unit, each.adu)
 
-    # What units send
+    # The replies of units
 
     def _transmit(self, address: int, data: bytes) -> None:
         """Let a unit send from now on; whatever else is sent meanwhile becomes garbage, as does this."""

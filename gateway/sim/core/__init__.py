@@ -1,1 +1,1 @@
-"""What all simulated starters have: a motor, a power section, registers. Start at `unit`."""
+"""The common part of all simulated starters: a motor, a power section, registers. Start at `unit`."""

@@ -1,4 +1,4 @@
-"""What a starter measures on its motor: true values with the noise of measuring."""
+"""The measurements of a starter on its motor: true values with the noise of measuring."""
 
 from __future__ import annotations
 

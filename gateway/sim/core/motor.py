@@ -41,7 +41,7 @@ _WEARING_STEP_S = 600.0  # while friction grows by the hour
 
 @dataclass(slots=True)
 class Counters:
-    """What a starter counts and remembers of its motor."""
+    """The counters and the memory of a starter about its motor."""
 
     starts: int = 0
     running_s: float = 0.0

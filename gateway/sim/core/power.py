@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 class MotorState(enum.Enum):
-    """What the power section does with the motor."""
+    """The states of the power section."""
 
     STOPPED = "stopped"
     RAMP_UP = "ramp_up"
@@ -20,7 +20,7 @@ class MotorState(enum.Enum):
 
 
 class MotorEvent(enum.Enum):
-    """What can happen to the power section."""
+    """The faults of the power section."""
 
     START = "start"
     STOP = "stop"  # by ramp

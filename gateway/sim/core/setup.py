@@ -1,4 +1,4 @@
-"""What a simulated starter is made of: name plate and settings, and how it does what no manual decides."""
+"""The parts of a simulated starter: name plate, settings, and its behaviour where no manual decides."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Setup:
 
 @dataclass(slots=True)
 class Quirks:
-    """What the manuals leave open, as this starter does it; the defaults are ours."""
+    """The behaviour of this starter where the manuals leave it open; the defaults are ours."""
 
     keeps_run_command: bool = False  # it stands when the motor is stopped by something else, and acts later
     hides_command_bits: bool = False  # they read 0, whatever stands in them

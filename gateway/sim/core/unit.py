@@ -88,7 +88,7 @@ class SimulatedUnit(RequestHandlers, ABC):
 
     @property
     def settings(self) -> dict[int, int]:
-        """What people have set, by register."""
+        """The settings that people have made, by register."""
         return self.registers.words
 
     @property
@@ -96,7 +96,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         """Registers that a test nails down."""
         return self.registers.fixed
 
-    # What the line asks
+    # Requests of the line
 
     def handle(self, pdu: bytes, now_s: float) -> bytes | None:
         """Act on a request that came to this unit with a right CRC; None when there is no answer."""
@@ -155,7 +155,7 @@ class SimulatedUnit(RequestHandlers, ABC):
             action()
         self._pass(now_s)
 
-    # What a person at the starter can do
+    # Actions of a person at the starter
 
     def power_off(self) -> None:
         """Take the control supply away: the motor coasts, the unit is silent."""
@@ -178,7 +178,7 @@ class SimulatedUnit(RequestHandlers, ABC):
             self._stopped_otherwise()
 
     def set_line_voltage(self, percent: float, *, for_s: float = math.inf) -> None:
-        """Let the supply have another voltage, in percent of the rated one, for a time or until set anew."""
+        """Let the supply have another voltage, in percent of the rated one, for a time or until it is set again."""
         self._catch_up()
         self.motor.set_line_voltage(percent, for_s=for_s)
 
@@ -230,7 +230,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         """The time up to which this unit has lived."""
         return self._life.now_s or 0.0
 
-    # What a family adds
+    # Added by a family
 
     def _line_settings(self, timing: LineTiming) -> dict[int, int]:  # noqa: ARG002
         """Return the settings that stand for a speed and framing; empty where none do."""

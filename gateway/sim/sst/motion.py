@@ -1,4 +1,4 @@
-"""What a simulated SST does with its motor: initialisation, start and stop, errors, watchdogs.
+"""The motion of a simulated SST: initialisation, start and stop, errors, watchdogs.
 
 Where the text of the manual (sst-intecma) leaves it open, the stricter reading is taken.
 """

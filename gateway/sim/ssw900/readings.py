@@ -1,4 +1,4 @@
-"""What a simulated SSW900 measures and counts, by the codes of table A.2."""
+"""The measurements and counters of a simulated SSW900, by the codes of table A.2."""
 
 from __future__ import annotations
 

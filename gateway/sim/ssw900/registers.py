@@ -1,4 +1,4 @@
-"""What a request may ask of an SSW900's registers (ssw900 7.2, 7.3)."""
+"""The requests that an SSW900's registers accept (ssw900 7.2, 7.3)."""
 
 from __future__ import annotations
 

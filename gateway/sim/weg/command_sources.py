@@ -46,7 +46,7 @@ class Supervised(Commanded):
         self.settings.update({P_ADDRESS: address, **setup.settings})
         self._forget()
 
-    # What Commanded asks
+    # Asked by Commanded
 
     @property
     def is_in_control(self) -> bool:

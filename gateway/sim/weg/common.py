@@ -1,4 +1,4 @@
-"""What the WEG starters share: run, enable, jog, direction, local/remote and reset, from bits of a word.
+"""The common part of the WEG starters: run, enable, jog, direction, local/remote and reset, from bits of a word.
 
 The bits stand alike in VB03 (ssw06-es 4.2.3, ssw07 4.2.2) and S5.2.5/S5.2.6 (ssw900 S5.2).
 """
@@ -17,7 +17,7 @@ from gateway.sim.core.unit import SimulatedUnit, Trip
 RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80
 ALL_COMMANDS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET
 
-# What a WEG starter calls what its motor's protections found, F or E: ssw900 C5.9.2, C5.2.2.1, C5.2.3.1,
+# The name of a trip of the motor's protections at a WEG starter, F or E: ssw900 C5.9.2, C5.2.2.1, C5.2.3.1,
 # C5.1.1.1. The serial manuals of the others do not name these: ours, as of the SSW900.
 FAULT_NUMBERS = {
     MotorTrip.OVERLOAD: 5,
@@ -127,7 +127,7 @@ class Commanded(SimulatedUnit):
             "fault": self.is_fault,
         }
 
-    # What a family defines
+    # Defined by a family
 
     @property
     @abstractmethod
@@ -159,7 +159,7 @@ class Commanded(SimulatedUnit):
 
     @property
     def is_running(self) -> bool:
-        """What the status bit "running" says."""
+        """The value of the status bit "running"."""
         is_stopping = self.quirks.is_running_while_stopping and self.motor.state is MotorState.RAMP_DOWN
         return self.motor.is_turned_on or is_stopping
 

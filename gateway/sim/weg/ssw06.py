@@ -48,7 +48,7 @@ class Ssw06(BasicVariables):
 
     @property
     def analog_pct(self) -> tuple[float, float]:
-        """What AO1 and AO2 put out, gain applied."""
+        """The output of AO1 and AO2, gain applied."""
         first, second = (
             self.analog[variable] / FULL_SCALE * self.settings[gain] / 10
             for variable, (_, gain) in _OUTPUTS.items()
