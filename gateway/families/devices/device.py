@@ -35,7 +35,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The answers of a unit about itself; None is unknown. `reason` says why the family is, or is not, known."""
+    """A unit's answers about itself; None is unknown. `reason` says why the family is, or is not, known."""
 
     family_seen: str | None = None
     model: str | None = None

@@ -1,4 +1,4 @@
-"""The additions of a site to a family: readable rows as points, and rows that it describes from a manual of its own.
+"""The additions of a site to a family: readable rows as points, and rows from a manual of its own.
 
 An extended profile serves wherever the family's own does, so that readings, commands and copies of the
 parameters follow from it. A row of a site never replaces one of the family's manual, nor one that is polled,

@@ -79,7 +79,9 @@ def translated(profile: Profile, rows: Iterable[tuple[str, Translation]], proble
     named = {"parameters": parameters, "alarms": tuple(alarms.values()), "enums": enums}
     named["english_enums"] = profile.enums if enums != profile.enums else {}
     others = {field: getattr(profile, field) for field in Profile.model_fields if field not in named}
-    return Profile.model_validate({**others, **named})  # a new profile: the caches of the old one name its rows
+    return Profile.model_validate(
+        {**others, **named}
+    )  # a new profile: the caches of the old one name its rows
 
 
 def _labels(profile: Profile, point: Point) -> dict[int, str]:

@@ -77,7 +77,7 @@ class Write(Model):
 
 
 class CommandBits(Model):
-    """The meaning of the bits of a command word; 0: it has no such bit. All others are reserved and stay 0."""
+    """The bits of a command word; 0: it has no such bit. All others are reserved and stay 0."""
 
     run: int = 0x01
     general_enabled: int = 0
@@ -317,7 +317,7 @@ def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
 
 
 class Variant(Model):
-    """The properties that distinguish one starter from others of its family; unknown until configured or identified."""
+    """The differences of a starter from others of its family; unknown until configured or identified."""
 
     model: str | None = None
     firmware: str | None = None

@@ -26,7 +26,7 @@ WIDE_FACTOR = 1.5  # what a watchdog should be longer than the longest gap, for 
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """The reaction of the service manager when the gateway fails; the defaults are those of the shipped unit."""
+    """The service manager's reaction to a failed gateway; the defaults are those of the shipped unit."""
 
     restart_s: float = 0.5  # RestartSec
     watchdog_s: float = 10.0  # WatchdogSec

@@ -1,4 +1,4 @@
-"""The rules by which a line's time is shared out: deadlines, shares, and the factor by which all periods grow."""
+"""How a line's time is shared out: deadlines, shares, and the factor by which all periods grow."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
-# The columns of a sample, by their key in the record; each is the point of that name, the thermal level that of
+# The columns of a sample, by key; each is the point of that name, the thermal level that of
 # the family's profile.
 COLUMNS = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "thermal")
 MOST_SHOWN = 300  # in the record: with six columns about 12 KB of JSON

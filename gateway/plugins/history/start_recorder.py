@@ -186,7 +186,9 @@ class StartRecorder:
 
     def _accelerate(self, readings: Readings) -> StartRecord | None:
         if self._phase is _Phase.LOST:
-            return None  # the start whose record was given up; a motor that was on was started again meanwhile
+            return (
+                None  # the start whose record was given up; a motor that was on was started again meanwhile
+            )
         is_full = _is_full(readings.values)
         is_accelerating = not self._points.has_acceleration or readings.values.get("accelerating") is True
         start = self._start

@@ -178,7 +178,7 @@ class SimulatedUnit(RequestHandlers, ABC):
             self._stopped_otherwise()
 
     def set_line_voltage(self, percent: float, *, for_s: float = math.inf) -> None:
-        """Let the supply have another voltage, in percent of the rated one, for a time or until it is set again."""
+        """Give the supply another voltage, in percent of the rated one, for a time or until it is reset."""
         self._catch_up()
         self.motor.set_line_voltage(percent, for_s=for_s)
 

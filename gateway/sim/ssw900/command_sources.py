@@ -1,4 +1,4 @@
-"""The command sources of a simulated SSW900: menu C3, the command words of the two slots, and the way to a start.
+"""The command sources of a simulated SSW900: menu C3, the two slots' command words, and the way to a start.
 
 Sections are those of ssw900; S9-xx are the rules this follows.
 """

@@ -1,4 +1,4 @@
-"""The common part of the WEG starters: run, enable, jog, direction, local/remote and reset, from bits of a word.
+"""The common part of the WEG starters: run, enable, jog, direction, local/remote, reset, from bits of a word.
 
 The bits stand alike in VB03 (ssw06-es 4.2.3, ssw07 4.2.2) and S5.2.5/S5.2.6 (ssw900 S5.2).
 """
