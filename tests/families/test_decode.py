@@ -62,6 +62,18 @@ HOLDING = Table.HOLDING
                 ("C8.6.3", (0x0101, 0xFFFF, 0, 0, 0, 0, 0, 0), None),
             )
         ],
+        # a measurement outside the range of table A.2 is impossible
+        *[
+            ("ssw900", code, {}, (word,), expected)
+            for code, word, expected in (
+                ("S4.3.6", 260, 260.0),
+                ("S4.3.6", 300, None),
+                ("S4.3.6", 0x10000 - 20, -20.0),
+                ("S4.3.6", 0x10000 - 21, None),
+                ("S1.6.2", 1000, None),
+                ("C5.7.2", 9999, 999.9),  # a setting is what the starter holds
+            )
+        ],
         # the SST: the byte that carries the value, versions and its name as the manual writes them
         *[
             ("sst", code, {}, (word,), expected)

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from gateway.families.profile.parameters import raw_row, unnamed_code
-from gateway.families.profile.rows import OFF, RESERVED, Parameter, Table, Type
+from gateway.families.profile.rows import OFF, RESERVED, Access, Parameter, Table, Type
 from gateway.families.profile.schema import Point, Profile, Variant
 from gateway.families.profile.word_types import JOINS, TYPE_LIMITS, from_words, to_percent, to_text
 
@@ -33,14 +33,15 @@ class Decoded(NamedTuple):
 def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: Sequence[int]) -> Decoded:
     """Return what a row's words mean, as many as the row has.
 
-    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts.
+    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts. A
+    measurement outside the range that the manual prints is not known: 300 °C of a sensor for up to 260.
     """
     raw = tuple(words)
     if parameter.type not in TYPE_LIMITS:
         return Decoded(to_text(parameter.type, raw), label=None, unit="", raw=raw)
     number = from_words(parameter, raw)
     low, high = TYPE_LIMITS[parameter.type]
-    if not low <= number <= high:
+    if not low <= number <= high or _is_out_of_range(parameter, number):
         return Decoded(None, label=None, unit=parameter.unit, raw=raw)
     label = _label(profile, parameter, number)
     unit = "%" if parameter.full_scale else parameter.unit
@@ -147,6 +148,14 @@ def _label(profile: Profile, row: Parameter, number: int) -> str | None:
         minutes, seconds = divmod(number, 60)
         return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
     return profile.enums[row.enum].get(number) if row.enum else None
+
+
+def _is_out_of_range(row: Parameter, number: int) -> bool:
+    """Return whether a measurement is outside the range that the manual prints (ssw900, table A.2)."""
+    is_measured = row.access is Access.RO and row.unit and row.is_sure
+    if not is_measured or row.raw_min is None or row.raw_max is None:
+        return False
+    return not row.raw_min <= number <= row.raw_max
 
 
 def _value(variant: Variant, row: Parameter, number: int) -> Value:
