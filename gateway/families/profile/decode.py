@@ -33,8 +33,8 @@ class Decoded(NamedTuple):
 def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: Sequence[int]) -> Decoded:
     """Return what a row's words mean, as many as the row has.
 
-    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts. A
-    measurement outside the range that the manual prints is not known: 300 °C of a sensor for up to 260.
+    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts.
+    A measurement outside the range that the manual prints is not known: 300 °C of a sensor for 260 at most.
     """
     raw = tuple(words)
     if parameter.type not in TYPE_LIMITS:

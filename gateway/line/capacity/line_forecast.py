@@ -73,6 +73,7 @@ def forecast(
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
     longest = worst_stop_latency_s(polls, timing, allowance_s=allowance_s)
     factor = overload_factor(_load(polls, costs_s))
+    # Watchdogs: the time within which the scheduler reaches each unit, also in a flood of commands.
     watchdogs = _watchdogs(polls, late_s)
     demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in watchdogs.values())
     in_flood_s = _in_flood_s(polls, late_s, watchdogs.values(), longest)
@@ -80,6 +81,7 @@ def forecast(
         unit: min(asked_s + longest + demand.response_s(asked_s), in_flood_s[unit])
         for unit, (_, asked_s) in watchdogs.items()
     }
+    # Polls with a period load the line; those without share what is left of it.
     load = sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s)
     free_s = sum(cost_s for cost_s, poll in zip(costs_s, polls, strict=True) if not poll.every_s)
     round_s = min(free_s / (1.0 - load), FREE_PERIOD_S) if load < 1.0 else FREE_PERIOD_S

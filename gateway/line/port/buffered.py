@@ -64,10 +64,12 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         """
         self._was_woken = False
         while len(self._received) < count:
+            # The port was lost: the bytes before the loss are still handed out, then the loss is raised.
             if self._lost is not None:
                 if not self._received:
                     raise PortLostError(self._name, self._lost)
                 break
+            # The time is over, but for the moment by which the loop wakes late: look once, wait in `write`.
             if until_s - self._time() <= self._early.seconds:
                 self._look_once()
                 self._hold_s = until_s

@@ -104,6 +104,7 @@ class RtuMaster:
                 meanwhile()
             outcome = await self._receive(sent, end_s, response_time_s)
         finally:
+            # No whole reply, also when this was cancelled or the port was lost: it may still come late.
             if not isinstance(outcome, Answered | Refused):
                 self.forms.outstanding.add(sent.unit, sent.shape, asked_s)
         self.is_on_wire = False
@@ -121,6 +122,7 @@ class RtuMaster:
         deadline_s = sent_end_s + response_time_s + (size or adu.MAX_ADU_SIZE) * character_s
         deadline_s += self._allowance_s
         received, foreign = b"", None
+        # The usual case: first the bytes of the shortest reply, which may be a refusal, then the rest.
         if size is not None and not (sent.is_mirrored or self._is_echoing):
             read = self._port.read
             received = await read(until_s=deadline_s, count=SHORTEST_REPLY)
@@ -144,11 +146,13 @@ class RtuMaster:
     ) -> Outcome:
         """Wait for the reply among echoes, late replies and noise; `received` may be part of it."""
         until_s = deadline_s
+        # A reply of unknown length is waited for chunk by chunk, each as long as its first would take.
         if sent.reply_size is None:
             until_s += (_FIRST_CHUNK_SIZE - adu.MAX_ADU_SIZE) * self._character_s
         reception = Reception(sent, is_echoing=self._is_echoing)
         reception.feed(received)
         while True:
+            # Several frames may lie in one chunk: a late reply of another request, then this one's.
             while (frame := reception.take_frame()) is not None:
                 outcome = self._judge(sent, frame, len(reception.rest()), sent_end_s)
                 if not isinstance(outcome, Garbled):
@@ -163,6 +167,7 @@ class RtuMaster:
                 break
             reception.feed(chunk)
             until_s = min(deadline_s, max(until_s, self._port.last_byte_s + self._gap_s))
+        # The deadline has passed: bytes without a frame are noise, none at all is silence.
         rest = reception.rest()
         self._is_echoing = self._is_echoing or reception.has_echo
         if rest:

@@ -231,6 +231,7 @@ class PollTable:
         if unit.misses != before:
             self._regroup(unit, now_s, was_silent=was_silent)
         is_done = entry is not None and not is_repeated
+        # An answer restarts the unit's watchdog; how near it came to acting is recorded for the statistics.
         if is_answer:
             if unit.limit_s and unit.reached_s > -inf:
                 left = ((sent_s - unit.reached_s) / unit.limit_s, unit.number, sent_s)
@@ -241,10 +242,12 @@ class PollTable:
             self._watch(unit, sent_s)
         elif is_done or (is_answer is False and not was_silent):
             self._watch(unit, now_s)
+        # The line time for offline units is limited; the first misses of a unit are not charged to it.
         if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
             self._offline.spend(took_s, now_s)
         if entry is not None and is_done and not unit.is_silent:
             self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
+        # Fairness: a unit left for half a sweep past its due time goes before all others.
         if is_answer and unit.polls:
             patience_s = max(len(self._units) * unit.polls[0].cost_s / 2, _PATIENCE_S)
             due_s = min(each.deadline_s for each in unit.polls)

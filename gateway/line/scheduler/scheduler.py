@@ -73,6 +73,7 @@ class Scheduler:
            of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
+        # Stops, and their repeats as long as they leave the others a slot now and then.
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
             slot = self.jobs.pop(Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
@@ -80,6 +81,7 @@ class Scheduler:
             slot = self.jobs.pop(Priority.STOP)
         if slot is not None:
             return slot
+        # Where no watchdog is due, or too many in a row were, jobs share the line with the polls.
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
@@ -87,6 +89,7 @@ class Scheduler:
                 slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(*_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
+        # A unit without a known watchdog, not asked since the port was opened: commands come first.
         elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
             slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(Priority.WATCHDOG)
         if slot is None and unit is not None:
@@ -108,6 +111,7 @@ class Scheduler:
         An answer is open when it was another request's, which went before or instead of the slot's own: that
         one follows. A slot that its jobs have given up is not sent again.
         """
+        # A read-back of a stop without an answer lets another slot pass before the next one.
         self._gives_way = self._gives_way and slot.lane is Priority.STOP
         if slot.lane is Priority.FOLLOW_UP:
             self._follow_ups_in_row += 1
@@ -117,6 +121,7 @@ class Scheduler:
             self._watchdogs_in_row += 1
         elif slot.lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
+        # A poll that was removed meanwhile is neither repeated nor published.
         entry = self.polls.entry_of(slot.poll)
         is_known = entry is not None or slot.poll is None
         is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)

@@ -290,6 +290,7 @@ class StartRecorder:
         assert start is not None
         command = self._command_of(start)
         zero_s, resolution_s = _instant(_narrowed(start.began, command))
+        # When the motor began to accelerate was not seen: between the last reply before and the first after.
         if math.isnan(zero_s):
             earliest_s = start.seen_s if start.earliest_s is None else start.earliest_s
             lower_s = earliest_s if command is None else max(earliest_s, min(command.at_s, start.seen_s))
@@ -317,6 +318,7 @@ class StartRecorder:
         self._commands.clear()
         if phase is not _Phase.REST:
             self._motor.rest_since_s = None
+        # A start that was given up, as at a lost line, and is found again under way is one start.
         before_s = self.given_up_s
         self.given_up_s = record.time_s if outcome is StartOutcome.GIVEN_UP else None
         if start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S:
@@ -329,6 +331,7 @@ class StartRecorder:
         """Return the record with what the samples say of the start."""
         end_s, end_resolution_s = _instant(start.ended)
         acceleration_s, within_s = end_s - zero_s, resolution_s + end_resolution_s
+        # No reply has shown the ramp: the high current says how long it took.
         if math.isnan(within_s) and start.began is None and self.rated_a:
             crossed = crossings(curve.currents(), RISEN * self.rated_a)
             if crossed is not None:
@@ -336,6 +339,7 @@ class StartRecorder:
                 rate_hz = rate_hz_of(curve.currents(*crossed), *crossed) or math.nan
                 acceleration_s, within_s = end_s - zero_s, 1 / rate_hz
                 resolution_s = end_resolution_s = within_s / 2
+        # The integrals need both ends of the ramp, or the end that a stop or a trip has made.
         is_known = record.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
         until_s = end_s if is_known else self._last_s
         samples = curve.currents(zero_s, until_s)
