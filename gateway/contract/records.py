@@ -470,6 +470,9 @@ class StartRecord(_StoredRecord):
     i2t_error_pct: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, %")] = None
     lowest_v: Annotated[Measured | None, _maybe("lowest line voltage, V")] = None
     heating_pct: Annotated[Measured | None, _maybe("rise of the thermal level, %")] = None
+    own: Annotated[Mapping[str, Row], _if_any("stored by the starter of this start, by code")] = field(
+        default_factory=dict
+    )
     outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
     is_baseline: Annotated[bool, Field(description="whether later starts are compared with it")] = False
     drift: Annotated[

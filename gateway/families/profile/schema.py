@@ -206,6 +206,7 @@ class HistoryRows(Model):
 
     fault_history: tuple[str, ...] = ()  # newest first
     at_fault: tuple[str, ...] = ()  # what it stores of a fault, and what its cause shows in just after it
+    at_start: tuple[str, ...] = ()  # what it stores of the last start
     thermal: str = ""  # level of its thermal image of the motor, in its own %; it must be a point too
     thermal_trip: float = 100.0  # at which it trips
     cooling: str = ""  # setting: time constant of cooling, min
@@ -218,7 +219,7 @@ class HistoryRows(Model):
     def codes(self) -> tuple[str, ...]:
         """All rows that are named here."""
         one = (self.thermal, self.cooling, self.after_stop, self.between_starts, self.hours, self.energy)
-        return (*self.fault_history, *self.at_fault, *(code for code in one if code))
+        return (*self.fault_history, *self.at_fault, *self.at_start, *(code for code in one if code))
 
 
 class Profile(Model):

@@ -53,6 +53,9 @@ class Part:
     def note_fault_data(self, at_fault: Rows, history: Sequence[Rows]) -> None:
         """Record what the starter says of a trip."""
 
+    def note_start_data(self, rows: Rows) -> None:
+        """Record what the starter has stored of the start that has just ended."""
+
     def note_own_rows(self, rows: Mapping[str, float]) -> None:
         """Record what the starter has counted itself, and its settings; by code, just read."""
 

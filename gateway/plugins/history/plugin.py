@@ -121,6 +121,10 @@ class History:
         """Record what a starter says of a trip."""
         self._each(starter, lambda part: part.note_fault_data(at_fault, history))
 
+    def note_start_data(self, starter: str, rows: Rows) -> None:
+        """Record what a starter itself has stored of a start that has just ended."""
+        self._each(starter, lambda part: part.note_start_data(rows))
+
     def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
         """Record what a starter has counted itself, and its settings; by code, just read."""
         self._each(starter, lambda part: part.note_own_rows(rows))

@@ -21,7 +21,8 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.families import Profile, once_per_profile
@@ -108,6 +109,7 @@ class _Start:
     began: tuple[float, float] | None = None  # accelerating: the latest time without, the first time with it
     ended: tuple[float, float] | None = None  # the latest time with it, the first without
     after_until_s: float = math.inf
+    own: Mapping[str, Any] = field(default_factory=dict)  # the starter's own rows of it
 
 
 class StartRecorder:
@@ -135,6 +137,11 @@ class StartRecorder:
         """Record that the starter has refused a start command of the gateway."""
         for command in [each for each in self._commands if (each.client, each.id) == (client, command_id)]:
             self._commands.remove(command)
+
+    def note_own(self, rows: Mapping[str, Any]) -> None:
+        """Record what the starter has stored of the start that has reached full voltage."""
+        if self._start is not None and self._phase is _Phase.AFTER:
+            self._start.own = rows
 
     def take(self, readings: Readings) -> StartRecord | None:
         """Record what was just read; return the start that is over by it, if one is."""
@@ -311,6 +318,7 @@ class StartRecorder:
             standstill_s=start.standstill_s,
             rated_a=self.rated_a,
             heating_pct=_rise(start.thermal_before, curve.latest("thermal")),
+            own=start.own,
             outliers=outliers,
         )
         record = self._measured(record, start, curve, zero_s, resolution_s)

@@ -24,7 +24,7 @@ from gateway.contract import (
     stored,
 )
 from gateway.plugins.history.baseline import Baseline, Month, Trend, TrendVerdict, month_of, values_of
-from gateway.plugins.history.delivery import Delivery, Part, Past
+from gateway.plugins.history.delivery import Delivery, Part, Past, Rows
 from gateway.plugins.history.start_recorder import (
     StartCommand,
     StartPoints,
@@ -84,6 +84,10 @@ class MotorStarts(Part):
                 self._recorder.rated_a = record.rated_current_a
             case _:
                 pass
+
+    def note_start_data(self, rows: Rows) -> None:
+        """Put what the starter has stored of the start under way beside ours."""
+        self._recorder.note_own(rows)
 
     def restore(self, past: Past) -> None:
         """Go on from the starts of earlier runs; then those come that they could not store."""

@@ -39,6 +39,9 @@ class PastListener(Protocol):
     ) -> None:
         """Record what was read after a trip; both are empty where nothing could be read."""
 
+    def note_start_data(self, starter: str, rows: Mapping[str, Mapping[str, Any]]) -> None:
+        """Record what the starter itself has stored of the start that has just ended; by code."""
+
     def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
         """Record numbers of rows that `Profile.history` names, by code, just read."""
 
@@ -50,6 +53,7 @@ class PastReader:
         self._starter = starter
         self._listener = listener
         self._fault = SupervisedTask(f"fault data {starter.setup.name}")
+        self._start = SupervisedTask(f"start data {starter.setup.name}")
         self._own = SupervisedTask(f"own counters {starter.setup.name}")
 
     def begin(self) -> None:
@@ -61,20 +65,24 @@ class PastReader:
         """Read what the starter says of a trip that has just been seen."""
         self._fault.begin(self._read_fault)
 
+    def read_start(self) -> None:
+        """Read what the starter has stored of a start that has just reached its end."""
+        if self._starter.profile.history.at_start:
+            self._start.begin(self._read_start)
+
     async def close(self) -> None:
         """Read nothing more."""
         await self._fault.close()
+        await self._start.close()
         await self._own.close()
 
+    async def _read_start(self) -> None:
+        shown = await self._read_shown(self._starter.profile.history.at_start)
+        self._listener.note_start_data(self._starter.setup.name, shown)
+
     async def _read_fault(self) -> None:
-        profile, found = self._starter.profile, dict[str, ParameterEntry]()
-        rows = profile.history
-        for _ in range(TRIES):
-            found = await self._read((*rows.fault_history, *rows.at_fault))
-            if found:
-                break
-            await asyncio.sleep(AGAIN_S)
-        shown = {code: _shown(profile, code, entry) for code, entry in found.items()}
+        rows = self._starter.profile.history
+        shown = await self._read_shown((*rows.fault_history, *rows.at_fault))
         self._listener.note_fault_data(
             self._starter.setup.name,
             {code: shown[code] for code in rows.at_fault if code in shown},
@@ -93,6 +101,15 @@ class PastReader:
             numbers = {code: float(each) for code, each in values.items() if isinstance(each, int | float)}
             self._listener.note_own_rows(self._starter.setup.name, numbers)
             await asyncio.sleep(OWN_EVERY_S)
+
+    async def _read_shown(self, codes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return these rows for a record, asked for some times; empty where nothing is answered."""
+        for _ in range(TRIES):
+            found = await self._read(codes)
+            if found:
+                return {code: _shown(self._starter.profile, code, entry) for code, entry in found.items()}
+            await asyncio.sleep(AGAIN_S)
+        return {}
 
     async def _read(self, codes: Iterable[str]) -> dict[str, ParameterEntry]:
         """Return these rows as far as they are given; none when the starter cannot be asked now."""

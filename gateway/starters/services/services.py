@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Coroutine
 from typing import Any
 
-from gateway.contract import AuditRecord, EventCode, EventRecord, Record
+from gateway.contract import AuditRecord, EventCode, EventRecord, Record, StateRecord
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.settings import EVERY_S, VERBS, SettingsWatch
 from gateway.starters.starter import StarterTelemetry
@@ -17,13 +17,14 @@ from gateway.starters.starter import StarterTelemetry
 class StarterServices:
     """The services of all starters; subscribes to the records, to know what commands set and what trips."""
 
-    takes = (EventRecord, AuditRecord)
+    takes = (EventRecord, AuditRecord, StateRecord)
 
     def __init__(self, *, monitor_every_s: float = EVERY_S, past: PastListener | None = None) -> None:
         self._monitor_every_s = monitor_every_s
         self._past = past  # receives what starters say of their past; None: they are not asked
         self._settings: dict[str, SettingsWatch] = {}
         self._pasts: dict[str, PastReader] = {}
+        self._states: dict[str, str] = {}  # of each starter, to see the end of a start
 
     def add(self, starter: StarterTelemetry) -> None:
         """Serve this starter too."""
@@ -37,6 +38,7 @@ class StarterServices:
 
     def remove(self, starter: str) -> Coroutine[Any, Any, None]:
         """Leave a starter, whose name another may have at once; await what is returned."""
+        self._states.pop(starter, None)
         return _close(self._settings.pop(starter), self._pasts.pop(starter, None))
 
     async def close(self) -> None:
@@ -45,13 +47,17 @@ class StarterServices:
             await self.remove(name)
 
     def put(self, record: Record) -> None:
-        """Note what a command sets; ask a starter that has tripped for what it says of it."""
+        """Note what a command sets; ask a starter for its own record of a trip or a start."""
         if (
             isinstance(record, EventRecord)
             and record.code == EventCode.FAULT
             and record.starter in self._pasts
         ):
             self._pasts[record.starter].read_fault()
+        if isinstance(record, StateRecord):
+            before, self._states[record.starter] = self._states.get(record.starter), record.state
+            if before == "starting" and record.state == "running" and record.starter in self._pasts:
+                self._pasts[record.starter].read_start()
         if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._settings:
             self._settings[record.starter].note_end(record.verb, record.args, record.decision)
 

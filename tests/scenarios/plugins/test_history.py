@@ -102,6 +102,22 @@ STARTS = [
         for name in ("pump", "fan", "mill", "belt")
     ),
     row(
+        "an SSW900's own maximum, mean and time of the start stand beside ours",
+        given=SSW900 + ALICE,
+        sim={"mill": SLOW},
+        at={3.0: command("mill/alice/start")},
+        then={
+            18.0: msg(
+                "starter/mill/start",
+                own={
+                    "D4.1.1": {"value": pytest.approx(298.0, rel=0.03), "unit": "A", "name": ...},
+                    "D4.1.2": {"value": pytest.approx(275.0, rel=0.1), "unit": "A", "name": ...},
+                    "D4.2.2": {"value": pytest.approx(5.0, abs=1.0), "unit": "s", "name": ...},
+                },
+            ),
+        },
+    ),
+    row(
         "a start's samples reach from before it to after full voltage",
         given=SSW900 + ALICE,
         sim={"mill": SLOW},
