@@ -9,22 +9,19 @@ wait in memory, a bounded number of them, until they are written, which they do 
 from __future__ import annotations
 
 import json
-import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future
 from functools import partial
-from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.contract import AuditRecord, rfc3339
-from gateway.store.behind import Behind
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import Store
-
-log = logging.getLogger(__name__)
+from gateway.store.worker import BEHIND_S, Store
+from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
 
@@ -48,9 +45,9 @@ class Audit:
     """Takes entries in order; returns at once. All calls on the app's loop."""
 
     def __init__(self, store: Store, *, boot: str) -> None:
-        self._behind = Behind(store, on_lost=self._note_lost)
+        self._store = store
         self._boot = boot
-        self._taken = self._lost = 0
+        self._taken = self._waiting = self._lost = 0
 
     def put(self, record: AuditRecord) -> None:
         """Take a decision about a command."""
@@ -60,31 +57,24 @@ class Audit:
 
     def note(self, code: str, text: str) -> None:
         """Take something that an auditor should know."""
-        self._take(_note(code, text, self._boot))
-
-    def resume(self) -> None:
-        """Have what waits written; the store is open."""
-        self._behind.resume()
-
-    async def finish(self, *, within_s: float) -> None:
-        """Have all that waits written, before an orderly end."""
-        await self._behind.finish(within_s=within_s)
-        if self._behind:
-            log.error("the last %d entries of the audit could not be stored", len(self._behind))
+        self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        if len(self._behind) >= MOST_WAITING:
-            self._note_lost()
+        if self._waiting >= MOST_WAITING:
+            self._lost += 1  # reported with the next entry that there is room for
             return
         entries = [entry]
         if self._lost:
             lost, self._lost = self._lost, 0
-            entries.insert(0, _note("entries_lost", f"{lost} entries could not be stored", self._boot))
+            entries.insert(0, note_of("entries_lost", f"{lost} entries could not be stored", self._boot))
         self._taken += 1
-        self._behind.put(self._taken, partial(append, entries=entries))
+        self._waiting += 1
+        key, work = ("audit", str(self._taken)), partial(append, entries=entries)
+        self._store.submit(work, key=key, within_s=BEHIND_S).add_done_callback(on_this_loop(self._note_end))
 
-    def _note_lost(self) -> None:
-        self._lost += 1  # reported with the next entry that there is room for
+    def _note_end(self, future: Future[None]) -> None:
+        self._waiting -= 1
+        self._lost += future.exception() is not None
 
 
 def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:
@@ -99,13 +89,6 @@ def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> N
         _give_up(connection, upto - MOST_BYTES + MOST_BYTES // GIVEN_UP)
 
 
-def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
-    """Begin an empty table with the lines of another audit, which stood at `before`, and a note of that."""
-    _put_anchor(connection, before)
-    connection.executemany(_PUT, zip(lines, accumulate(map(len, lines)), strict=True))
-    append(connection, entries=[_note("state_imported", text, "")])
-
-
 def _give_up(connection: Connection, upto: int) -> None:
     """Delete the lines up to so many characters, and note where the chain stands after them."""
     number, line = connection.execute(_UPTO, (upto,)).fetchone()
@@ -114,7 +97,7 @@ def _give_up(connection: Connection, upto: int) -> None:
     except ValueError:
         head = None
     connection.execute(_GIVE_UP, (number,))
-    _put_anchor(connection, head)
+    put_anchor(connection, head)
 
 
 def read_audit(
@@ -135,10 +118,11 @@ def read_audit(
 
 def append_note(path: Path, code: str, text: str) -> None:
     """Add a note to the audit of a gateway that does not run; StoreError."""
-    write_file(path, STATE, partial(append, entries=[_note(code, text, "")]))
+    write_file(path, STATE, partial(append, entries=[note_of(code, text, "")]))
 
 
-def _note(code: str, text: str, boot: str) -> dict[str, Any]:
+def note_of(code: str, text: str, boot: str) -> dict[str, Any]:
+    """Return an entry that says something to an auditor."""
     return {"kind": "note", "boot": boot, "time": rfc3339(time.time()), "code": code, "text": text}
 
 
@@ -168,6 +152,7 @@ def _end(connection: Connection) -> tuple[Head, int]:
         return Head(), row[1]
 
 
-def _put_anchor(connection: Connection, head: Head | None) -> None:
+def put_anchor(connection: Connection, head: Head | None) -> None:
+    """Note where the chain stood before the first line; None: that is not known."""
     fields = {"n": head and head.number, "hash": head and head.hash}
     connection.execute(_PUT_ANCHOR, (json.dumps(fields),))

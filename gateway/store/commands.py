@@ -24,9 +24,8 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError
-from gateway.store.behind import Behind
 from gateway.store.database import Connection, Work
-from gateway.store.worker import Store
+from gateway.store.worker import BEHIND_S, Store
 from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
@@ -105,7 +104,6 @@ class CommandTable(Journal):
         self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
-        self._behind = Behind(store)
         self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
         self._clock = clock
         self._hold_s = hold_s
@@ -130,21 +128,22 @@ class CommandTable(Journal):
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
-        key = self._key(result)
+        key, is_final = self._key(result), result.phase.is_final
         if key is None or result.phase is Phase.WRITTEN:
             if then is not None:
                 then()
         elif then is not None:
             self._note_and_call(key, result, then)
-        elif not result.phase.is_final:
-            self._behind.put(key, _work(key, result))
-        elif result.id:
-            self._behind.put_now(key, _work(key, result, also=self.row_of(result)))
-        else:  # a stop has ended, and cannot be repeated; a crash must not find it under way
-            self._behind.put_now(key, partial(_forget, key=key))
+        elif (
+            is_final and not result.id
+        ):  # a stop has ended, and cannot be repeated; a crash must not find it under way
+            self._put(key, partial(_forget, key=key), is_urgent=True)
+        else:
+            also = self.row_of(result) if is_final else None
+            self._put(key, _work(key, result, also=also), is_urgent=is_final)
 
     def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
-        """Store a phase and call once; of a final one also when that fails or takes PUBLISH_WITHIN_S."""
+        """Store a phase and call once; of a final one also when the disk is away or too slow."""
         is_final, calls = result.phase.is_final, [then]
 
         def call() -> None:
@@ -154,7 +153,7 @@ class CommandTable(Journal):
         def store(_: object = None) -> None:
             # What was published without the disk has its row in the outbox by now.
             also = self.row_of(result) if is_final and calls else None
-            done = self._behind.put_now(key, _work(key, result, also=also))
+            done = self._put(key, _work(key, result, also=also), is_urgent=True)
             if not is_final:
                 self._untold[key] = done
             done.add_done_callback(on_this_loop(end))
@@ -165,12 +164,18 @@ class CommandTable(Journal):
             if is_final or done.exception() is None:
                 call()
 
-        if is_final:
-            asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, call)
         if key in self._untold:  # the outbox sends in the order of its rows: `accepted` gets the first
             self._untold[key].add_done_callback(on_this_loop(store))
         else:
             store()
+        if is_final:
+            within_s = 0.0 if self._store.is_away else PUBLISH_WITHIN_S
+            asyncio.get_running_loop().call_later(within_s, call)
+
+    def _put(self, key: Key, work: Work, *, is_urgent: bool = False) -> Future[Any]:
+        return self._store.submit(
+            work, key=("commands", *key), is_urgent=is_urgent, within_s=0.0 if is_urgent else BEHIND_S
+        )
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -191,16 +196,15 @@ class CommandTable(Journal):
     def forget(self, keys: Sequence[Key]) -> None:
         """Delete these commands; those that a crash leaves are deleted by the next run."""
         for key in keys:
-            self._behind.put(key, partial(_forget, key=key))
+            self._put(key, partial(_forget, key=key))
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
         for _ in range(2):  # a final phase that has waited for `accepted` is noted after that
-            await self._behind.finish(within_s=within_s)
+            await self._store.has_done(self._store.submit(lambda _: None), within_s)
 
-    def resume(self) -> None:
-        """Go on now that the store is open: read it, the first time; write what it has missed."""
-        self._behind.resume()
+    def recall(self) -> None:
+        """Read the commands of earlier runs, once; the store is open."""
         if not self._is_recalled:
             done = self._store.submit(self._read, is_urgent=True)
             done.add_done_callback(on_this_loop(self._recall))
@@ -218,7 +222,7 @@ class CommandTable(Journal):
 
     def _recall(self, future: Future[list[Remembered]]) -> None:
         if self._is_recalled or future.exception() is not None:
-            return  # `resume` tries again, when the store is open
+            return  # `recall` tries again, when the store is open
         self._is_recalled = True
         if self._store.lost_s is not None:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)

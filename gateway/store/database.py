@@ -75,24 +75,15 @@ class Database:
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
-        self._is_flushing = True
-        self._place: tuple[int, int] | None = None
-        self._is_lost = False  # the file is gone, and no new one is open yet
+        self._is_lost = False  # the file was put aside, and no new one is open yet
 
     @property
     def is_open(self) -> bool:
         """Return whether work can be done."""
         return self._connection is not None
 
-    def leave_if_gone(self) -> None:
-        """Close the file when it is no longer the one of its name; SQLite itself would not notice."""
-        if self.is_open and self._is_file and self._place != _place(self.path):
-            self.close()
-            self._is_lost = True
-
     def open(self) -> str:
         """Open or create the file; return how the one before it was lost, if it was. StoreError."""
-        lost = f"{self.path} was removed while in use; a new one is used" if self._is_lost else ""
         if self._is_file:
             with translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -104,7 +95,7 @@ class Database:
             if not self._reserve.give_up():
                 raise
             self._connect()
-        return lost
+        return ""
 
     def replace(self, error: DamagedError) -> str:
         """Put the file aside and open a new one; return what people should know of it."""
@@ -123,9 +114,7 @@ class Database:
         """
         connection = self._opened()
         with translated(self.path):
-            if is_flushed != self._is_flushing:
-                _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
-                self._is_flushing = is_flushed
+            _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
             connection.execute("BEGIN IMMEDIATE")
             try:
                 answers = [work(connection) for work in works]
@@ -197,7 +186,6 @@ class Database:
                     raise DamagedError(f"{self.path}: {error}") from error
                 raise
         self._connection = connection
-        self._place = _place(self.path)
         self._is_lost = False
 
     def _prepare(self, connection: Connection, *, is_there: bool) -> None:
@@ -205,7 +193,7 @@ class Database:
         connection.text_factory = _text
         version, is_lost = 0, self._is_lost
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
-            version = _version(connection, self.path, self._schema)
+            version = _known_version(connection, self.path, self._schema)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
                 raise DamagedError(f"{self.path} is damaged")
         else:
@@ -222,7 +210,6 @@ class Database:
             f"wal_autocheckpoint = {LOGGED_PAGES}",
         ):
             _ask(connection, f"PRAGMA {setting}")
-        self._is_flushing = True
         connection.execute("BEGIN IMMEDIATE")
         if not version:
             connection.execute(_CREATE_META)
@@ -254,7 +241,7 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
         with translated(path), closing(_reader(path)) as source:
-            version = _version(source, path, schema)
+            version = _known_version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
         mark_restored(new)
         sync_file(new)
@@ -273,7 +260,7 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     with suppress(OSError, StoreError, sqlite3.Error):
         if path.is_file():
             with translated(path), closing(_reader(path, is_idle=True)) as connection:
-                return _ours(*_marks(connection), schema)
+                return _version(connection, path, schema)
     return None
 
 
@@ -285,7 +272,7 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is
     with translated(path):
         os.stat(path)
         with closing(_reader(path, is_idle=is_idle)) as connection:
-            _version(connection, path, schema)
+            _known_version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             try:
                 return work(connection)
@@ -323,19 +310,17 @@ def _text(octets: bytes) -> str:
     return octets.decode("utf-8", "replace")
 
 
-def _marks(connection: Connection) -> tuple[int, int]:
-    return _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
-
-
-def _ours(application: int, version: int, schema: Schema) -> int | None:
-    return version if application == schema.application_id and 1 <= version <= LAST_VERSION else None
-
-
 def _version(connection: Connection, path: Path, schema: Schema) -> int:
-    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
-    version = _ours(*_marks(connection), schema)
-    if version is None:
+    """Return a file's version, also a later one; DamagedError for another program's file."""
+    application, version = (_ask(connection, f"PRAGMA {each}") for each in ("application_id", "user_version"))
+    if application != schema.application_id or not 1 <= version <= LAST_VERSION:
         raise DamagedError(f"{path} is another program's")
+    return int(version)
+
+
+def _known_version(connection: Connection, path: Path, schema: Schema) -> int:
+    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
+    version = _version(connection, path, schema)
     if version > len(schema.steps):
         raise NewerError(newer_text(path, version, schema))
     return version
@@ -386,14 +371,6 @@ def _is_index_full(error: sqlite3.Error) -> bool:
 def _ask(connection: Connection, sql: str) -> Any:
     row = connection.execute(sql).fetchone()
     return None if row is None else row[0]
-
-
-def _place(path: Path) -> tuple[int, int] | None:
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
 
 
 def put_aside(path: Path) -> Path:

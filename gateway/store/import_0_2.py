@@ -26,6 +26,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -249,7 +250,11 @@ def _copy_audit(state_dir: Path, connection: Connection) -> None:
         before = _last_head(older[-1])
     if newest:
         lines = [line for path in newest for line in _lines(path)]
-        audit.take_over(connection, lines, before, f"from {state_dir}/audit, which 0.2.0 has written")
+        audit.put_anchor(connection, before)
+        ends = zip(lines, accumulate(map(len, lines)), strict=True)
+        connection.executemany("INSERT INTO audit (line, upto) VALUES (?, ?)", ends)
+        text = f"from {state_dir}/audit, which 0.2.0 has written"
+        audit.append(connection, entries=[audit.note_of("state_imported", text, "")])
 
 
 PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HISTORY: (_copy_history,)}

@@ -11,7 +11,6 @@ import pytest
 
 from gateway.store import BEHIND_S, Connection, Store, verify
 from gateway.store.audit import Audit, _anchor, append
-from gateway.store.behind import AT_ONCE
 from gateway.store.schema import STATE
 from tests.store.store_rig import PATIENCE_S
 
@@ -63,26 +62,15 @@ async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyP
     assert "end" in found[4]
 
 
-async def test_before_an_orderly_end_all_that_waits_is_written_and_nothing_twice() -> None:
-    store = Store(None, STATE)
+@pytest.mark.parametrize("is_opened", [True, False])
+async def test_before_an_orderly_end_all_that_waits_is_written_once_or_counted(*, is_opened: bool) -> None:
+    store, found = Store(None, STATE), list[tuple[str, str]]()
     audit = Audit(store, boot="b")
-    for number in range(3 * AT_ONCE):
+    for number in range(1200):
         audit.note("x", f"{number}")
-    store.start(lambda *_: None)
-    await asyncio.wrap_future(store.submit(lambda _: None))  # it is open
-    audit.note("x", "end")
-    await audit.finish(within_s=PATIENCE_S)
-    found = [line for _, line in await asyncio.wrap_future(store.submit(lines))]
+    if is_opened:
+        store.start(lambda *_: None)
+        store.submit(lambda connection: found.extend(lines(connection)))
     store.close(within_s=PATIENCE_S)
 
-    assert len(found) == 3 * AT_ONCE + 1
-    assert "end" in found[-1]
-
-
-async def test_an_audit_that_ends_without_its_last_entries_says_so(caplog: pytest.LogCaptureFixture) -> None:
-    audit = Audit(Store(None, STATE), boot="b")  # its file is never opened
-    audit.note("x", "end")
-
-    await audit.finish(within_s=PATIENCE_S)
-
-    assert "the last 1 entries of the audit could not be stored" in caplog.text
+    assert (len(found), store.unsaved) == ((1200, 0) if is_opened else (0, 1200))

@@ -58,7 +58,7 @@ def held_up(one: Keeping) -> tuple[threading.Event, Future[None]]:
 
 
 def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.worker.MOST_WAITING", 2)
+    monkeypatch.setattr("gateway.store.waiting.MOST_WAITING", 2)
     one = keeping()
     one.until(News.OPEN)
     gate, _ = held_up(one)

@@ -97,23 +97,6 @@ def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: P
     assert one.do(texts)[-1] == "c"
 
 
-def test_a_file_removed_while_it_is_in_use_is_made_anew_and_reported_and_nothing_is_imported_again(
-    keeping: Make, path: Path
-) -> None:
-    imports: list[str] = []
-    one = keeping(path, prepare=lambda: imports.append("import"))
-    one.do(insert("a"))
-    for entry in path.parent.glob("x.sqlite*"):
-        entry.unlink()
-
-    one.do(insert("b"))
-
-    assert one.do(texts) == ["b"]
-    assert "removed while in use" in one.until(News.LOST)
-    assert one.store.lost_s is not None
-    assert imports == ["import"]
-
-
 def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
     keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
