@@ -7,7 +7,7 @@ imported from here.
 from gateway.store import backup
 from gateway.store.audit import append_note, read_audit
 from gateway.store.chain import FIRST_HASH, Head, Verification, verify
-from gateway.store.commands import INTEND_WITHIN_S, Journal, NoJournal, Remembered
+from gateway.store.commands import INTEND_WITHIN_S, Journal, Remembered
 from gateway.store.database import Connection, Work, mark_restored
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.history import CURVES, HistoryRow, HistoryStore, read_history, with_curves

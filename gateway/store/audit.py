@@ -27,7 +27,6 @@ T = TypeVar("T")
 
 MOST_BYTES = 48 * 2**20  # of all lines
 GIVEN_UP = 16  # of so many lines one goes when there is no room left
-MOST_WAITING = 5_000  # entries; what is more is lost, and counted
 
 _LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
 _PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
@@ -47,7 +46,7 @@ class Audit:
     def __init__(self, store: Store, *, boot: str) -> None:
         self._store = store
         self._boot = boot
-        self._taken = self._waiting = self._lost = 0
+        self._taken = self._lost = 0
 
     def put(self, record: AuditRecord) -> None:
         """Take a decision about a command."""
@@ -60,21 +59,16 @@ class Audit:
         self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        if self._waiting >= MOST_WAITING:
-            self._lost += 1  # reported with the next entry that there is room for
-            return
-        entries = [entry]
-        if self._lost:
-            lost, self._lost = self._lost, 0
-            entries.insert(0, note_of("entries_lost", f"{lost} entries could not be stored", self._boot))
         self._taken += 1
-        self._waiting += 1
-        key, work = ("audit", str(self._taken)), partial(append, entries=entries)
+        key, work = ("audit", str(self._taken)), partial(append, entries=[entry])
         self._store.submit(work, key=key, within_s=BEHIND_S).add_done_callback(on_this_loop(self._note_end))
 
     def _note_end(self, future: Future[None]) -> None:
-        self._waiting -= 1
-        self._lost += future.exception() is not None
+        if future.exception() is not None:
+            self._lost += 1
+        elif self._lost:  # now that something can be stored again
+            lost, self._lost = self._lost, 0
+            self.note("entries_lost", f"{lost} entries could not be stored")
 
 
 def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:

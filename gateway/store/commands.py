@@ -78,23 +78,6 @@ class Journal(Protocol):
         """Delete these commands."""
 
 
-class NoJournal(Journal):
-    """Stores nothing: the next run knows none of this run's commands."""
-
-    trouble = ""
-
-    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:  # noqa: ARG002 - Journal's shape
-        """Store nothing."""
-        if then is not None:
-            then()
-
-    async def intend(self, result: ResultRecord) -> None:
-        """Return at once."""
-
-    def forget(self, keys: Sequence[Key]) -> None:
-        """Do nothing."""
-
-
 class CommandTable(Journal):
     """Stores commands on the disk; only `intend` and `settle` wait for it."""
 
@@ -134,13 +117,11 @@ class CommandTable(Journal):
                 then()
         elif then is not None:
             self._note_and_call(key, result, then)
-        elif (
-            is_final and not result.id
-        ):  # a stop has ended, and cannot be repeated; a crash must not find it under way
-            self._put(key, partial(_forget, key=key), is_urgent=True)
-        else:
+        elif result.id or not is_final:
             also = self.row_of(result) if is_final else None
             self._put(key, _work(key, result, also=also), is_urgent=is_final)
+        else:  # a stop has ended, and cannot be repeated; a crash must not find it under way
+            self._put(key, partial(_forget, key=key), is_urgent=True)
 
     def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
         """Store a phase and call once; of a final one also when the disk is away or too slow."""

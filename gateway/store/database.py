@@ -321,17 +321,17 @@ def _version(connection: Connection, path: Path, schema: Schema) -> int:
 def _known_version(connection: Connection, path: Path, schema: Schema) -> int:
     """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
     version = _version(connection, path, schema)
-    if version > len(schema.steps):
-        raise NewerError(newer_text(path, version, schema))
+    refuse_later(version, path, schema)
     return version
 
 
-def newer_text(path: Path, version: int, schema: Schema) -> str:
-    """Return what is wrong with a file that a later version of this program has written."""
-    return (
-        f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
-        "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
-    )
+def refuse_later(version: int, path: Path, schema: Schema) -> None:
+    """Raise NewerError for a file that a later version of this program has written."""
+    if version > len(schema.steps):
+        raise NewerError(
+            f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
+            "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
+        )
 
 
 @contextmanager

@@ -193,7 +193,6 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
     what, reading = f"restored from a backup of {archive.manifest.made}", read_clocks()
     for name, stored in sorted(place.state.items()):
         archive.extract(stored, stage / name)
-    backup.refuse_newer(stage)
     backup.upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
