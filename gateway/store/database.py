@@ -73,6 +73,7 @@ class Database:
         self._is_file = path is not None
         self._schema = schema
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
+        self.on_lost: Callable[[str], object] = lambda _: None  # gets what people should know of it
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
         self._is_lost = False  # the file was put aside, and no new one is open yet
@@ -82,29 +83,28 @@ class Database:
         """Return whether work can be done."""
         return self._connection is not None
 
-    def open(self) -> str:
-        """Open or create the file; return how the one before it was lost, if it was. StoreError."""
+    def open(self) -> None:
+        """Open or create the file; one that is damaged is put aside. StoreError."""
         if self._is_file:
             with translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
             self._connect()
         except DamagedError as error:
-            return self.replace(error)
+            self.replace(error)
         except FullError:
             if not self._reserve.give_up():
                 raise
             self._connect()
-        return ""
 
-    def replace(self, error: DamagedError) -> str:
-        """Put the file aside and open a new one; return what people should know of it."""
+    def replace(self, error: DamagedError) -> None:
+        """Put the file aside and open a new one. StoreError."""
         self.close()
         with translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
         self._is_lost = True
         self._connect()
-        return f"{error}; put aside as {aside.name}, a new one is used"
+        self.on_lost(f"{error}; put aside as {aside.name}, a new one is used")
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.

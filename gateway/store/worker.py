@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
@@ -70,6 +71,7 @@ class Store:
     ) -> None:
         self._prepare: Callable[[], object] | None = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
+        self._file.on_lost = partial(self._report, News.LOST)
         self._on_news: OnNews = lambda *_: None
         self._waiting = Waiting(most_kept)
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
@@ -222,10 +224,8 @@ class Store:
         if not self._file.is_open:
             if self._prepare is not None:
                 self._prepare()
-            lost = self._file.open()
+            self._file.open()
             self._prepare = None
-            if lost:
-                self._report(News.LOST, lost)
         self._file.take_reserve()
         self._trouble = ""
         self._report(News.OPEN, f"{self._file.path} is open")
@@ -238,7 +238,7 @@ class Store:
         try:
             return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
         except DamagedError as error:
-            self._report(News.LOST, self._file.replace(error))
+            self._file.replace(error)
         return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
 
     def _in_time(self, batch: Sequence[Piece], begun: list[tuple[Piece, Work]]) -> Iterator[Work]:
