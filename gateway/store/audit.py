@@ -1,14 +1,13 @@
 """The audit: a table of lines in a hash chain, of which the oldest go when it takes too much room.
 
-The chain goes on where the table's last line stands, whatever happened to the file. What stands before the
-first line is known from the anchor, which is written when lines are given up; so it shows when others were
-removed. A row says how long all lines up to it are together: to add one touches this table alone. Entries
-wait in memory, a bounded number of them, until they are written, which they do not hurry.
+The chain goes on where the table's last line stands, whatever happened to the file. Where it stood before the
+first line is known from the anchor, row 0, which is the last line that was given up; so it shows when others
+were removed. A row says how long all lines up to it are together: to add one touches this table alone.
+Entries wait in memory, a bounded number of them, until they are written, which they do not hurry.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
@@ -31,13 +30,14 @@ GIVEN_UP = 16  # of so many lines one goes when there is no room left
 _LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
 _PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
 _LINES = """
-    SELECT number, line FROM (SELECT number, line FROM audit ORDER BY number DESC LIMIT ?) ORDER BY number
+    SELECT number, line FROM
+    (SELECT number, line FROM audit WHERE number > 0 ORDER BY number DESC LIMIT ?) ORDER BY number
 """
-_BEFORE = "SELECT upto - length(line) FROM audit ORDER BY number LIMIT 1"
-_UPTO = "SELECT number, line FROM audit WHERE upto >= ? ORDER BY number LIMIT 1"
-_GIVE_UP = "DELETE FROM audit WHERE number <= ?"
-_ANCHOR = "SELECT body FROM documents WHERE name = 'audit'"
-_PUT_ANCHOR = "REPLACE INTO documents VALUES ('audit', ?)"
+_BEFORE = "SELECT upto - length(line) FROM audit WHERE number > 0 ORDER BY number LIMIT 1"
+_UPTO = "SELECT number FROM audit WHERE upto >= ? AND number > 0 ORDER BY number LIMIT 1"
+_GIVE_UP = "DELETE FROM audit WHERE number < ?"
+_BE_ANCHOR = "UPDATE audit SET number = 0 WHERE number = ?"
+_ANCHOR = "SELECT line FROM audit WHERE number = 0"
 
 
 class Audit:
@@ -84,14 +84,10 @@ def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> N
 
 
 def _give_up(connection: Connection, upto: int) -> None:
-    """Delete the lines up to so many characters, and note where the chain stands after them."""
-    number, line = connection.execute(_UPTO, (upto,)).fetchone()
-    try:
-        head: Head | None = read_line(str(line))[1]
-    except ValueError:
-        head = None
-    connection.execute(_GIVE_UP, (number,))
-    put_anchor(connection, head)
+    """Delete the lines up to so many characters; the last of them is the anchor."""
+    last = connection.execute(_UPTO, (upto,)).fetchone()
+    connection.execute(_GIVE_UP, last)
+    connection.execute(_BE_ANCHOR, last)
 
 
 def read_audit(
@@ -123,13 +119,7 @@ def note_of(code: str, text: str, boot: str) -> dict[str, Any]:
 def _anchor(connection: Connection) -> Head | None:
     """Return where the chain stood before the first line; None: that is damaged."""
     row = connection.execute(_ANCHOR).fetchone()
-    if row is None:
-        return Head()
-    try:
-        fields = json.loads(row[0])
-        return Head(int(fields["n"]), str(fields["hash"]))
-    except (ValueError, KeyError, TypeError):
-        return None
+    return Head() if row is None else _head_of(row[0])
 
 
 def _end(connection: Connection) -> tuple[Head, int]:
@@ -137,16 +127,12 @@ def _end(connection: Connection) -> tuple[Head, int]:
 
     The chain begins anew where its last line is none, as verification shows.
     """
-    row = connection.execute(_LAST).fetchone()
-    if row is None:
-        return _anchor(connection) or Head(), 0
+    line, upto = connection.execute(_LAST).fetchone() or (None, 0)
+    return (line and _head_of(line)) or Head(), upto
+
+
+def _head_of(line: str) -> Head | None:
     try:
-        return read_line(str(row[0]))[1], row[1]
+        return read_line(str(line))[1]
     except ValueError:
-        return Head(), row[1]
-
-
-def put_anchor(connection: Connection, head: Head | None) -> None:
-    """Note where the chain stood before the first line; None: that is not known."""
-    fields = {"n": head and head.number, "hash": head and head.hash}
-    connection.execute(_PUT_ANCHOR, (json.dumps(fields),))
+        return None

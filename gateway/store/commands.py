@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -33,8 +32,8 @@ INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
-# Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
-# printed, so no client's id begins so.
+# Begins the id under which a stop without one is stored, before its starter's name. It cannot be printed, so
+# no client's id begins so.
 UNNAMED = "\t"
 
 Key = tuple[str, str]  # client and id
@@ -46,7 +45,6 @@ _PUT = """
     may_be_written = max(may_be_written, excluded.may_be_written)
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
-_FORGET_UNNAMED = "DELETE FROM commands WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
 _ROWS = "SELECT client, id, may_be_written, result FROM commands ORDER BY rowid"
 _STORED = ("starter", "verb", "phase", "code", "text", "time_s")  # of a result, besides its values
 
@@ -84,7 +82,6 @@ class CommandTable(Journal):
     def __init__(
         self, store: Store, *, clock: Clock, hold_s: float, on_slow: Callable[[float], None]
     ) -> None:
-        self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
         self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
@@ -93,7 +90,6 @@ class CommandTable(Journal):
         self._on_slow = on_slow  # called when the disk delays a command
         self._is_recalled = False
         self._held_until_s = 0.0  # steady clock
-        self._run = secrets.token_hex(4)  # names this run's stops without an id
 
     @property
     def trouble(self) -> str:
@@ -117,11 +113,9 @@ class CommandTable(Journal):
                 then()
         elif then is not None:
             self._note_and_call(key, result, then)
-        elif result.id or not is_final:
-            also = self.row_of(result) if is_final else None
+        else:
+            also = self.row_of(result) if is_final and result.id else None
             self._put(key, _work(key, result, also=also), is_urgent=is_final)
-        else:  # a stop has ended, and cannot be repeated; a crash must not find it under way
-            self._put(key, partial(_forget, key=key), is_urgent=True)
 
     def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
         """Store a phase and call once; of a final one also when the disk is away or too slow."""
@@ -184,31 +178,31 @@ class CommandTable(Journal):
         for _ in range(2):  # a final phase that has waited for `accepted` is noted after that
             await self._store.has_done(self._store.submit(lambda _: None), within_s)
 
-    def recall(self) -> None:
-        """Read the commands of earlier runs, once; the store is open."""
-        if not self._is_recalled:
-            done = self._store.submit(self._read, is_urgent=True)
-            done.add_done_callback(on_this_loop(self._recall))
+    def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
+        """Have the commands of earlier runs read, once, before any of this run is written."""
+        done = self._store.submit(_read, key=("recall",), is_urgent=True)
+        done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
     def _key(self, result: ResultRecord) -> Key | None:
         """Return where a result is stored; None for nowhere."""
         if not result.id and result.verb != STOP:
             return None
-        return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
+        return result.client, result.id or UNNAMED + result.starter
 
-    def _read(self, connection: Connection) -> list[Remembered]:
-        ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
-        found = connection.execute(_ROWS)
-        return [remembered(*row) for row in found if not str(row[1]).startswith(ours)]
-
-    def _recall(self, future: Future[list[Remembered]]) -> None:
-        if self._is_recalled or future.exception() is not None:
-            return  # `recall` tries again, when the store is open
+    def _recall(
+        self, on_recalled: Callable[[Sequence[Remembered]], None], future: Future[list[Remembered]]
+    ) -> None:
+        if future.exception() is not None:  # a bug: without the ledger no start is taken
+            return
         self._is_recalled = True
         if self._store.lost_s is not None:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
             self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
-        self.on_recalled(future.result())
+        on_recalled(future.result())
+
+
+def _read(connection: Connection) -> list[Remembered]:
+    return [remembered(*row) for row in connection.execute(_ROWS)]
 
 
 def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None:
@@ -218,15 +212,12 @@ def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None
 
 
 def _forget(connection: Connection, *, key: Key) -> None:
-    """Delete a command; of a stop without an id also those of earlier runs."""
-    client, id_ = key
-    if id_.startswith(UNNAMED):
-        connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
-    else:
-        connection.execute(_FORGET, key)
+    connection.execute(_FORGET, key)
 
 
 def _work(key: Key, result: ResultRecord, *, also: Work | None = None) -> Work:
+    if result.phase.is_final and not result.id:  # it cannot be repeated; a crash must not find it under way
+        return partial(_forget, key=key)
     return partial(_put, row=_row(key, result, may_be_written=result.verb == STOP), also=also)
 
 

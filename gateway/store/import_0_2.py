@@ -26,13 +26,13 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import partial
-from itertools import accumulate
+from itertools import accumulate, count
 from pathlib import Path
 from typing import Any
 
 from gateway.errors import StoreError
 from gateway.store import audit
-from gateway.store.chain import Head, read_line
+from gateway.store.chain import Head, canonical, read_line
 from gateway.store.commands import remembered
 from gateway.store.database import (
     Connection,
@@ -250,9 +250,9 @@ def _copy_audit(state_dir: Path, connection: Connection) -> None:
         before = _last_head(older[-1])
     if newest:
         lines = [line for path in newest for line in _lines(path)]
-        audit.put_anchor(connection, before)
-        ends = zip(lines, accumulate(map(len, lines)), strict=True)
-        connection.executemany("INSERT INTO audit (line, upto) VALUES (?, ?)", ends)
+        anchor = canonical({"n": before.number, "hash": before.hash}) if before else ""
+        rows = zip(count(), (anchor, *lines), (0, *accumulate(map(len, lines))), strict=False)
+        connection.executemany("INSERT INTO audit (number, line, upto) VALUES (?, ?, ?)", rows)
         text = f"from {state_dir}/audit, which 0.2.0 has written"
         audit.append(connection, entries=[audit.note_of("state_imported", text, "")])
 

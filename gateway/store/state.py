@@ -62,7 +62,7 @@ class StateStore:
 
     def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
-        self.commands.on_recalled = on_recalled
+        self.commands.recall(on_recalled)
         self.store.start(on_this_loop(self._on_news))
         self._audit.note("gateway_started", f"version {version}")
 
@@ -97,7 +97,6 @@ class StateStore:
                 if self._is_away:
                     self._publish_event(EventCode.STORE_AVAILABLE)
                 self._is_away = False
-                self.commands.recall()
             case News.AWAY:
                 self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
                 self._is_away = True
