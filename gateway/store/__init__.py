@@ -8,7 +8,7 @@ from gateway.store import backup
 from gateway.store.audit import append_note, read_audit
 from gateway.store.chain import FIRST_HASH, Head, Verification, verify
 from gateway.store.commands import INTEND_WITHIN_S, Journal, Remembered
-from gateway.store.database import Connection, Work, mark_restored
+from gateway.store.database import Connection, Work
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.history import CURVES, HistoryRow, HistoryStore, read_history, with_curves
 from gateway.store.import_0_2 import import_late, is_import_due

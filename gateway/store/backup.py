@@ -14,7 +14,6 @@ import json
 import os
 import re
 import shutil
-import stat
 import tarfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -200,7 +199,6 @@ def _digest(content: io.BufferedReader) -> str:
 def _add(tar: tarfile.TarFile, member: Member) -> None:
     info = tar.gettarinfo(member.like, arcname=member.name)
     info.type = tarfile.REGTYPE  # also where it is like a folder
-    info.mode = stat.S_IMODE(member.like.stat().st_mode)
     with member.content.open("rb") as file:
         info.size = os.fstat(file.fileno()).st_size
         tar.addfile(info, file)
@@ -235,8 +233,8 @@ def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> 
 
 def is_upgrade_due(state_dir: Path) -> bool:
     """Return whether a file is of an earlier version, or all are."""
-    found = found_versions(state_dir)
-    return is_import_due(state_dir) or any(found[name] < len(SCHEMAS[name].steps) for name in found)
+    found = found_versions(state_dir).items()
+    return is_import_due(state_dir) or any(version < len(SCHEMAS[name].steps) for name, version in found)
 
 
 def keep_private(folder: Path) -> None:

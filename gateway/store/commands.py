@@ -6,8 +6,8 @@
 2. A result, its command's row and what is to be published of it are stored in one transaction.
 3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
    commands, and is written behind. The phase `written` is not: its row has said before that it may be.
-4. Until the table has been read it counts as away; also for a while after it was lost, because commands of
-   before cannot be distinguished from new ones.
+4. Until the table has been read it counts as away. A copy of a command that was lost with it is not fresh:
+   no proof outlives its connection.
 
 `starters.command.ledger` decides what is deleted, and when; there is no limit of age or number here.
 """
@@ -25,7 +25,6 @@ from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError
 from gateway.store.database import Connection, Work
 from gateway.store.worker import BEHIND_S, Store
-from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
@@ -79,31 +78,17 @@ class Journal(Protocol):
 class CommandTable(Journal):
     """Stores commands on the disk; only `intend` and `settle` wait for it."""
 
-    def __init__(
-        self, store: Store, *, clock: Clock, hold_s: float, on_slow: Callable[[float], None]
-    ) -> None:
+    def __init__(self, store: Store, *, on_slow: Callable[[float], None]) -> None:
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
         self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
-        self._clock = clock
-        self._hold_s = hold_s
         self._on_slow = on_slow  # called when the disk delays a command
         self._is_recalled = False
-        self._held_until_s = 0.0  # steady clock
 
     @property
     def trouble(self) -> str:
         """Return why nothing can be stored now; empty when it can."""
-        if self._store.trouble:
-            return self._store.trouble
-        if not self._is_recalled:
-            return "it has not been read yet"
-        wait_s = self._held_until_s - self._clock.now_s()
-        if wait_s > 0:
-            return (
-                f"it was lost: for another {wait_s:.0f} s old commands cannot be distinguished from new ones"
-            )
-        return ""
+        return self._store.trouble or ("" if self._is_recalled else "it has not been read yet")
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
@@ -195,9 +180,6 @@ class CommandTable(Journal):
         if future.exception() is not None:  # a bug: without the ledger no start is taken
             return
         self._is_recalled = True
-        if self._store.lost_s is not None:
-            ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
-            self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
         on_recalled(future.result())
 
 

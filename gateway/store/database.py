@@ -11,7 +11,6 @@ import errno
 import logging
 import os
 import sqlite3
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
@@ -39,9 +38,7 @@ SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
-_CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
-_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 
 
 class FullError(StoreError):
@@ -58,7 +55,6 @@ class Schema(NamedTuple):
     def shape(self) -> list[Any]:
         """Return the SQL of everything that is in a file of the newest version."""
         with closing(sqlite3.connect(":memory:")) as connection:
-            connection.execute(_CREATE_META)
             for step in self.steps:
                 step(connection)
             return connection.execute(_SHAPE).fetchall()
@@ -69,14 +65,12 @@ class Database:
 
     def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
         self.path = path or Path(":memory:")
-        self.lost_s: float | None = None
         self._is_file = path is not None
         self._schema = schema
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self.on_lost: Callable[[str], object] = lambda _: None  # gets what people should know of it
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
-        self._is_lost = False  # the file was put aside, and no new one is open yet
 
     @property
     def is_open(self) -> bool:
@@ -102,9 +96,8 @@ class Database:
         self.close()
         with translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
-        self._is_lost = True
+        self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
         self._connect()
-        self.on_lost(f"{error}; put aside as {aside.name}, a new one is used")
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
@@ -179,25 +172,25 @@ class Database:
                 os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
-                self._prepare(connection, is_there=is_there)
+                self._prepare(connection)
             except BaseException as error:
                 connection.close()
-                if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
+                # Our own SQL does not fit to what is there, or its header forbids to write (fileformat.html 1.3.4).
+                is_locked = _code(error) == sqlite3.SQLITE_READONLY and os.access(self.path, os.W_OK)
+                if _code(error) == sqlite3.SQLITE_ERROR or is_locked:
                     raise DamagedError(f"{self.path}: {error}") from error
                 raise
         self._connection = connection
-        self._is_lost = False
 
-    def _prepare(self, connection: Connection, *, is_there: bool) -> None:
-        """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
+    def _prepare(self, connection: Connection) -> None:
+        """Make sure that the file is ours, whole, writable, and of this version."""
         connection.text_factory = _text
-        version, is_lost = 0, self._is_lost
+        version = 0
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
             version = _known_version(connection, self.path, self._schema)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
                 raise DamagedError(f"{self.path} is damaged")
         else:
-            is_lost = is_lost or is_there
             _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
             _ask(connection, "PRAGMA auto_vacuum = INCREMENTAL")  # so that a full disk gets room back
         if _ask(connection, "PRAGMA journal_mode = WAL") != "wal" and self._is_file:
@@ -211,28 +204,20 @@ class Database:
         ):
             _ask(connection, f"PRAGMA {setting}")
         connection.execute("BEGIN IMMEDIATE")
-        if not version:
-            connection.execute(_CREATE_META)
         for step in self._schema.steps[version:]:
             step(connection)
         connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
         connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
-        is_restored = connection.execute("DELETE FROM meta WHERE key = 'restored_s'").rowcount > 0
-        if is_lost or is_restored:
-            connection.execute(_NOTE, ("lost_s", time.time()))
         connection.execute("COMMIT")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
-        lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
-        self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
 def snapshot(path: Path, copy: Path, schema: Schema) -> int:
     """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
 
-    The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
-    later takes the file for one that was lost: what has happened since is missing in it. DamagedError,
-    NewerError, StoreError.
+    The copy appears whole and on the disk, for its owner alone, or not at all. DamagedError, NewerError,
+    StoreError.
     """
     if path.exists() and not os.access(path, os.R_OK):
         raise StoreError(f"{path} may not be read by this user (make the backup as root)")
@@ -243,16 +228,9 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
         with translated(path), closing(_reader(path)) as source:
             version = _known_version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
-        mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
     return version
-
-
-def mark_restored(path: Path) -> None:
-    """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
-    with translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        connection.execute(_NOTE, ("restored_s", time.time()))
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:

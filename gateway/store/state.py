@@ -18,7 +18,6 @@ from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
-from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
@@ -30,8 +29,8 @@ SETTLE_WITHIN_S = 2.0
 class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
-    `hold_s` is how long an old command might still pass for a new one. Without operators it is no error, only
-    a warning, when nothing can be stored. `follow` passes the store's news on, after the parts of this.
+    Without operators it is no error, only a warning, when nothing can be stored. `follow` passes the store's
+    news on, after the parts of this.
     """
 
     takes = (AuditRecord,)
@@ -41,8 +40,6 @@ class StateStore:
         path: Path | None,
         *,
         boot: str,
-        clock: Clock,
-        hold_s: float,
         has_operators: bool,
         publish_event: PublishEvent,
         retry_s: float = RETRY_S,
@@ -51,7 +48,7 @@ class StateStore:
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
         self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
-        self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
+        self.commands = CommandTable(self.store, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
         self._followers: list[OnNews] = []
         self._is_away = False

@@ -102,11 +102,6 @@ class Store:
         return self._reported is News.AWAY
 
     @property
-    def lost_s(self) -> float | None:
-        """Return when (UTC) the file before the present one was lost; None when there was none."""
-        return self._file.lost_s
-
-    @property
     def unsaved(self) -> int:
         """Return how many pieces with a key wait for the disk."""
         return self._waiting.kept
