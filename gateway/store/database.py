@@ -175,7 +175,7 @@ class Database:
                 self._prepare(connection)
             except BaseException as error:
                 connection.close()
-                # Our own SQL does not fit to what is there, or its header forbids writing (sqlite.org/fileformat.html)
+                # Our own SQL does not fit to what is there, or its header forbids to write it.
                 is_locked = _code(error) == sqlite3.SQLITE_READONLY and os.access(self.path, os.W_OK)
                 if _code(error) == sqlite3.SQLITE_ERROR or is_locked:
                     raise DamagedError(f"{self.path}: {error}") from error

@@ -74,7 +74,7 @@ class HistoryStore:
         collect_s: float = COLLECT_S,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, most_kept=MOST_UNSAVED, prepare=prepare)
+        self._store = Store(path, HISTORY, retry_s=retry_s, most_keys=MOST_UNSAVED, prepare=prepare)
         self._collect_s = collect_s
         self._copies = count()  # each is made, in their order
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None

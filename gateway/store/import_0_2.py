@@ -198,7 +198,7 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: 
 
 
 def _copy_commands(state_dir: Path, connection: Connection) -> None:
-    """Copy the commands; one that is damaged spoils all."""
+    """Copy the commands, all or none."""
     path, commands = state_dir / COMMANDS, []
     for client, id_, starter, may_be_written, extra, *said in _read(path, _COMMANDS):
         result = dict(zip(_SAID, said, strict=True), starter=starter, values=json.loads(extra))

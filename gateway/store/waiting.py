@@ -1,8 +1,8 @@
 """What waits for the thread of a database: pieces of work in two ranks, and the newest piece of each key.
 
 1. Urgent pieces come first, and take some with a key along; then all others, in batches.
-2. A piece with a key is kept until it is done: a failure of the disk does not end it, and newer work of its
-   key takes over its place and its future. A bounded number of keys is kept of each table, the newest.
+2. A piece with a key waits until it is done: a failure of the disk does not end it, and newer work of its key
+   gets its place and its future. Of each table a bounded number of keys waits, the newest.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ class Piece:
 class Waiting:
     """`put` is the app's; all other calls are made in the thread."""
 
-    def __init__(self, most_kept: int = MOST_WAITING) -> None:
-        self._urgent: deque[Piece] = deque()  # those with a key are among the kept ones too
+    def __init__(self, most_keys: int = MOST_WAITING) -> None:
+        self._urgent: deque[Piece] = deque()  # those with a key are among the keyed ones too
         self._others: deque[Piece] = deque()
-        self._kept: defaultdict[str, dict[Key, Piece]] = defaultdict(dict)  # by table, the oldest first
-        self._most_kept = most_kept
-        self._lock = threading.Lock()  # of the kept ones
+        self._keyed: defaultdict[str, dict[Key, Piece]] = defaultdict(dict)  # by table, the oldest first
+        self._most_keys = most_keys
+        self._lock = threading.Lock()  # of the keyed ones
 
     @property
-    def kept(self) -> int:
+    def keyed(self) -> int:
         """Return how many pieces with a key wait."""
-        return sum(map(len, self._kept.values()))
+        return sum(map(len, self._keyed.values()))
 
     @property
     def urgent(self) -> int:
@@ -80,10 +80,10 @@ class Waiting:
         urgent = _taken(self._urgent, MOST_AT_ONCE)
         most = MOST_ALONG if urgent else MOST_AT_ONCE
         with self._lock:
-            tables = (table.values() for table in self._kept.values())
-            kept = [] if is_away else list(islice(chain.from_iterable(tables), most))
-        others = [] if urgent else _taken(self._others, MOST_AT_ONCE - len(kept))
-        found = dict.fromkeys((*urgent, *kept, *others))
+            tables = (table.values() for table in self._keyed.values())
+            keyed = [] if is_away else list(islice(chain.from_iterable(tables), most))
+        others = [] if urgent else _taken(self._others, MOST_AT_ONCE - len(keyed))
+        found = dict.fromkeys((*urgent, *keyed, *others))
         return [piece for piece in found if piece.begin()] if found else None
 
     def put_back(self, pieces: Sequence[Piece]) -> None:
@@ -96,7 +96,7 @@ class Waiting:
         """Note that work is on the disk, or never will be; newer work of its key may have come meanwhile."""
         if piece.key is not None:
             with self._lock:
-                table = self._kept[piece.key[0]]
+                table = self._keyed[piece.key[0]]
                 if table.get(piece.key) is not piece or piece.work is not work:
                     return
                 del table[piece.key]
@@ -113,12 +113,12 @@ class Waiting:
 
     def _keep(self, piece: Piece, key: Key) -> Piece:
         with self._lock:
-            table = self._kept[key[0]]
+            table = self._keyed[key[0]]
             if key in table:
                 table[key].work, table[key].is_urgent = piece.work, piece.is_urgent
             piece = table.setdefault(key, piece)
             piece.begin()  # its future cannot be cancelled
-            oldest = table.pop(next(iter(table))) if len(table) > self._most_kept else None
+            oldest = table.pop(next(iter(table))) if len(table) > self._most_keys else None
         if oldest is not None:
             oldest.future.set_exception(StoreError("too much is waiting for the disk"))
         return piece

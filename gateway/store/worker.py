@@ -66,14 +66,14 @@ class Store:
         *,
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
-        most_kept: int = MOST_WAITING,
+        most_keys: int = MOST_WAITING,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._prepare: Callable[[], object] | None = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
         self._file.on_lost = partial(self._report, News.LOST)
         self._on_news: OnNews = lambda *_: None
-        self._waiting = Waiting(most_kept)
+        self._waiting = Waiting(most_keys)
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._trouble = "it is not open yet"
@@ -104,7 +104,7 @@ class Store:
     @property
     def unsaved(self) -> int:
         """Return how many pieces with a key wait for the disk."""
-        return self._waiting.kept
+        return self._waiting.keyed
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""

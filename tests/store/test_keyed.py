@@ -67,7 +67,7 @@ def test_work_that_comes_while_that_of_its_key_is_being_done_is_done_after_it(ke
 
 
 def test_of_each_table_the_oldest_keys_go_when_too_many_wait(keeping: Make) -> None:
-    one = keeping(most_kept=3)
+    one = keeping(most_keys=3)
     gate = threading.Event()
     one.store.submit(lambda connection: gate.wait(PATIENCE_S) and None, is_urgent=True)
     pieces = [one.store.submit(insert(f"{n}"), key=("thing", f"{n}"), within_s=1.0) for n in range(5)]
