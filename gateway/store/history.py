@@ -29,7 +29,7 @@ from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
-MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
+MOST_UNSAVED = 1000  # rows in memory while the disk is away; the oldest are lost first
 
 CURVES = ("baseline_curve", "curve")  # kinds of samples, by the id of their start
 
@@ -86,9 +86,8 @@ class HistoryStore:
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
         """Store a row; an urgent one soon, with all that was put before, others within seconds."""
-        self._put(
-            partial(_write, row=row), row[:3], BEHIND_S if is_urgent else self._collect_s
-        ).add_done_callback(on_this_loop(partial(self._note_stored, row)))
+        done = self._put(partial(_write, row=row), row[:3], BEHIND_S if is_urgent else self._collect_s)
+        done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
