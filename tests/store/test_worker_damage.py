@@ -52,9 +52,9 @@ def test_a_database_of_another_shape_is_put_aside_or_repaired(keeping: Make, pat
 def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
     dice = random.Random(1)
     whole = path.read_bytes()
-    for round_ in range(100):
+    for round_ in range(60):
         corrupted = bytearray(whole)
-        match round_ % 4:
+        match round_ % 5:
             case 0:
                 del corrupted[dice.randrange(1, len(corrupted)) :]
             case 1:
@@ -66,6 +66,8 @@ def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, pat
             case 3:
                 at = dice.choice((*range(60), *range(64, 100)))  # its version may become a later one
                 corrupted[at] ^= 1 << dice.randrange(8)
+            case 4:
+                corrupted[18] = 3  # of no version that SQLite can write [fileformat.html 1.3.4]
         path.write_bytes(corrupted)
         Path(f"{path}-wal").write_bytes(dice.randbytes(round_ * 100))
 
