@@ -65,8 +65,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     state = StateStore(
         site.state_dir / STATE_FILE,
         boot=boot.run,
-        clock=clock,
-        hold_s=HOLD_S,
         has_operators=bool(config.operators),
         publish_event=publish_event,
     )

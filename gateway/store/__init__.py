@@ -1,14 +1,14 @@
 """What outlives a run: two SQLite files, each with one thread that writes it.
 
-`schema` says what is in them, `worker` writes, `database` alone knows SQLite. From outside everything is
-imported from here.
+`schema` says what is in them, `worker` writes what waits (`waiting`), `database` alone knows SQLite. From
+outside everything is imported from here.
 """
 
 from gateway.store import backup
 from gateway.store.audit import append_note, read_audit
 from gateway.store.chain import FIRST_HASH, Head, Verification, verify
-from gateway.store.commands import INTEND_WITHIN_S, Journal, NoJournal, Remembered
-from gateway.store.database import Connection, Work, mark_restored
+from gateway.store.commands import INTEND_WITHIN_S, Journal, Remembered
+from gateway.store.database import Connection, Work
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.history import CURVES, HistoryRow, HistoryStore, read_history, with_curves
 from gateway.store.import_0_2 import import_late, is_import_due

@@ -1,54 +1,50 @@
 """The audit: a table of lines in a hash chain, of which the oldest go when it takes too much room.
 
-The chain goes on where the table's last line stands, whatever happened to the file. What stands before the
-first line is known from the anchor, which is written when lines are given up; so it shows when others were
-removed. A row says how long all lines up to it are together: to add one touches this table alone. Entries
-wait in memory, a bounded number of them, until they are written, which they do not hurry.
+The chain goes on where the table's last line stands, whatever happened to the file. Where it stood before the
+first line is known from the anchor, row 0, which is the last line that was given up; so it shows when others
+were removed. A row says how long all lines up to it are together: to add one touches this table alone.
+Entries wait in memory, a bounded number of them, until they are written, which they do not hurry.
 """
 
 from __future__ import annotations
 
-import json
-import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future
 from functools import partial
-from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.contract import AuditRecord, rfc3339
-from gateway.store.behind import Behind
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
-from gateway.store.worker import Store
-
-log = logging.getLogger(__name__)
+from gateway.store.worker import BEHIND_S, Store
+from gateway.system.supervised import on_this_loop
 
 T = TypeVar("T")
 
 MOST_BYTES = 48 * 2**20  # of all lines
 GIVEN_UP = 16  # of so many lines one goes when there is no room left
-MOST_WAITING = 5_000  # entries; what is more is lost, and counted
 
 _LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
 _PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
 _LINES = """
-    SELECT number, line FROM (SELECT number, line FROM audit ORDER BY number DESC LIMIT ?) ORDER BY number
+    SELECT number, line FROM
+    (SELECT number, line FROM audit WHERE number > 0 ORDER BY number DESC LIMIT ?) ORDER BY number
 """
-_BEFORE = "SELECT upto - length(line) FROM audit ORDER BY number LIMIT 1"
-_UPTO = "SELECT number, line FROM audit WHERE upto >= ? ORDER BY number LIMIT 1"
-_GIVE_UP = "DELETE FROM audit WHERE number <= ?"
-_ANCHOR = "SELECT body FROM documents WHERE name = 'audit'"
-_PUT_ANCHOR = "REPLACE INTO documents VALUES ('audit', ?)"
+_BEFORE = "SELECT upto - length(line) FROM audit WHERE number > 0 ORDER BY number LIMIT 1"
+_UPTO = "SELECT number FROM audit WHERE upto >= ? AND number > 0 ORDER BY number LIMIT 1"
+_GIVE_UP = "DELETE FROM audit WHERE number < ?"
+_BE_ANCHOR = "UPDATE audit SET number = 0 WHERE number = ?"
+_ANCHOR = "SELECT line FROM audit WHERE number = 0"
 
 
 class Audit:
     """Takes entries in order; returns at once. All calls on the app's loop."""
 
     def __init__(self, store: Store, *, boot: str) -> None:
-        self._behind = Behind(store, on_lost=self._note_lost)
+        self._store = store
         self._boot = boot
         self._taken = self._lost = 0
 
@@ -60,31 +56,19 @@ class Audit:
 
     def note(self, code: str, text: str) -> None:
         """Take something that an auditor should know."""
-        self._take(_note(code, text, self._boot))
-
-    def resume(self) -> None:
-        """Have what waits written; the store is open."""
-        self._behind.resume()
-
-    async def finish(self, *, within_s: float) -> None:
-        """Have all that waits written, before an orderly end."""
-        await self._behind.finish(within_s=within_s)
-        if self._behind:
-            log.error("the last %d entries of the audit could not be stored", len(self._behind))
+        self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        if len(self._behind) >= MOST_WAITING:
-            self._note_lost()
-            return
-        entries = [entry]
-        if self._lost:
-            lost, self._lost = self._lost, 0
-            entries.insert(0, _note("entries_lost", f"{lost} entries could not be stored", self._boot))
         self._taken += 1
-        self._behind.put(self._taken, partial(append, entries=entries))
+        key, work = ("audit", str(self._taken)), partial(append, entries=[entry])
+        self._store.submit(work, key=key, within_s=BEHIND_S).add_done_callback(on_this_loop(self._note_end))
 
-    def _note_lost(self) -> None:
-        self._lost += 1  # reported with the next entry that there is room for
+    def _note_end(self, future: Future[None]) -> None:
+        if future.exception() is not None:
+            self._lost += 1
+        elif self._lost:  # now that something can be stored again
+            lost, self._lost = self._lost, 0
+            self.note("entries_lost", f"{lost} entries could not be stored")
 
 
 def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:
@@ -99,22 +83,11 @@ def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> N
         _give_up(connection, upto - MOST_BYTES + MOST_BYTES // GIVEN_UP)
 
 
-def take_over(connection: Connection, lines: Sequence[str], before: Head | None, text: str) -> None:
-    """Begin an empty table with the lines of another audit, which stood at `before`, and a note of that."""
-    _put_anchor(connection, before)
-    connection.executemany(_PUT, zip(lines, accumulate(map(len, lines)), strict=True))
-    append(connection, entries=[_note("state_imported", text, "")])
-
-
 def _give_up(connection: Connection, upto: int) -> None:
-    """Delete the lines up to so many characters, and note where the chain stands after them."""
-    number, line = connection.execute(_UPTO, (upto,)).fetchone()
-    try:
-        head: Head | None = read_line(str(line))[1]
-    except ValueError:
-        head = None
-    connection.execute(_GIVE_UP, (number,))
-    _put_anchor(connection, head)
+    """Delete the lines up to so many characters; the last of them is the anchor."""
+    last = connection.execute(_UPTO, (upto,)).fetchone()
+    connection.execute(_GIVE_UP, last)
+    connection.execute(_BE_ANCHOR, last)
 
 
 def read_audit(
@@ -135,23 +108,18 @@ def read_audit(
 
 def append_note(path: Path, code: str, text: str) -> None:
     """Add a note to the audit of a gateway that does not run; StoreError."""
-    write_file(path, STATE, partial(append, entries=[_note(code, text, "")]))
+    write_file(path, STATE, partial(append, entries=[note_of(code, text, "")]))
 
 
-def _note(code: str, text: str, boot: str) -> dict[str, Any]:
+def note_of(code: str, text: str, boot: str) -> dict[str, Any]:
+    """Return an entry that says something to an auditor."""
     return {"kind": "note", "boot": boot, "time": rfc3339(time.time()), "code": code, "text": text}
 
 
 def _anchor(connection: Connection) -> Head | None:
     """Return where the chain stood before the first line; None: that is damaged."""
     row = connection.execute(_ANCHOR).fetchone()
-    if row is None:
-        return Head()
-    try:
-        fields = json.loads(row[0])
-        return Head(int(fields["n"]), str(fields["hash"]))
-    except (ValueError, KeyError, TypeError):
-        return None
+    return Head() if row is None else _head_of(row[0])
 
 
 def _end(connection: Connection) -> tuple[Head, int]:
@@ -159,15 +127,12 @@ def _end(connection: Connection) -> tuple[Head, int]:
 
     The chain begins anew where its last line is none, as verification shows.
     """
-    row = connection.execute(_LAST).fetchone()
-    if row is None:
-        return _anchor(connection) or Head(), 0
+    line, upto = connection.execute(_LAST).fetchone() or (None, 0)
+    return (line and _head_of(line)) or Head(), upto
+
+
+def _head_of(line: str) -> Head | None:
     try:
-        return read_line(str(row[0]))[1], row[1]
+        return read_line(str(line))[1]
     except ValueError:
-        return Head(), row[1]
-
-
-def _put_anchor(connection: Connection, head: Head | None) -> None:
-    fields = {"n": head and head.number, "hash": head and head.hash}
-    connection.execute(_PUT_ANCHOR, (json.dumps(fields),))
+        return None

@@ -10,10 +10,10 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
+import json
 import os
 import re
 import shutil
-import stat
 import tarfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,10 +21,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from gateway.errors import DamagedError, NewerError
-from gateway.store.database import newer_text, snapshot, stored_version, translated, write_file
+from gateway.store.database import refuse_later, snapshot, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
@@ -41,18 +41,13 @@ PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
 CHUNK_BYTES = 2**20
 
 
-class Origin(BaseModel):
-    """What every version can read in a manifest."""
+class Manifest(BaseModel):
+    """What a backup says of itself."""
 
     model_config = ConfigDict(strict=True)
 
-    format: int = FORMAT
+    format: int = FORMAT  # every version can read this and the next
     version: str  # of the gateway that made it
-
-
-class Manifest(Origin):
-    """What a backup says of itself."""
-
     made: str
     gateway: str
     config: str  # the configuration's name
@@ -147,7 +142,10 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Non
                 fileobj=file, mode="w:gz", compresslevel=PACKING, format=tarfile.PAX_FORMAT, dereference=True
             ) as tar,
         ):
-            _add_manifest(tar, facts.model_dump_json(indent=1).encode())
+            text = facts.model_dump_json(indent=1).encode()
+            info = tarfile.TarInfo(MANIFEST)
+            info.size = len(text)
+            tar.addfile(info, io.BytesIO(text))
             for member in members:
                 _add(tar, member)
         sync_file(new)
@@ -173,11 +171,11 @@ def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path
         raise DamagedError(f"{path} is no backup of a gateway: it does not begin with {MANIFEST}")
     text = _opened(tar, infos[0]).read()
     try:
-        origin = Origin.model_validate_json(text)
-        if origin.format > FORMAT:
-            raise NewerError(f"{path} was made by a later version, {origin.version} (use that one)")
+        said = json.loads(text)
+        if said["format"] > FORMAT:
+            raise NewerError(f"{path} was made by a later version, {said['version']} (use that one)")
         manifest = Manifest.model_validate_json(text)
-    except ValidationError as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise DamagedError(f"{path}: its {MANIFEST} is damaged") from error
     if list(manifest.files) != [info.name for info in infos[1:]]:
         raise DamagedError(f"{path}: its files are not those of its manifest")
@@ -198,16 +196,9 @@ def _digest(content: io.BufferedReader) -> str:
     return hashlib.file_digest(content, "sha256").hexdigest()
 
 
-def _add_manifest(tar: tarfile.TarFile, text: bytes) -> None:
-    info = tarfile.TarInfo(MANIFEST)
-    info.size = len(text)
-    tar.addfile(info, io.BytesIO(text))
-
-
 def _add(tar: tarfile.TarFile, member: Member) -> None:
     info = tar.gettarinfo(member.like, arcname=member.name)
     info.type = tarfile.REGTYPE  # also where it is like a folder
-    info.mode = stat.S_IMODE(member.like.stat().st_mode)
     with member.content.open("rb") as file:
         info.size = os.fstat(file.fileno()).st_size
         tar.addfile(info, file)
@@ -231,25 +222,19 @@ def found_versions(state_dir: Path) -> dict[str, int]:
 
 
 def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> None:
-    """Raise NewerError, naming every file that a later version of this program has written.
+    """Raise NewerError for a file that a later version of this program has written.
 
     Without `versions`, of those that are there.
     """
-    if versions is None:
-        versions = found_versions(state_dir)
-    texts = [
-        newer_text(state_dir / name, version, SCHEMAS[name])
-        for name, version in versions.items()
-        if name in SCHEMAS and version > len(SCHEMAS[name].steps)
-    ]
-    if texts:
-        raise NewerError("\n".join(texts))
+    for name, version in (found_versions(state_dir) if versions is None else versions).items():
+        if name in SCHEMAS:
+            refuse_later(version, state_dir / name, SCHEMAS[name])
 
 
 def is_upgrade_due(state_dir: Path) -> bool:
     """Return whether a file is of an earlier version, or all are."""
-    found = found_versions(state_dir)
-    return is_import_due(state_dir) or any(found[name] < len(SCHEMAS[name].steps) for name in found)
+    found = found_versions(state_dir).items()
+    return is_import_due(state_dir) or any(version < len(SCHEMAS[name].steps) for name, version in found)
 
 
 def keep_private(folder: Path) -> None:

@@ -6,8 +6,8 @@
 2. A result, its command's row and what is to be published of it are stored in one transaction.
 3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
    commands, and is written behind. The phase `written` is not: its row has said before that it may be.
-4. Until the table has been read it counts as away; also for a while after it was lost, because commands of
-   before cannot be distinguished from new ones.
+4. Until the table has been read it counts as away. A copy of a command that was lost with it is not fresh:
+   no proof outlives its connection.
 
 `starters.command.ledger` decides what is deleted, and when; there is no limit of age or number here.
 """
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -24,18 +23,16 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError
-from gateway.store.behind import Behind
 from gateway.store.database import Connection, Work
-from gateway.store.worker import Store
-from gateway.system.clock import Clock
+from gateway.store.worker import BEHIND_S, Store
 from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
-# Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
-# printed, so no client's id begins so.
+# Begins the id under which a stop without one is stored, before its starter's name. It cannot be printed, so
+# no client's id begins so.
 UNNAMED = "\t"
 
 Key = tuple[str, str]  # client and id
@@ -47,7 +44,6 @@ _PUT = """
     may_be_written = max(may_be_written, excluded.may_be_written)
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
-_FORGET_UNNAMED = "DELETE FROM commands WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
 _ROWS = "SELECT client, id, may_be_written, result FROM commands ORDER BY rowid"
 _STORED = ("starter", "verb", "phase", "code", "text", "time_s")  # of a result, besides its values
 
@@ -79,72 +75,35 @@ class Journal(Protocol):
         """Delete these commands."""
 
 
-class NoJournal(Journal):
-    """Stores nothing: the next run knows none of this run's commands."""
-
-    trouble = ""
-
-    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:  # noqa: ARG002 - Journal's shape
-        """Store nothing."""
-        if then is not None:
-            then()
-
-    async def intend(self, result: ResultRecord) -> None:
-        """Return at once."""
-
-    def forget(self, keys: Sequence[Key]) -> None:
-        """Do nothing."""
-
-
 class CommandTable(Journal):
     """Stores commands on the disk; only `intend` and `settle` wait for it."""
 
-    def __init__(
-        self, store: Store, *, clock: Clock, hold_s: float, on_slow: Callable[[float], None]
-    ) -> None:
-        self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
+    def __init__(self, store: Store, *, on_slow: Callable[[float], None]) -> None:
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
-        self._behind = Behind(store)
         self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
-        self._clock = clock
-        self._hold_s = hold_s
         self._on_slow = on_slow  # called when the disk delays a command
         self._is_recalled = False
-        self._held_until_s = 0.0  # steady clock
-        self._run = secrets.token_hex(4)  # names this run's stops without an id
 
     @property
     def trouble(self) -> str:
         """Return why nothing can be stored now; empty when it can."""
-        if self._store.trouble:
-            return self._store.trouble
-        if not self._is_recalled:
-            return "it has not been read yet"
-        wait_s = self._held_until_s - self._clock.now_s()
-        if wait_s > 0:
-            return (
-                f"it was lost: for another {wait_s:.0f} s old commands cannot be distinguished from new ones"
-            )
-        return ""
+        return self._store.trouble or ("" if self._is_recalled else "it has not been read yet")
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
-        key = self._key(result)
+        key, is_final = self._key(result), result.phase.is_final
         if key is None or result.phase is Phase.WRITTEN:
             if then is not None:
                 then()
         elif then is not None:
             self._note_and_call(key, result, then)
-        elif not result.phase.is_final:
-            self._behind.put(key, _work(key, result))
-        elif result.id:
-            self._behind.put_now(key, _work(key, result, also=self.row_of(result)))
-        else:  # a stop has ended, and cannot be repeated; a crash must not find it under way
-            self._behind.put_now(key, partial(_forget, key=key))
+        else:
+            also = self.row_of(result) if is_final and result.id else None
+            self._put(key, _work(key, result, also=also), is_urgent=is_final)
 
     def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
-        """Store a phase and call once; of a final one also when that fails or takes PUBLISH_WITHIN_S."""
+        """Store a phase and call once; of a final one also when the disk is away or too slow."""
         is_final, calls = result.phase.is_final, [then]
 
         def call() -> None:
@@ -154,7 +113,7 @@ class CommandTable(Journal):
         def store(_: object = None) -> None:
             # What was published without the disk has its row in the outbox by now.
             also = self.row_of(result) if is_final and calls else None
-            done = self._behind.put_now(key, _work(key, result, also=also))
+            done = self._put(key, _work(key, result, also=also), is_urgent=True)
             if not is_final:
                 self._untold[key] = done
             done.add_done_callback(on_this_loop(end))
@@ -165,12 +124,18 @@ class CommandTable(Journal):
             if is_final or done.exception() is None:
                 call()
 
-        if is_final:
-            asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, call)
         if key in self._untold:  # the outbox sends in the order of its rows: `accepted` gets the first
             self._untold[key].add_done_callback(on_this_loop(store))
         else:
             store()
+        if is_final:
+            within_s = 0.0 if self._store.is_away else PUBLISH_WITHIN_S
+            asyncio.get_running_loop().call_later(within_s, call)
+
+    def _put(self, key: Key, work: Work, *, is_urgent: bool = False) -> Future[Any]:
+        return self._store.submit(
+            work, key=("commands", *key), is_urgent=is_urgent, within_s=0.0 if is_urgent else BEHIND_S
+        )
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -191,39 +156,35 @@ class CommandTable(Journal):
     def forget(self, keys: Sequence[Key]) -> None:
         """Delete these commands; those that a crash leaves are deleted by the next run."""
         for key in keys:
-            self._behind.put(key, partial(_forget, key=key))
+            self._put(key, partial(_forget, key=key))
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
         for _ in range(2):  # a final phase that has waited for `accepted` is noted after that
-            await self._behind.finish(within_s=within_s)
+            await self._store.has_done(self._store.submit(lambda _: None), within_s)
 
-    def resume(self) -> None:
-        """Go on now that the store is open: read it, the first time; write what it has missed."""
-        self._behind.resume()
-        if not self._is_recalled:
-            done = self._store.submit(self._read, is_urgent=True)
-            done.add_done_callback(on_this_loop(self._recall))
+    def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
+        """Have the commands of earlier runs read, once, before any of this run is written."""
+        done = self._store.submit(_read, key=("recall",), is_urgent=True)
+        done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
     def _key(self, result: ResultRecord) -> Key | None:
         """Return where a result is stored; None for nowhere."""
         if not result.id and result.verb != STOP:
             return None
-        return result.client, result.id or f"{UNNAMED}{self._run}/{result.starter}"
+        return result.client, result.id or UNNAMED + result.starter
 
-    def _read(self, connection: Connection) -> list[Remembered]:
-        ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
-        found = connection.execute(_ROWS)
-        return [remembered(*row) for row in found if not str(row[1]).startswith(ours)]
-
-    def _recall(self, future: Future[list[Remembered]]) -> None:
-        if self._is_recalled or future.exception() is not None:
-            return  # `resume` tries again, when the store is open
+    def _recall(
+        self, on_recalled: Callable[[Sequence[Remembered]], None], future: Future[list[Remembered]]
+    ) -> None:
+        if future.exception() is not None:  # a bug: without the ledger no start is taken
+            return
         self._is_recalled = True
-        if self._store.lost_s is not None:
-            ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
-            self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
-        self.on_recalled(future.result())
+        on_recalled(future.result())
+
+
+def _read(connection: Connection) -> list[Remembered]:
+    return [remembered(*row) for row in connection.execute(_ROWS)]
 
 
 def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None:
@@ -233,15 +194,12 @@ def _put(connection: Connection, *, row: _Row, also: Work | None = None) -> None
 
 
 def _forget(connection: Connection, *, key: Key) -> None:
-    """Delete a command; of a stop without an id also those of earlier runs."""
-    client, id_ = key
-    if id_.startswith(UNNAMED):
-        connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
-    else:
-        connection.execute(_FORGET, key)
+    connection.execute(_FORGET, key)
 
 
 def _work(key: Key, result: ResultRecord, *, also: Work | None = None) -> Work:
+    if result.phase.is_final and not result.id:  # it cannot be repeated; a crash must not find it under way
+        return partial(_forget, key=key)
     return partial(_put, row=_row(key, result, may_be_written=result.verb == STOP), also=also)
 
 

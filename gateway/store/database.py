@@ -11,7 +11,6 @@ import errno
 import logging
 import os
 import sqlite3
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
@@ -39,9 +38,7 @@ SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
-_CREATE_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value REAL)"
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
-_NOTE = "REPLACE INTO meta VALUES (?, ?)"
 
 
 class FullError(StoreError):
@@ -58,7 +55,6 @@ class Schema(NamedTuple):
     def shape(self) -> list[Any]:
         """Return the SQL of everything that is in a file of the newest version."""
         with closing(sqlite3.connect(":memory:")) as connection:
-            connection.execute(_CREATE_META)
             for step in self.steps:
                 step(connection)
             return connection.execute(_SHAPE).fetchall()
@@ -69,51 +65,39 @@ class Database:
 
     def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
         self.path = path or Path(":memory:")
-        self.lost_s: float | None = None
         self._is_file = path is not None
         self._schema = schema
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
+        self.on_lost: Callable[[str], object] = lambda _: None  # gets what people should know of it
         self._reserve = Reserve(path)
         self._connection: Connection | None = None
-        self._is_flushing = True
-        self._place: tuple[int, int] | None = None
-        self._is_lost = False  # the file is gone, and no new one is open yet
 
     @property
     def is_open(self) -> bool:
         """Return whether work can be done."""
         return self._connection is not None
 
-    def leave_if_gone(self) -> None:
-        """Close the file when it is no longer the one of its name; SQLite itself would not notice."""
-        if self.is_open and self._is_file and self._place != _place(self.path):
-            self.close()
-            self._is_lost = True
-
-    def open(self) -> str:
-        """Open or create the file; return how the one before it was lost, if it was. StoreError."""
-        lost = f"{self.path} was removed while in use; a new one is used" if self._is_lost else ""
+    def open(self) -> None:
+        """Open or create the file; one that is damaged is put aside. StoreError."""
         if self._is_file:
             with translated(self.path):
                 self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
             self._connect()
         except DamagedError as error:
-            return self.replace(error)
+            self.replace(error)
         except FullError:
             if not self._reserve.give_up():
                 raise
             self._connect()
-        return lost
 
-    def replace(self, error: DamagedError) -> str:
-        """Put the file aside and open a new one; return what people should know of it."""
+    def replace(self, error: DamagedError) -> None:
+        """Put the file aside and open a new one. StoreError."""
         self.close()
         with translated(self.path):
             aside = put_aside(self.path) if self._is_file else self.path
-        self._is_lost = True
+        self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
         self._connect()
-        return f"{error}; put aside as {aside.name}, a new one is used"
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
@@ -123,9 +107,7 @@ class Database:
         """
         connection = self._opened()
         with translated(self.path):
-            if is_flushed != self._is_flushing:
-                _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
-                self._is_flushing = is_flushed
+            _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
             connection.execute("BEGIN IMMEDIATE")
             try:
                 answers = [work(connection) for work in works]
@@ -190,26 +172,25 @@ class Database:
                 os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
-                self._prepare(connection, is_there=is_there)
+                self._prepare(connection)
             except BaseException as error:
                 connection.close()
-                if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
+                # Our own SQL does not fit to what is there, or its header forbids to write it.
+                is_locked = _code(error) == sqlite3.SQLITE_READONLY and os.access(self.path, os.W_OK)
+                if _code(error) == sqlite3.SQLITE_ERROR or is_locked:
                     raise DamagedError(f"{self.path}: {error}") from error
                 raise
         self._connection = connection
-        self._place = _place(self.path)
-        self._is_lost = False
 
-    def _prepare(self, connection: Connection, *, is_there: bool) -> None:
-        """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
+    def _prepare(self, connection: Connection) -> None:
+        """Make sure that the file is ours, whole, writable, and of this version."""
         connection.text_factory = _text
-        version, is_lost = 0, self._is_lost
+        version = 0
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
-            version = _version(connection, self.path, self._schema)
+            version = _known_version(connection, self.path, self._schema)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
                 raise DamagedError(f"{self.path} is damaged")
         else:
-            is_lost = is_lost or is_there
             _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
             _ask(connection, "PRAGMA auto_vacuum = INCREMENTAL")  # so that a full disk gets room back
         if _ask(connection, "PRAGMA journal_mode = WAL") != "wal" and self._is_file:
@@ -222,30 +203,21 @@ class Database:
             f"wal_autocheckpoint = {LOGGED_PAGES}",
         ):
             _ask(connection, f"PRAGMA {setting}")
-        self._is_flushing = True
         connection.execute("BEGIN IMMEDIATE")
-        if not version:
-            connection.execute(_CREATE_META)
         for step in self._schema.steps[version:]:
             step(connection)
         connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
         connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
-        is_restored = connection.execute("DELETE FROM meta WHERE key = 'restored_s'").rowcount > 0
-        if is_lost or is_restored:
-            connection.execute(_NOTE, ("lost_s", time.time()))
         connection.execute("COMMIT")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
-        lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
-        self.lost_s = lost_s if isinstance(lost_s, float) else None
 
 
 def snapshot(path: Path, copy: Path, schema: Schema) -> int:
     """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
 
-    The copy appears whole and on the disk, for its owner alone, or not at all. A gateway that runs by it
-    later takes the file for one that was lost: what has happened since is missing in it. DamagedError,
-    NewerError, StoreError.
+    The copy appears whole and on the disk, for its owner alone, or not at all. DamagedError, NewerError,
+    StoreError.
     """
     if path.exists() and not os.access(path, os.R_OK):
         raise StoreError(f"{path} may not be read by this user (make the backup as root)")
@@ -254,18 +226,11 @@ def snapshot(path: Path, copy: Path, schema: Schema) -> int:
         new.unlink(missing_ok=True)
         os.close(private(str(new), os.O_RDWR | os.O_CREAT))
         with translated(path), closing(_reader(path)) as source:
-            version = _version(source, path, schema)
+            version = _known_version(source, path, schema)
             source.execute("VACUUM INTO ?", (str(new),))
-        mark_restored(new)
         sync_file(new)
         put_in_place(new, copy)
     return version
-
-
-def mark_restored(path: Path) -> None:
-    """Note in a copy that it is one: the next gateway to open it takes the file before it for lost."""
-    with translated(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        connection.execute(_NOTE, ("restored_s", time.time()))
 
 
 def stored_version(path: Path, schema: Schema) -> int | None:
@@ -273,7 +238,7 @@ def stored_version(path: Path, schema: Schema) -> int | None:
     with suppress(OSError, StoreError, sqlite3.Error):
         if path.is_file():
             with translated(path), closing(_reader(path, is_idle=True)) as connection:
-                return _ours(*_marks(connection), schema)
+                return _version(connection, path, schema)
     return None
 
 
@@ -285,7 +250,7 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is
     with translated(path):
         os.stat(path)
         with closing(_reader(path, is_idle=is_idle)) as connection:
-            _version(connection, path, schema)
+            _known_version(connection, path, schema)
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             try:
                 return work(connection)
@@ -323,30 +288,28 @@ def _text(octets: bytes) -> str:
     return octets.decode("utf-8", "replace")
 
 
-def _marks(connection: Connection) -> tuple[int, int]:
-    return _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
-
-
-def _ours(application: int, version: int, schema: Schema) -> int | None:
-    return version if application == schema.application_id and 1 <= version <= LAST_VERSION else None
-
-
 def _version(connection: Connection, path: Path, schema: Schema) -> int:
-    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
-    version = _ours(*_marks(connection), schema)
-    if version is None:
+    """Return a file's version, also a later one; DamagedError for another program's file."""
+    application, version = (_ask(connection, f"PRAGMA {each}") for each in ("application_id", "user_version"))
+    if application != schema.application_id or not 1 <= version <= LAST_VERSION:
         raise DamagedError(f"{path} is another program's")
-    if version > len(schema.steps):
-        raise NewerError(newer_text(path, version, schema))
+    return int(version)
+
+
+def _known_version(connection: Connection, path: Path, schema: Schema) -> int:
+    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
+    version = _version(connection, path, schema)
+    refuse_later(version, path, schema)
     return version
 
 
-def newer_text(path: Path, version: int, schema: Schema) -> str:
-    """Return what is wrong with a file that a later version of this program has written."""
-    return (
-        f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
-        "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
-    )
+def refuse_later(version: int, path: Path, schema: Schema) -> None:
+    """Raise NewerError for a file that a later version of this program has written."""
+    if version > len(schema.steps):
+        raise NewerError(
+            f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
+            "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
+        )
 
 
 @contextmanager
@@ -386,14 +349,6 @@ def _is_index_full(error: sqlite3.Error) -> bool:
 def _ask(connection: Connection, sql: str) -> Any:
     row = connection.execute(sql).fetchone()
     return None if row is None else row[0]
-
-
-def _place(path: Path) -> tuple[int, int] | None:
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
 
 
 def put_aside(path: Path) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -16,10 +17,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.behind import Behind, is_done_within
-from gateway.store.database import Connection, read_file, write_file
+from gateway.store.database import Connection, read_file, translated, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
+from gateway.store.worker import BEHIND_S, Store
 
 T = TypeVar("T")
 
@@ -30,14 +31,14 @@ _PUT = "REPLACE INTO documents VALUES (?, ?)"
 
 
 class Documents:
-    """All documents of a gateway, as an earlier run left them; without `behind` nothing is saved.
+    """All documents of a gateway, as an earlier run left them; without a store nothing is saved.
 
     While `is_operated` is False, documents that only commands need are not saved.
     """
 
     def __init__(
         self,
-        behind: Behind | None = None,
+        store: Store | None = None,
         path: Path | None = None,
         *,
         is_operated: bool = True,
@@ -45,7 +46,7 @@ class Documents:
     ) -> None:
         self.is_operated = is_operated
         self.damage = ""  # why nothing is known from earlier; empty: it is
-        self._behind = behind
+        self._store = store
         self._publish_event = publish_event
         self._bodies: dict[str, str] = {}
         self._documents: list[Document[Any]] = []
@@ -68,12 +69,16 @@ class Documents:
         So long as `delay_s` a change may wait for others.
         """
 
-        def save() -> None:
-            if self._behind is not None and (self.is_operated or not is_for_operators):
-                body = self._bodies[name] = kind.dump_json(provide()).decode()
-                self._behind.put(name, partial(put_body, name=name, body=body))
+        def save(within_s: float) -> Future[None] | None:
+            if self._store is None or not (self.is_operated or not is_for_operators):
+                return None
+            body = self._bodies[name] = kind.dump_json(provide()).decode()
+            work = partial(put_body, name=name, body=body)
+            return self._store.submit(
+                work, key=("documents", name), is_urgent=not within_s, within_s=within_s
+            )
 
-        document: Document[T] = Document(name, save, self._behind, delay_s=delay_s)
+        document: Document[T] = Document(save, self._store, delay_s=delay_s)
         self._documents.append(document)
         document.damage = self.damage
         try:
@@ -83,11 +88,6 @@ class Documents:
             if self._publish_event is not None:
                 self._publish_event(EventCode.MEMORY_DAMAGED, damage=error)
         return document
-
-    def resume(self) -> None:
-        """Have what the disk has missed saved, now that it is back."""
-        if self._behind is not None:
-            self._behind.resume()
 
     def save_all(self) -> None:
         """Save all documents again: the file was lost."""
@@ -102,12 +102,14 @@ class Documents:
 class Document(Generic[T]):
     """One document. All calls on the app's loop."""
 
-    def __init__(self, name: str, save: Callable[[], None], behind: Behind | None, *, delay_s: float) -> None:
+    def __init__(
+        self, save: Callable[[float], Future[None] | None], store: Store | None, *, delay_s: float
+    ) -> None:
         self.loaded: T | None = None  # by an earlier run
         self.damage = ""  # why it is not known what an earlier run saved
-        self._name = name
-        self._save = save
-        self._behind = behind
+        self._save = save  # within so long
+        self._store = store
+        self._saving: Future[None] | None = None
         self._delay_s = delay_s
         self._timer: asyncio.TimerHandle | None = None  # while a change waits for others
 
@@ -118,33 +120,29 @@ class Document(Generic[T]):
 
     async def saved(self, *, within_s: float = SAVED_WITHIN_S) -> bool:
         """Return whether everything up to now is on the disk, after waiting for that at most so long."""
-        if self._timer is not None:
-            self._write()
-        if self._behind is None or self._name not in self._behind:
+        if self._timer is not None or (self._saving is not None and not self._saving.done()):
+            self._write(0.0)
+        if self._store is None or self._saving is None:
             return True
-        return await is_done_within(self._behind.hurry(self._name), within_s)
+        return await self._store.has_done(self._saving, within_s)
 
-    def _write(self) -> None:
+    def _write(self, within_s: float = BEHIND_S) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None
-        self._save()
+        self._saving = self._save(within_s)
 
 
 def read_bodies(path: Path | None) -> dict[str, str]:
     """Return the documents in a file, by name; those of 0.2.0 while there is no file. StoreError."""
-    if path is None or not path.parent.exists():
+    if path is None:
         return {}
-    return documents_of_0_2(path.parent) if is_import_due(path.parent) else _read_bodies(path)
-
-
-def _read_bodies(path: Path) -> dict[str, str]:
-    try:
-        return read_file(path, STATE, _bodies)
-    except StoreError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            return {}
-        raise
+    with translated(path):
+        if is_import_due(path.parent):
+            return documents_of_0_2(path.parent)
+        return (
+            read_file(path, STATE, lambda file: dict(file.execute(_READ).fetchall())) if path.exists() else {}
+        )
 
 
 def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
@@ -176,7 +174,3 @@ def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
 def _first_mistake(error: ValidationError) -> str:
     first = error.errors(include_url=False, include_input=False)[0]
     return f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
-
-
-def _bodies(connection: Connection) -> dict[str, str]:
-    return dict(connection.execute(_READ).fetchall())

@@ -13,21 +13,23 @@ import asyncio
 import json
 import time
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import StoreError, UnstorableError
+from gateway.errors import UnstorableError
 from gateway.store.database import Connection, Work, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.worker import BEHIND_S, RETRY_S, News, OnNews, Store
+from gateway.store.waiting import Key
+from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
-MOST_UNSAVED = 500  # rows in memory while the disk is away; the oldest are lost first
+MOST_UNSAVED = 1000  # rows in memory while the disk is away; the oldest are lost first
 
 CURVES = ("baseline_curve", "curve")  # kinds of samples, by the id of their start
 
@@ -72,49 +74,28 @@ class HistoryStore:
         collect_s: float = COLLECT_S,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, prepare=prepare)
+        self._store = Store(path, HISTORY, retry_s=retry_s, most_keys=MOST_UNSAVED, prepare=prepare)
         self._collect_s = collect_s
-        self._waiting: dict[tuple[str, str, str], HistoryRow] = {}  # not handed to the thread yet
-        self._copies: dict[tuple[str, str], Work] = {}  # by starter and kind, of rows that are to be copied
-        self._timer: asyncio.TimerHandle | None = None
-        self._is_away = False
-        self._on_news: OnNews = lambda *_: None
-        self._on_stored: Callable[[Sequence[HistoryRow]], None] = lambda _: None
+        self._copies = count()  # each is made, in their order
+        self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
-    def start(self, on_news: OnNews, on_stored: Callable[[Sequence[HistoryRow]], None]) -> None:
-        """Begin; the file is opened in the thread. `on_stored` gets the rows of each transaction."""
-        self._on_news, self._on_stored = on_news, on_stored
-        self._store.start(on_this_loop(self._report))
+    def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
+        """Begin; the file is opened in the thread. `on_stored` gets each row that is on the disk."""
+        self._on_stored = on_stored
+        self._store.start(on_this_loop(on_news))
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
-        """Store a row; an urgent one now, with all that was put before it, any other within a few seconds."""
-        self._wait(row)
-        if is_urgent:
-            self.flush()
-        elif self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(self._collect_s, self.flush)
+        """Store a row; an urgent one soon, with all that was put before, others within seconds."""
+        done = self._put(partial(_write, row=row), row[:3], BEHIND_S if is_urgent else self._collect_s)
+        done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
-        self.flush()
-        self._copies[starter, to_kind] = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._copy()
-
-    def flush(self) -> None:
-        """Hand everything that waits to the thread, as one transaction."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        if self._waiting and not self._is_away:
-            rows, self._waiting = tuple(self._waiting.values()), {}
-            future = self._store.submit(partial(_write, rows=rows), within_s=BEHIND_S)
-            future.add_done_callback(on_this_loop(partial(self._when_done, rows)))
+        work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
+        self._put(work, (starter, to_kind, "copy", str(next(self._copies))), BEHIND_S)
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
-        if self._is_away:
-            raise StoreError(self._store.trouble)
-        self.flush()
         work = partial(_rows, starter=starter, kinds=kinds)
         return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
 
@@ -128,43 +109,14 @@ class HistoryStore:
 
     async def close(self, *, within_s: float) -> bool:
         """Close the file when all is written; return whether there was time for it."""
-        self.flush()
-        return await asyncio.to_thread(self._store.close, within_s=within_s)
+        return await asyncio.to_thread(self._store.close, within_s=within_s) and not self._store.unsaved
 
-    def _wait(self, row: HistoryRow) -> None:
-        self._waiting.pop(row[:3], None)
-        self._waiting[row[:3]] = row
-        if len(self._waiting) > MOST_UNSAVED:
-            del self._waiting[next(iter(self._waiting))]
+    def _put(self, work: Work, key: Key, within_s: float) -> Future[None]:
+        return self._store.submit(work, key=("history", *key), within_s=within_s)
 
-    def _copy(self) -> None:
-        """Copy what is to be copied; what cannot be waits until the disk is back."""
-        copies, self._copies = self._copies, {}
-        for place, work in copies.items():
-            future = self._store.submit(work, is_flushed=False)
-            future.add_done_callback(on_this_loop(partial(self._when_copied, place, work)))
-
-    def _when_copied(self, place: tuple[str, str], work: Work, future: Future[None]) -> None:
-        error = future.exception()
-        if error is not None and not isinstance(error, UnstorableError):
-            self._copies.setdefault(place, work)
-
-    def _when_done(self, rows: Sequence[HistoryRow], future: Future[None]) -> None:
-        """Have rows that could not be written wait again, before those that came later."""
-        error = future.exception()
-        if error is None or isinstance(error, UnstorableError):
-            self._on_stored(rows)
-            return
-        later, self._waiting = self._waiting, {}
-        for row in (*rows, *later.values()):
-            self._wait(row)
-
-    def _report(self, news: News, text: str) -> None:
-        self._is_away = news is News.AWAY
-        if news is News.OPEN:
-            self.flush()
-            self._copy()
-        self._on_news(news, text)
+    def _note_stored(self, row: HistoryRow, future: Future[None]) -> None:
+        if isinstance(future.exception(), UnstorableError | None):
+            self._on_stored(row)
 
 
 def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
@@ -183,12 +135,11 @@ def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:
     ]
 
 
-def _write(connection: Connection, *, rows: Iterable[HistoryRow]) -> None:
-    """Store rows, and delete those that are too many now."""
-    for row in rows:
-        packed = zlib.compress(json.dumps(row.data, separators=(",", ":")).encode(), wbits=_WINDOW_BITS)
-        connection.execute(_PUT, (row.starter, row.kind, row.id, time.time(), packed))
-        connection.execute(_PRUNE, (row.starter, row.kind, row.starter, row.kind, row.limit))
+def _write(connection: Connection, *, row: HistoryRow) -> None:
+    """Store a row, and delete those of its kind that are too many now."""
+    packed = zlib.compress(json.dumps(row.data, separators=(",", ":")).encode(), wbits=_WINDOW_BITS)
+    connection.execute(_PUT, (row.starter, row.kind, row.id, time.time(), packed))
+    connection.execute(_PRUNE, (row.starter, row.kind, row.starter, row.kind, row.limit))
 
 
 def _copy(connection: Connection, *, starter: str, kind: str, id_: str, to_kind: str) -> None:

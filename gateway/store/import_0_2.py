@@ -26,12 +26,13 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import partial
+from itertools import accumulate, count
 from pathlib import Path
 from typing import Any
 
 from gateway.errors import StoreError
 from gateway.store import audit
-from gateway.store.chain import Head, read_line
+from gateway.store.chain import Head, canonical, read_line
 from gateway.store.commands import remembered
 from gateway.store.database import (
     Connection,
@@ -67,7 +68,6 @@ OURS = {HISTORY_FILE: HISTORY, STATE_FILE: STATE}  # the state is the last: with
 SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
-_LOST = "SELECT key, value FROM meta WHERE key IN ('lost_s', 'restored_s')"
 _SAID = ("verb", "phase", "code", "text", "time_s")  # of a command
 _COMMANDS = (
     f"SELECT client, id, starter, may_be_written, extra, {', '.join(_SAID)} FROM ledger ORDER BY rowid"
@@ -187,7 +187,7 @@ def _put_in_place(path: Path) -> None:
 
 
 def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: list[str]) -> None:
-    """Copy each part that can be read; where one is missing, commands of before are not known for sure."""
+    """Copy each part that can be read."""
     for part in PARTS[schema]:
         try:
             part(state_dir, connection)
@@ -195,18 +195,15 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: 
             raise  # ours has no room
         except (StoreError, OSError, ValueError, TypeError) as error:
             problems.append(f"left out of what 0.2.0 had stored: {error}")
-            connection.execute("REPLACE INTO meta VALUES ('restored_s', 0.0)")
 
 
 def _copy_commands(state_dir: Path, connection: Connection) -> None:
-    """Copy the commands, and when their file was lost."""
+    """Copy the commands, all or none."""
     path, commands = state_dir / COMMANDS, []
     for client, id_, starter, may_be_written, extra, *said in _read(path, _COMMANDS):
         result = dict(zip(_SAID, said, strict=True), starter=starter, values=json.loads(extra))
         commands.append((client, id_, starter, may_be_written, json.dumps(result)))
         remembered(client, id_, may_be_written, json.dumps(result))
-    marks = _read(path, _LOST)
-    connection.executemany("REPLACE INTO meta VALUES (?, ?)", marks)
     connection.executemany("INSERT INTO commands VALUES (?, ?, ?, ?, ?)", commands)
 
 
@@ -249,7 +246,11 @@ def _copy_audit(state_dir: Path, connection: Connection) -> None:
         before = _last_head(older[-1])
     if newest:
         lines = [line for path in newest for line in _lines(path)]
-        audit.take_over(connection, lines, before, f"from {state_dir}/audit, which 0.2.0 has written")
+        anchor = canonical({"n": before.number, "hash": before.hash}) if before else ""
+        rows = zip(count(), (anchor, *lines), (0, *accumulate(map(len, lines))), strict=False)
+        connection.executemany("INSERT INTO audit (number, line, upto) VALUES (?, ?, ?)", rows)
+        text = f"from {state_dir}/audit, which 0.2.0 has written"
+        audit.append(connection, entries=[audit.note_of("state_imported", text, "")])
 
 
 PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HISTORY: (_copy_history,)}

@@ -13,26 +13,24 @@ from pathlib import Path
 
 from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
 from gateway.store.audit import Audit
-from gateway.store.behind import Behind
 from gateway.store.commands import CommandTable, Remembered
 from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
 from gateway.store.worker import RETRY_S, News, OnNews, Store
-from gateway.system.clock import Clock
 from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
-CLOSE_WITHIN_S = 2.0
+CLOSE_WITHIN_S = 4.0
 SETTLE_WITHIN_S = 2.0
 
 
 class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
-    `hold_s` is how long an old command might still pass for a new one. Without operators it is no error, only
-    a warning, when nothing can be stored. `follow` passes the store's news on, after the parts of this.
+    Without operators it is no error, only a warning, when nothing can be stored. `follow` passes the store's
+    news on, after the parts of this.
     """
 
     takes = (AuditRecord,)
@@ -42,8 +40,6 @@ class StateStore:
         path: Path | None,
         *,
         boot: str,
-        clock: Clock,
-        hold_s: float,
         has_operators: bool,
         publish_event: PublishEvent,
         retry_s: float = RETRY_S,
@@ -51,10 +47,8 @@ class StateStore:
         self._publish_event = publish_event
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
-        self.documents = Documents(
-            Behind(self.store), path, is_operated=has_operators, publish_event=publish_event
-        )
-        self.commands = CommandTable(self.store, clock=clock, hold_s=hold_s, on_slow=self._note_slow)
+        self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
+        self.commands = CommandTable(self.store, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
         self._followers: list[OnNews] = []
         self._is_away = False
@@ -65,7 +59,7 @@ class StateStore:
 
     def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
-        self.commands.on_recalled = on_recalled
+        self.commands.recall(on_recalled)
         self.store.start(on_this_loop(self._on_news))
         self._audit.note("gateway_started", f"version {version}")
 
@@ -86,9 +80,9 @@ class StateStore:
     async def close(self, reason: str) -> None:
         """Write what waits, as far as the disk lets us."""
         self._audit.note("gateway_ended", reason)
-        await self._audit.finish(within_s=CLOSE_WITHIN_S)
-        if not await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S):
-            log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
+        is_done = await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S)
+        if not is_done or self.store.unsaved:
+            log.error("the last %d commands, documents and audit entries are not stored", self.store.unsaved)
 
     def _note_slow(self, seconds: float) -> None:
         self._publish_event(EventCode.STORE_SLOW, severity=self._severity(), seconds=seconds)
@@ -100,9 +94,6 @@ class StateStore:
                 if self._is_away:
                     self._publish_event(EventCode.STORE_AVAILABLE)
                 self._is_away = False
-                self.commands.resume()
-                self.documents.resume()
-                self._audit.resume()
             case News.AWAY:
                 self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
                 self._is_away = True

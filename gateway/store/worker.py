@@ -1,33 +1,34 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 The caller never waits for the disk. A piece's future completes when its transaction is on the disk. Urgent
-pieces are done first. A small piece that may wait rides with the next transaction, whatever that is for: a
-transaction of its own would cost 8 KiB or more. All others follow in batches; a batch ends after 500 pieces,
-after 50 ms, or when an urgent one comes.
+pieces are done first. All others follow in batches; a batch ends after 500 pieces, after 50 ms, or when an
+urgent one comes.
 
 WAL with synchronous FULL survives a power cut, if the disk flushes when asked to (sqlite.org/pragma.html,
 synchronous). A bad file never stops the gateway: a damaged or foreign one is set aside, a failed write is
-reported to its caller, and the file is tried again. On a full disk only what deletes is done, by means of a
-reserve.
+reported to its caller, and the file is tried again. Work with a key waits for that. On a full disk only what
+deletes is done, by means of a reserve.
 """
 
 from __future__ import annotations
 
+import asyncio
 import enum
 import logging
 import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.errors import DamagedError, StoreError, UnstorableError
 from gateway.store.database import Connection, Database, FullError, Schema, Work
+from gateway.store.waiting import MOST_WAITING, Key, Piece, Waiting
+from gateway.system.supervised import is_set_within, on_this_loop
 
 log = logging.getLogger(__name__)
 
@@ -36,9 +37,6 @@ T = TypeVar("T")
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
-MOST_WAITING = 10_000  # pieces
-MOST_AT_ONCE = 500  # pieces in one transaction
-MOST_RIDING = 20  # pieces that an urgent one takes along
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
 BATCH_S = 0.05  # of one transaction, while there is more to do
 
@@ -68,14 +66,14 @@ class Store:
         *,
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
+        most_keys: int = MOST_WAITING,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._prepare: Callable[[], object] | None = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
+        self._file.on_lost = partial(self._report, News.LOST)
         self._on_news: OnNews = lambda *_: None
-        self._urgent: deque[_Piece] = deque()
-        self._riding: deque[_Piece] = deque()
-        self._others: deque[_Piece] = deque()
+        self._waiting = Waiting(most_keys)
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._trouble = "it is not open yet"
@@ -96,12 +94,17 @@ class Store:
     @property
     def is_unreadable(self) -> bool:
         """Return whether not even reading is possible; on a full disk it is. False before the first try."""
-        return self._busy_s() > HANG_S or (self._reported is News.AWAY and not self._file.is_open)
+        return self._busy_s() > HANG_S or (self.is_away and not self._file.is_open)
 
     @property
-    def lost_s(self) -> float | None:
-        """Return when (UTC) the file before the present one was lost; None when there was none."""
-        return self._file.lost_s
+    def is_away(self) -> bool:
+        """Return whether the last attempt to store something has failed."""
+        return self._reported is News.AWAY
+
+    @property
+    def unsaved(self) -> int:
+        """Return how many pieces with a key wait for the disk."""
+        return self._waiting.keyed
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
@@ -112,6 +115,7 @@ class Store:
         self,
         work: Callable[[Connection], T],
         *,
+        key: Key | None = None,
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
@@ -119,20 +123,30 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        Urgent work is done first, then work that may wait (`within_s`) for another transaction, then the
-        others; each keeps its order among its like. Work that need not be flushed at once outlives the
-        process, but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it
-        should touch less than a quarter of the reserve.
+        Urgent work is done first, then work with a key, then the others; each keeps its order among its like,
+        and may wait (`within_s`) for a transaction that something else begins. With a key it waits for a
+        disk that is away, and newer work of that key takes its place: the future is done when the newest is
+        on the disk, or is given up. Work that need not be flushed at once outlives the process, but perhaps
+        not a power cut. Freeing work only deletes, and is done on a full disk too: it should touch less than
+        a quarter of the reserve.
         """
-        waiting = self._urgent if is_urgent else self._riding if within_s else self._others
-        piece = _Piece(work, waiting, is_flushed, is_freeing)
-        if self._is_closed or len(self._urgent) + len(self._riding) + len(self._others) >= MOST_WAITING:
-            why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
-            piece.future.set_exception(StoreError(why))
-        else:
-            waiting.append(piece)
-            self._wake.put(time.monotonic() + within_s)
-        return piece.future
+        piece = Piece(work, key, is_urgent, is_flushed, is_freeing)
+        if self._is_closed:
+            piece.future.set_exception(StoreError("the store is closed"))
+            return piece.future
+        future = self._waiting.put(piece)
+        self._wake.put(time.monotonic() + within_s)
+        return future
+
+    async def has_done(self, future: Future[Any], within_s: float) -> bool:
+        """Return whether work is done in time, for which a file that is away leaves none.
+
+        Work that is not done is not given up. On the app's loop.
+        """
+        done = asyncio.Event()
+        future.add_done_callback(on_this_loop(lambda _: done.set()))
+        await is_set_within(done, 0.0 if self.is_away else within_s)
+        return future.done() and future.exception() is None
 
     def close(self, *, within_s: float) -> bool:
         """Do what has been submitted, then close the file; return whether there was time for it."""
@@ -153,8 +167,8 @@ class Store:
         while not is_over:
             is_over = self._wait()
             self._do([])  # opens the file
-            while self._urgent or self._riding or self._others:
-                self._do(self._next_batch())  # empty when the callers have given all of it up
+            while (batch := self._waiting.take(is_away=bool(self._trouble))) is not None:
+                self._do(batch)  # empty when the callers have given all of it up
         self._file.close()
 
     def _wait(self) -> bool:
@@ -170,40 +184,34 @@ class Store:
             due_s = min(due_s, by_s)
         return False
 
-    def _next_batch(self) -> list[_Piece]:
-        urgent = _taken(self._urgent, MOST_AT_ONCE)
-        riding = _taken(self._riding, MOST_RIDING if urgent else MOST_AT_ONCE)
-        others = [] if urgent else _taken(self._others, MOST_AT_ONCE - len(riding))
-        return [piece for piece in (*urgent, *riding, *others) if piece.begin()]
-
-    def _do(self, batch: Sequence[_Piece]) -> None:
+    def _do(self, batch: Sequence[Piece]) -> None:
         """Do what there is time for in one transaction; a piece with a bug is left out of the next one."""
         self._busy_since_s = time.monotonic()
-        begun: list[_Piece] = []
+        begun: list[tuple[Piece, Work]] = []
         try:
             self._open()
-            _finish(batch, self._attempt(batch, begun))
+            self._finish(begun, self._attempt(batch, begun))
+            self._waiting.put_back(batch)
         except FullError as error:
             self._go_away(error)
             self._relieve(batch, error)
         except StoreError as error:
             self._file.close()
             self._go_away(error)
-            _fail(batch, error)
+            self._waiting.fail(batch, error)
         except Exception as error:  # the guard at the thread's top
             log.exception("store=%s a piece of work failed", self._file.path)
             failure = _unstorable(error)
-            if not begun:  # it is not a piece's, and comes again
+            if begun:
+                self._waiting.end(*begun[-1], error=failure)
+                self._waiting.put_back(batch)
+            else:  # it is not a piece's, and comes again
                 self._go_away(failure)
-            _fail(begun[-1:] or batch, failure)
-        for piece in reversed(batch):
-            if not piece.future.done():
-                piece.waiting.appendleft(piece)
+                self._waiting.fail(batch, failure)
         self._busy_since_s = None
 
     def _open(self) -> None:
-        """See to it that the file is open, where it belongs, and has room; StoreError when it is not now."""
-        self._file.leave_if_gone()
+        """See to it that the file is open, and has room; StoreError when it is not now."""
         if self._file.is_open and not self._trouble:
             return
         if time.monotonic() < self._retry_s:
@@ -211,15 +219,13 @@ class Store:
         if not self._file.is_open:
             if self._prepare is not None:
                 self._prepare()
-            lost = self._file.open()
+            self._file.open()
             self._prepare = None
-            if lost:
-                self._report(News.LOST, lost)
         self._file.take_reserve()
         self._trouble = ""
         self._report(News.OPEN, f"{self._file.path} is open")
 
-    def _attempt(self, batch: Sequence[_Piece], begun: list[_Piece]) -> list[Any]:
+    def _attempt(self, batch: Sequence[Piece], begun: list[tuple[Piece, Work]]) -> list[Any]:
         """Do the work; once more in a new file where the one in use is damaged."""
         if not batch:
             return []
@@ -227,32 +233,36 @@ class Store:
         try:
             return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
         except DamagedError as error:
-            self._report(News.LOST, self._file.replace(error))
+            self._file.replace(error)
         return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
 
-    def _in_time(self, batch: Sequence[_Piece], begun: list[_Piece]) -> Iterator[Work]:
+    def _in_time(self, batch: Sequence[Piece], begun: list[tuple[Piece, Work]]) -> Iterator[Work]:
         """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
         until_s = time.monotonic() + BATCH_S
-        had_urgent = len(self._urgent)
+        had_urgent = self._waiting.urgent
         begun.clear()
         for piece in batch:
-            if begun and (time.monotonic() > until_s or len(self._urgent) > had_urgent):
+            if begun and (time.monotonic() > until_s or self._waiting.urgent > had_urgent):
                 return
-            begun.append(piece)
-            yield piece.work
+            work = piece.work
+            begun.append((piece, work))
+            yield work
 
-    def _relieve(self, batch: Sequence[_Piece], error: FullError) -> None:
-        """Do what deletes although the disk is full; all else fails."""
-        freeing = [piece for piece in batch if piece.is_freeing]
-        _fail([piece for piece in batch if not piece.is_freeing], error)
+    def _finish(self, begun: Sequence[tuple[Piece, Work]], answers: Sequence[Any]) -> None:
+        for (piece, work), answer in zip(begun, answers, strict=True):
+            self._waiting.end(piece, work, answer)
+
+    def _relieve(self, batch: Sequence[Piece], error: FullError) -> None:
+        """Do what deletes although the disk is full; all else fails, or waits."""
+        freeing = [(piece, piece.work) for piece in batch if piece.is_freeing]
+        self._waiting.fail([piece for piece in batch if not piece.is_freeing], error)
         if freeing:
             try:
-                _finish(freeing, self._file.relieve([piece.work for piece in freeing]))
-            except StoreError as failure:
-                _fail(freeing, failure)
+                self._finish(freeing, self._file.relieve([work for _, work in freeing]))
             except Exception as failure:
-                log.exception("store=%s a piece of work failed on a full disk", self._file.path)
-                _fail(freeing, _unstorable(failure))
+                if not isinstance(failure, StoreError):
+                    log.exception("store=%s a piece of work failed on a full disk", self._file.path)
+                self._waiting.fail((piece for piece, _ in freeing), _unstorable(failure))
 
     def _go_away(self, error: StoreError) -> None:
         """Begin a pause before the next attempt, unless this error is one that the pause makes."""
@@ -268,36 +278,8 @@ class Store:
         self._on_news(news, text)
 
 
-@dataclass(slots=True)
-class _Piece:
-    work: Work
-    waiting: deque[_Piece]  # where it waits until it is done
-    is_flushed: bool
-    is_freeing: bool
-    is_begun: bool = False
-    future: Future[Any] = field(default_factory=Future)
-
-    def begin(self) -> bool:
-        """Return whether it is to be done: its caller has not given it up meanwhile."""
-        self.is_begun = self.is_begun or self.future.set_running_or_notify_cancel()
-        return self.is_begun
-
-
-def _unstorable(error: Exception) -> UnstorableError:
-    """Return what the caller gets of a bug."""
-    return UnstorableError(f"an error inside the gateway: {error!r}")
-
-
-def _taken(pieces: deque[_Piece], most: int) -> list[_Piece]:
-    return [pieces.popleft() for _ in range(min(len(pieces), most))]
-
-
-def _finish(pieces: Sequence[_Piece], answers: Sequence[Any]) -> None:
-    """Give their answers to the first pieces, for which there was time."""
-    for piece, answer in zip(pieces, answers, strict=False):
-        piece.future.set_result(answer)
-
-
-def _fail(pieces: Sequence[_Piece], error: StoreError) -> None:
-    for piece in pieces:
-        piece.future.set_exception(error)
+def _unstorable(error: Exception) -> StoreError:
+    """Return what the caller gets of a failure, which may be a bug."""
+    return (
+        error if isinstance(error, StoreError) else UnstorableError(f"an error inside the gateway: {error!r}")
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import queue
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -19,9 +18,9 @@ from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters import WRITES
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
-from gateway.store import HISTORY_FILE, STATE_FILE, News, Store, read_document
+from gateway.store import HISTORY_FILE, STATE_FILE, read_document
 from gateway.store.backup import found_versions
-from gateway.store.schema import HISTORY, SCHEMAS, STATE
+from gateway.store.schema import HISTORY, SCHEMAS
 from gateway.system.clock_steps import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
@@ -96,20 +95,6 @@ def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
     assert "locked until an operator unlocks them: pump\n" in out
     assert "not in the backup, to be given again: secret/mqtt.password, the password of login ann" in out
     assert "put each where it belongs" in out
-
-
-def test_a_ledger_that_comes_back_counts_as_lost_from_its_first_use_on(backup: Path, tmp_path: Path) -> None:
-    main(["restore", str(backup), "--to", str(tmp_path / "new")])
-    news = queue.SimpleQueue[News]()
-
-    store = Store(tmp_path / "new" / "state" / STATE_FILE, STATE)
-    store.start(lambda kind, _: news.put(kind))
-    found = store.submit(lambda connection: connection.execute("SELECT id FROM commands").fetchall()).result()
-    assert store.close(within_s=10.0)
-
-    assert news.get() is News.OPEN
-    assert store.lost_s is not None
-    assert ("c2",) in found
 
 
 def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(site: Path) -> None:

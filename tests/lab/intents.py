@@ -78,8 +78,6 @@ async def _measure(folder: Path, seconds: float, rows: int) -> None:
     state = StateStore(
         folder / "state.sqlite",
         boot="0123456789ab",
-        clock=clock,
-        hold_s=0.0,
         has_operators=True,
         publish_event=lambda *_, **__: None,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from gateway.store.database import Connection, Schema
 from gateway.store.worker import News, Store
@@ -36,12 +36,10 @@ def texts(connection: Connection) -> list[str]:
 class Keeping:
     """A store with its news, until `close`."""
 
-    def __init__(
-        self, path: Path | None, *, max_bytes: int = 2**20, prepare: Callable[[], object] = lambda: None
-    ) -> None:
+    def __init__(self, path: Path | None, *, max_bytes: int = 2**20, **options: Any) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02, prepare=prepare)
+        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02, **options)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

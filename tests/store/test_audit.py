@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from gateway.store import BEHIND_S, Connection, Store, verify
+from gateway.store import Connection, Store, verify
 from gateway.store.audit import Audit, _anchor, append
-from gateway.store.behind import AT_ONCE
 from gateway.store.schema import STATE
 from tests.store.store_rig import PATIENCE_S
 
@@ -22,7 +21,8 @@ def entries(count: int) -> list[dict[str, Any]]:
 
 def lines(connection: Connection) -> list[tuple[str, str]]:
     return [
-        (str(n), line) for n, line in connection.execute("SELECT number, line FROM audit ORDER BY number")
+        (str(n), line)
+        for n, line in connection.execute("SELECT number, line FROM audit WHERE number > 0 ORDER BY number")
     ]
 
 
@@ -40,49 +40,36 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
         assert anchor is not None
         assert anchor.number + len(left) == 350
 
-        connection.execute("DELETE FROM audit WHERE number = (SELECT min(number) FROM audit)")
+        connection.execute(
+            "DELETE FROM audit WHERE number = (SELECT min(number) FROM audit WHERE number > 0)"
+        )
         assert verify(lines(connection), after=anchor).problems != ()
 
 
-async def test_entries_that_are_too_many_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.audit.MOST_WAITING", 3)
-    store = Store(None, STATE)
+async def test_entries_that_are_too_many_are_counted_once_something_can_be_stored() -> None:
+    store = Store(None, STATE, most_keys=3)
     audit = Audit(store, boot="b")
     for number in range(7):
         audit.note("x", f"{number}")
     store.start(lambda *_: None)
-    await asyncio.wrap_future(store.submit(lines))  # after all of them
+    await asyncio.wrap_future(store.submit(lambda _: None))  # after all of them
     await asyncio.sleep(0)
-    audit.note("x", "end")
-    store.submit(lambda _: None, within_s=BEHIND_S)
     found = [line for _, line in await asyncio.wrap_future(store.submit(lines))]
     store.close(within_s=PATIENCE_S)
 
-    assert [text in line for text, line in zip(("0", "1", "2"), found, strict=False)] == [True] * 3
-    assert "4 entries could not be stored" in found[3]
-    assert "end" in found[4]
+    texts = ("4", "5", "6", "4 entries could not be stored")
+    assert [f'"text":"{text}' in line for text, line in zip(texts, found, strict=True)] == [True] * 4
 
 
-async def test_before_an_orderly_end_all_that_waits_is_written_and_nothing_twice() -> None:
-    store = Store(None, STATE)
+@pytest.mark.parametrize("is_opened", [True, False])
+async def test_before_an_orderly_end_all_that_waits_is_written_once_or_counted(*, is_opened: bool) -> None:
+    store, found = Store(None, STATE), list[tuple[str, str]]()
     audit = Audit(store, boot="b")
-    for number in range(3 * AT_ONCE):
+    for number in range(1200):
         audit.note("x", f"{number}")
-    store.start(lambda *_: None)
-    await asyncio.wrap_future(store.submit(lambda _: None))  # it is open
-    audit.note("x", "end")
-    await audit.finish(within_s=PATIENCE_S)
-    found = [line for _, line in await asyncio.wrap_future(store.submit(lines))]
+    if is_opened:
+        store.start(lambda *_: None)
+        store.submit(lambda connection: found.extend(lines(connection)))
     store.close(within_s=PATIENCE_S)
 
-    assert len(found) == 3 * AT_ONCE + 1
-    assert "end" in found[-1]
-
-
-async def test_an_audit_that_ends_without_its_last_entries_says_so(caplog: pytest.LogCaptureFixture) -> None:
-    audit = Audit(Store(None, STATE), boot="b")  # its file is never opened
-    audit.note("x", "end")
-
-    await audit.finish(within_s=PATIENCE_S)
-
-    assert "the last 1 entries of the audit could not be stored" in caplog.text
+    assert (len(found), store.unsaved) == ((1200, 0) if is_opened else (0, 1200))

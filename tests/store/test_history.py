@@ -25,7 +25,7 @@ class OpenHistory:
         self.stored: list[str] = []  # ids
         self._changed = asyncio.Event()
         self.store = HistoryStore(folder / HISTORY_FILE, retry_s=0.02, collect_s=collect_s)
-        self.store.start(self._receive, lambda rows: self.stored.extend(row.id for row in rows))
+        self.store.start(self._receive, lambda row: self.stored.append(row.id))
 
     def put(self, id_: str, *, kind: str = "start", starter: str = "p", limit: int = 3, **data: Any) -> None:
         self.store.put(HistoryRow(starter, kind, id_, data, limit), is_urgent=True)
@@ -109,5 +109,6 @@ async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order
     await here.until(News.OPEN)
 
     assert await here.ids(kind="chosen") == ["20"]
-    assert await here.ids() == [str(number) for number in range(10, MOST_UNSAVED + 10)]
+    # The copy counts too.
+    assert await here.ids() == [str(number) for number in range(11, MOST_UNSAVED + 10)]
     await here.store.close(within_s=PATIENCE_S)

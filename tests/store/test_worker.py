@@ -18,14 +18,6 @@ from gateway.store.worker import News
 from tests.store.store_rig import PATIENCE_S, Keeping, Make, insert, texts
 
 
-def test_work_is_done_in_the_order_in_which_it_was_submitted(keeping: Make) -> None:
-    one = keeping()
-    for number in range(2000):
-        one.store.submit(insert(str(number)))
-
-    assert one.do(texts) == [str(number) for number in range(2000)]
-
-
 def test_a_bug_in_one_piece_of_work_corrupts_no_other(
     keeping: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -58,7 +50,7 @@ def held_up(one: Keeping) -> tuple[threading.Event, Future[None]]:
 
 
 def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.worker.MOST_WAITING", 2)
+    monkeypatch.setattr("gateway.store.waiting.MOST_WAITING", 2)
     one = keeping()
     one.until(News.OPEN)
     gate, _ = held_up(one)

@@ -1,8 +1,7 @@
 """What must be true of a state that is older than what has happened since.
 
-1. A command that was carried out since is not in the ledger. A copy of it must not act: SQLite files of a
-   backup count as lost when they are first used, so for as long as an old command could prove itself fresh
-   none but stop is taken; `token` and `boot` are of one run anyway (docs/upgrade.md).
+1. A command that was carried out since is not in the ledger. A copy of it does not act: neither its `token`
+   nor its `issued_at` proves it fresh to another run (docs/upgrade.md).
 2. A maintenance lock that was set since is not known: each starter that may be locked is locked.
 3. Starts are as old as they were in the backup, and age by this machine's clocks from now on.
 4. Sparkplug's number of births must not be one that its hosts have just seen: it goes on half way round.
@@ -19,15 +18,12 @@ from pathlib import Path
 
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
-from gateway.contract import MAX_TTL_S
 from gateway.errors import DamagedError
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
-from gateway.starters import MAX_AHEAD_S, lock_restored
-from gateway.store import STATE_FILE, append_note, mark_restored, read_document, write_document
+from gateway.starters import lock_restored
+from gateway.store import STATE_FILE, append_note, read_document, write_document
 from gateway.system.clock_steps import ClockReading
-
-HELD = f"for {MAX_TTL_S + MAX_AHEAD_S:.0f} s after its first start the gateway takes no command but stop"
 
 
 def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) -> list[str]:
@@ -43,14 +39,13 @@ def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) 
 
 
 def note_past(state_dir: Path, what: str) -> None:
-    """Count births from elsewhere, say in the audit that this state is one of before, and mark it."""
+    """Count births from elsewhere, and say in the audit that this state is one of before."""
     path = state_dir / STATE_FILE
     with suppress(DamagedError):
         before = read_document(path, BIRTHS, NUMBER)
         if before is not None:
             write_document(path, BIRTHS, NUMBER, (before + SEQ_NUMBERS // 2) % SEQ_NUMBERS)
     append_note(path, "state_restored", what)
-    mark_restored(path)
 
 
 def give_to_owner_of(folder: Path, paths: Iterable[Path]) -> None:

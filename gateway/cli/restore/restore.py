@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
-from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
+from gateway.cli.restore.caution import give_to, give_to_owner_of, lock_all, note_past
 from gateway.config.load import load, parse
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of
@@ -193,7 +193,6 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
     what, reading = f"restored from a backup of {archive.manifest.made}", read_clocks()
     for name, stored in sorted(place.state.items()):
         archive.extract(stored, stage / name)
-    backup.refuse_newer(stage)
     backup.upgrade(stage)
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
@@ -256,5 +255,4 @@ def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
         print(f"not in the backup, to be given again: {', '.join(missing)}")
     if locked:
         print(f"locked until an operator unlocks them: {', '.join(locked)}")
-    print(HELD)
     print(f"then: starter-gateway check {place.path}")

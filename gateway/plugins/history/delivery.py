@@ -114,11 +114,10 @@ class Delivery:
                     await asyncio.gather(asyncio.wrap_future(self._latest), return_exceptions=True)
         self.release()
 
-    def note_stored(self, rows: Iterable[HistoryRow]) -> None:
+    def note_stored(self, row: HistoryRow) -> None:
         """Let the outbox delete what the history has."""
-        for row in rows:
-            if row.kind in KINDS.values():
-                self._outbox.let_go(_key(row.starter, row.kind, row.id))
+        if row.kind in KINDS.values():
+            self._outbox.let_go(_key(row.starter, row.kind, row.id))
 
     def note_left(self, keys: Iterable[str], starters: Iterable[str]) -> Sequence[str]:
         """Note what earlier runs have left in the outbox; return which of it must stay until it is stored."""

@@ -32,7 +32,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.view import StarterIo
-from gateway.store import Journal, NoJournal, Remembered
+from gateway.store import Journal, Remembered
 
 NOT_TAKEN = (  # without the ledger, what it has may say something else
     ResultCode.LEDGER_UNAVAILABLE,
@@ -61,14 +61,13 @@ class Dispatcher:
         *,
         rights: Rights,
         records: RecordWriter,
-        journal: Journal | None = None,
+        journal: Journal,
         policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
         provable_s: float = PROVABLE_S,
         set_baseline: SetBaseline = no_history,
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
-        journal = journal or NoJournal()
         self._starters = starters
         self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(

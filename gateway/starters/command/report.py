@@ -24,7 +24,7 @@ from gateway.contract import (
 from gateway.starters.command.ledger import Ledger
 from gateway.starters.command.steps import CommandStep, Life
 from gateway.starters.policy.write_budget import WriteBudget
-from gateway.store import Journal, NoJournal
+from gateway.store import Journal
 
 # What may be the case at a motor once something was written and not seen to act
 MAY_BE_TURNING = Note("may_be_turning")
@@ -70,8 +70,8 @@ class Reporting:
 
     records: RecordWriter
     ledger: Ledger
+    journal: Journal
     write_budget: WriteBudget = field(default_factory=WriteBudget)
-    journal: Journal = field(default_factory=NoJournal)
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
     def now_s(self) -> float:

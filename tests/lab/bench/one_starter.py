@@ -15,6 +15,7 @@ from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.starters import Dispatcher, Rights, StarterSetup, StarterTelemetry
+from tests.starters.world import MemoryJournal
 from tests.virtual_time import VirtualClock
 
 TRANSACTION_S = 0.02
@@ -118,7 +119,9 @@ class OneStarter:
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
         rights = Rights((Operator("alice", ("*",), ("*",)),))
-        self.dispatcher = Dispatcher({setup.name: self.telemetry}, rights=rights, records=records)
+        self.dispatcher = Dispatcher(
+            {setup.name: self.telemetry}, rights=rights, records=records, journal=MemoryJournal()
+        )
 
     async def online(self) -> None:
         """Start, answer every poll once and be identified; then forget what was said."""

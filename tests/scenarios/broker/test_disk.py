@@ -116,24 +116,23 @@ DISKS = [
         },
     ),
     row(
-        "a ledger that was lost is set aside, and for a minute only stops are taken, over a restart too",
+        "a ledger that was lost is set aside, and a new one begins; who may have been locked, is",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={
             3.0: command("pump/alice/start"),
             6.0: ["end", overwrite("state.sqlite"), "start"],
-            10.0: command("pump/alice/start"),
-            12.0: "restart",
-            16.0: [command("pump/alice/start"), command("pump/alice/stop")],
-            80.0: command("pump/alice/start"),
-            81.0: command("pump/alice/unlock"),  # who may have been locked, is
-            82.0: command("pump/alice/start"),
+            10.0: [command("pump/alice/start"), command("pump/alice/stop")],
+            14.0: command("pump/alice/unlock"),
+            15.0: command("pump/alice/start"),
         },
         then={
-            16.0: [event("store_lost"), result("start rejected ledger_unavailable")],
-            20.0: [frames("pump", START, STOP)],
-            80.9: result("start rejected locked"),
-            85.0: result("start confirmed ok"),
+            13.0: [
+                event("store_lost"),
+                seen("result/pump/alice", verb="start", code="locked"),
+                frames("pump", START, STOP),
+            ],
+            18.0: [result("start confirmed ok"), frames("pump", START, STOP, START)],
         },
     ),
     row(

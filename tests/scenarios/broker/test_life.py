@@ -326,24 +326,28 @@ MEMORY = [
             ]
         },
     ),
-    row(
-        "the state survives a kill at the very moment of a stop: it is not repeated, and reported",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={
-            4.0: command("pump/alice/start"),
-            7.0: [command("pump/alice/stop", id="s")],
-            7.1: "kill",
-            9.0: "start",
-        },
-        then={
-            20.0: [
-                seen("result/pump/alice", id="s", code="crashed", times=1),
-                lambda plant: (
-                    "" if all(at_s < 8.0 for at_s, _ in plant.starter("pump").writes) else "repeated"
-                ),
-            ]
-        },
+    *(
+        row(
+            f"the state survives a kill at the very moment of a stop {what}: not repeated, and reported once",
+            given=SSW07 + ALICE,
+            sim={"pump": QUICK},
+            at={
+                4.0: command("pump/alice/start"),
+                7.0: command("pump/alice/stop", id=id_),
+                7.1: "kill",
+                9.0: "start",
+                15.0: "restart",
+            },
+            then={
+                25.0: [
+                    seen("result/pump/alice", id=id_, code="crashed", times=1),
+                    lambda plant: (
+                        "" if all(at_s < 8.0 for at_s, _ in plant.starter("pump").writes) else "repeated"
+                    ),
+                ]
+            },
+        )
+        for what, id_ in (("with an id", "s"), ("without", None))
     ),
 ]
 

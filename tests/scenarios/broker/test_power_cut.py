@@ -50,10 +50,9 @@ class Disk:
         self._flushed: dict[Path, tuple[bytes, bytes]] = {}  # database and log
         open_, transact = Database.open, Database.transact
 
-        def opened(database: Database, **how: Any) -> str:
-            said = open_(database, **how)
+        def opened(database: Database) -> None:
+            open_(database)
             self._flush(database.path)
-            return said
 
         def transacted(database: Database, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
             used: list[Connection] = []

@@ -143,7 +143,7 @@ UPGRADES = [
         given=FOUR + ALICE,
         before=left_by_0_2,
         at={4.0: ["end", damaged("state.sqlite"), "start"], 8.0: command("mill/alice/start", id="1")},
-        then={9.0: [event("store_lost"), result("start rejected ledger_unavailable"), untouched]},
+        then={9.0: [event("store_lost"), result("start rejected locked"), untouched]},
     ),
     row(
         "a damaged document and damaged commands of 0.2.0 are left out and said, the rest is imported",
@@ -151,7 +151,7 @@ UPGRADES = [
         before=with_damaged("gateway.sqlite", "precautions.json"),
         at={3.0: command("pump/alice/unlock"), 4.0: command("pump/alice/unlock", id="c2")},
         then={
-            3.5: result("unlock rejected ledger_unavailable"),
+            3.5: result("unlock confirmed ok"),
             6.0: [
                 event("memory_damaged", severity="error"),
                 seen("starter/mill/history", boot=BOOT),
