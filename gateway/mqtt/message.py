@@ -10,13 +10,12 @@ MAX_HISTORY_ITEMS = 200  # in one message
 
 
 class Message(NamedTuple):
-    """One publication: queued until acknowledged, or replaced by the next one of its topic."""
+    """One publication; a retained one is replaced by the next one of its topic, any other is queued."""
 
     topic: str
     payload: bytes
     qos: int
     retain: bool
-    is_queued: bool = False
     is_droppable: bool = False  # goes first when the outbox is full
     correlation: bytes | None = None  # MQTT 5 only
     value: ValueRecord | None = None  # published late when a newer one replaces it before it was sent
@@ -35,7 +34,6 @@ def message_of(record: Record, base: str) -> Message:
         record.payload(),
         qos=record.QOS,
         retain=record.RETAIN,
-        is_queued=not record.RETAIN,
         is_droppable=record.IS_DROPPABLE,
         correlation=record.correlation if isinstance(record, ResultRecord) else None,
         value=record if isinstance(record, ValueRecord) else None,

@@ -316,7 +316,7 @@ class Model:
         return is_said
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
-        self.table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
+        self.table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
@@ -355,11 +355,10 @@ class Model:
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
         batches = self.doing[1] if self.doing[0] == "batches" else ()
-        gone = [*self.backlog._gone.items(), *(each for batch in batches for each in batch.gone.items())]
-        lost = {id_ for id_, each in gone if each.is_lost}
+        gone = {*self.backlog._gone, *(id_ for batch in batches for id_ in batch.gone)}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
-        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
+        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in gone if id_ + base in rows}
         oracle.doubtful |= self.deletable & stored
         for loss in self.table.losses(self.disk):
             oracle.again[KIND[loss.rank]] += loss.rows
@@ -367,7 +366,7 @@ class Model:
             oracle.again[KIND[loss.rank]] -= min(loss.rows, oracle.again[KIND[loss.rank]])
         unstored = oracle.kinds.keys() - stored - oracle.received.keys()
         unstored -= self.stored
-        waiting = {_number_of(row.payload) for row in self.backlog._memory.values()}
+        waiting = {_number_of(row.payload) for row in self.backlog._rows.values()}
         for number in self.oracle.gaps.keys() & waiting & unstored:
             del self.oracle.gaps[number]  # it is declared again
         oracle.excused |= {each for each in unstored if self._is_young(each) or each in self.staged}
@@ -455,7 +454,7 @@ def gap_of(event: Event) -> list[dict[str, Any]]:
 
 def _queued(number: int, *, is_droppable: bool) -> Message:
     payload = f"{number}".encode()
-    return Message("b/x", payload, qos=1, retain=False, is_queued=True, is_droppable=is_droppable)
+    return Message("b/x", payload, qos=1, retain=False, is_droppable=is_droppable)
 
 
 def _number_of(payload: bytes) -> int:

@@ -29,7 +29,7 @@ def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox
 ) -> None:
     message = message_of(record, "b")
 
-    assert (message.qos, message.retain, message.is_queued) == (1, False, True)
+    assert (message.qos, message.retain) == (1, False)
     assert (message.key, message.is_droppable) == (key, is_droppable)
 
 

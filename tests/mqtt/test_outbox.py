@@ -47,11 +47,11 @@ def value(number: int) -> Message:
 
 
 def event(text: str) -> Message:
-    return Message("e", text.encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
+    return Message("e", text.encode(), qos=1, retain=False, is_droppable=True)
 
 
 def result(text: str) -> Message:
-    return Message("r", text.encode(), qos=1, retain=False, is_queued=True, key=f"alice/{text}")
+    return Message("r", text.encode(), qos=1, retain=False, key=f"alice/{text}")
 
 
 def take_all(box: Outbox) -> list[Outgoing]:
@@ -174,7 +174,7 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     connect(box)
     for number in ("7", "8"):
         box.put(result(number), 0.0)
-    taken = {each.message.key: each for each in take_all(box)}
+    taken = {each.rows[0].key: each for each in take_all(box)}
     for batch in backlog.batches():
         backlog.written(batch)
 

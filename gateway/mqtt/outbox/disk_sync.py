@@ -75,7 +75,6 @@ class DiskSync:
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._outbox.backlog.is_table_away = lambda: store.is_unreadable
-        self._outbox.backlog.on_work = self._work.set
         refused = Damped(self._publish_refused, clock=clock, every_s=REFUSED_EVERY_S)
         self._outbox.on_refused = lambda topic, code: refused.put("", (topic, code))
         self._unkept = Damped(self._publish_unkept, clock=clock, every_s=REFUSED_EVERY_S)
@@ -204,7 +203,7 @@ class DiskSync:
             self._flushed_s = self._clock.now_s()
 
     def _written(self, batch: Batch, connection: Connection) -> None:
-        self._table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
+        self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
