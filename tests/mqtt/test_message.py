@@ -10,7 +10,7 @@ from gateway.contract import Record
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
+from gateway.mqtt.connection.client import MAX_INCOMING_BYTES
 from gateway.mqtt.message import message_of
 from gateway.starters import StarterSetup
 from gateway.starters.description import info_of

@@ -64,7 +64,7 @@ class Backlog:
     def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
         self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
         self._utc_of = utc_of
-        self.queues = {rank: RankQueue(WINDOWS[rank]) for rank in Rank}
+        self.queues = [RankQueue(WINDOWS[rank]) for rank in Rank]
         self._rows: dict[int, OutboxRow] = {}  # in memory
         self._bytes = 0  # in memory, but for what is held
         self._held: set[int] = set()
@@ -78,7 +78,7 @@ class Backlog:
     @property
     def is_empty(self) -> bool:
         """Return whether nothing waits, here or in the table."""
-        return not any(queue.rows for queue in self.queues.values())
+        return not any(queue.rows for queue in self.queues)
 
     @property
     def has_history(self) -> bool:
@@ -87,7 +87,7 @@ class Backlog:
 
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (those sent and in the table too), how many bytes, and since when."""
-        queues = self.queues.values()
+        queues = self.queues
         here = (id_ for queue in queues for id_ in (*queue.ids[:1], *queue.sent))
         since_s = [self._rows[id_].time_s for id_ in here]
         since_s += [queue.first_s for queue in queues if queue.beyond]
@@ -172,7 +172,7 @@ class Backlog:
 
     def give_back(self) -> None:
         """Let everything wait again that was sent and is not done."""
-        for queue in self.queues.values():
+        for queue in self.queues:
             for row in [self._rows[id_] for id_ in sorted(queue.sent)]:
                 queue.give_back(row)
                 self._leave_to_table(row)
@@ -198,7 +198,9 @@ class Backlog:
         """Return what is to be written next: what is to be deleted, then what is new."""
         found: list[Batch] = []
         needed = frozenset(self._needed.values())
-        gone = dict(islice(((id_, rank) for id_, rank in self._gone.items() if id_ not in needed), MOST_DELETED))
+        gone = dict(
+            islice(((id_, rank) for id_, rank in self._gone.items() if id_ not in needed), MOST_DELETED)
+        )
         if gone:
             self._gone = {id_: rank for id_, rank in self._gone.items() if id_ not in gone}
             found.append(Batch((), gone, self.losses.unstored(has_events=False)))
@@ -234,13 +236,13 @@ class Backlog:
 
     def expect_table(self) -> None:
         """Take it that there is a table, whose rows of earlier runs come first."""
-        for queue in self.queues.values():
+        for queue in self.queues:
             queue.upto = LOWEST
 
     def recall(self, totals: Mapping[Rank, Total], losses: Sequence[Loss]) -> None:
         """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
         self.losses.recall(losses)
-        for rank, queue in self.queues.items():
+        for rank, queue in zip(Rank, self.queues, strict=True):
             if rank in totals:
                 queue.recall(totals[rank])
             else:
@@ -248,7 +250,9 @@ class Backlog:
 
     def wanted(self, *, is_sending: bool) -> list[tuple[Rank, int]]:
         """Return what is to be read, in order to be sent or given up: the ranks, and after which row."""
-        wanting = [(rank, queue.upto) for rank, queue in self.queues.items() if queue.wants_page]
+        wanting = [
+            (rank, queue.upto) for rank, queue in zip(Rank, self.queues, strict=True) if queue.wants_page
+        ]
         return wanting if is_sending or self._excess() else []
 
     def page(self, rank: Rank, page: OutboxPage) -> None:
@@ -270,7 +274,7 @@ class Backlog:
     def lose_table(self) -> None:
         """Declare what was only in the table, which is a new one; all the rest is written again."""
         self._gone.clear()
-        for rank, queue in self.queues.items():
+        for rank, queue in zip(Rank, self.queues, strict=True):
             self._lose_beyond(rank)
             queue.bring((), HIGHEST, 0.0)
         own = self._rows.keys() - self._staged.values()  # what is staged is stored with its command's row
@@ -304,7 +308,7 @@ class Backlog:
 
     def _excess(self) -> str:
         """Return of what there is too much: of rows in memory, or of all that wait."""
-        queues = self.queues.values()
+        queues = self.queues
         for reason, rows, size in (
             (MEMORY_FULL, len(self._rows) - len(self._held), self._bytes),
             (DISK_FULL, sum(queue.rows for queue in queues), sum(queue.bytes for queue in queues)),
@@ -315,7 +319,7 @@ class Backlog:
 
     def _victim(self, reason: str) -> OutboxRow | None:
         """Return the oldest row of the lowest rank that has any; None while that is being read."""
-        for rank, queue in self.queues.items():
+        for rank, queue in zip(Rank, self.queues, strict=True):
             if reason == DISK_FULL and queue.rows > len(queue.sent):
                 return self.first(rank)
             if queue.ids:

@@ -18,14 +18,14 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
 from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import BEHIND_S, Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import BEHIND_S, Connection, News, OutboxTable, Store, Work
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 from gateway.system.supervised import is_set_within
@@ -108,8 +108,7 @@ class DiskSync:
 
     async def payloads(self, keys: Sequence[str]) -> dict[str, bytes]:
         """Return what was stored with these keys and is whole; StoreError."""
-        work = partial(self._table.payloads, keys=keys)
-        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
+        return await self._do(partial(self._table.payloads, keys=keys))
 
     async def run(self) -> None:
         """Keep the disk up to date, until cancelled."""
@@ -136,7 +135,7 @@ class DiskSync:
         self._outbox.disconnected()
         try:
             async with asyncio.timeout(within_s), self._stepping:
-                await self._write(may_wait=False)
+                await self._write()
         except (TimeoutError, StoreError) as error:
             log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
 
@@ -151,8 +150,10 @@ class DiskSync:
 
     async def _step(self, *, is_due: bool) -> bool:
         """Do what is to be done, and return whether all of it could be."""
-        self._outbox.hold_slow(self._clock.now_s())
-        self._declare()
+        now_s = self._clock.now_s()
+        self._outbox.hold_slow(now_s)
+        if self._outbox.is_connected and (gap := self._outbox.backlog.losses.declare(now_s)) is not None:
+            self._publish_event(gap)
         try:
             if not self._is_recalled:
                 await self._recall()
@@ -167,7 +168,9 @@ class DiskSync:
         return True
 
     async def _recall(self) -> None:
-        totals, keys, losses = await self._do(self._recalled)
+        """Learn what earlier runs have left."""
+        table = self._table
+        totals, keys, losses = await self._do(lambda c: (table.totals(c), table.keys(c), table.losses(c)))
         for rank, total in totals.items():
             first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
             totals[rank] = total._replace(first_s=first_s, last_s=last_s)
@@ -176,31 +179,41 @@ class DiskSync:
         self._wait_no_longer(keys)
         self._wake()
 
-    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], list[Loss]]:
-        table = self._table
-        return table.totals(connection), table.keys(connection), table.losses(connection)
+    async def _read(self) -> None:
+        """Read rows back into memory, to be sent or given up."""
+        for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
+            page = await self._do(partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS))
+            rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
+            self._outbox.backlog.page(rank, page._replace(rows=rows))
+            self._work.set()  # another page may be wanted
+            self._wake()
 
-    async def _write(self, *, may_wait: bool = True) -> None:
+    async def _write(self) -> None:
         """Write all that is to be written, as far as a full disk permits."""
         while batches := self._outbox.backlog.batches():
-            writing = (self._write_batch(batch, may_wait=may_wait) for batch in batches)
-            for outcome in await asyncio.gather(*writing, return_exceptions=True):
-                if outcome is not None:
-                    raise outcome
+            for failure in await asyncio.gather(*map(self._write_batch, batches), return_exceptions=True):
+                if failure is not None:
+                    raise failure
 
-    async def _write_batch(self, batch: Batch, *, may_wait: bool) -> None:
-        is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+    async def _write_batch(self, batch: Batch) -> None:
+        backlog = self._outbox.backlog
+        now_s = self._clock.now_s()
+        is_flushed = batch.is_flushed or now_s - self._flushed_s > FLUSH_S
         is_freeing = not batch.rows
-        within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
-        work = partial(self._written, batch)
+        may_wait = is_freeing and backlog.is_empty and self._outbox.is_connected
         try:
-            await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+            await self._do(
+                partial(self._written, batch),
+                is_flushed=is_flushed,
+                is_freeing=is_freeing,
+                within_s=BEHIND_S if may_wait else 0.0,
+            )
         except BaseException:
-            self._outbox.backlog.unwritten(batch)
+            backlog.unwritten(batch)
             raise
-        self._outbox.backlog.written(batch)
+        backlog.written(batch)
         if is_flushed:
-            self._flushed_s = self._clock.now_s()
+            self._flushed_s = now_s
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
@@ -208,39 +221,14 @@ class DiskSync:
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
 
-    async def _read(self) -> None:
-        """Read rows back into memory, to be sent or given up."""
-        for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
-            work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
-            page = await self._do(work)
-            rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
-            self._outbox.backlog.page(rank, page._replace(rows=rows))
-            self._work.set()  # another page may be wanted
-            self._wake()
-
-    async def _do(
-        self,
-        work: Callable[[Connection], T],
-        *,
-        is_flushed: bool = False,
-        is_freeing: bool = True,
-        within_s: float = 0.0,
-    ) -> T:
+    async def _do(self, work: Callable[[Connection], T], *, is_freeing: bool = True, **how: Any) -> T:
         """Have work done in the store's thread; what reads or deletes is done on a full disk too."""
-        return await asyncio.wrap_future(
-            self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-        )
+        how = {"is_flushed": False, **how}
+        return await asyncio.wrap_future(self._store.submit(work, is_freeing=is_freeing, **how))
 
     def _steady_s(self, utc_s: float) -> float:
         """Return a wall time of the past on the steady clock; the future counts as now."""
         return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
-
-    def _declare(self) -> None:
-        """Publish what was lost, once there is a connection."""
-        if self._outbox.is_connected:
-            now_s = self._clock.now_s()
-            if event := self._outbox.backlog.losses.declare(now_s):
-                self._publish_event(event)
 
     def _publish_refused(self, last: tuple[str, int], count: int) -> None:
         topic, code = last

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from gateway.contract import rfc3339
-from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
+from gateway.mqtt.connection.client import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
 from tests.end_to_end.site import PUMP, Program, site_config, write_config
 from tests.mosquitto import Certificate, StartMosquitto
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
