@@ -55,7 +55,7 @@ class Publisher:
 
     def retained(self, topic: str) -> Message | None:
         """Return the newest message of a retained topic; None once the broker has been made to forget it."""
-        return self._outbox.latest.get(topic)
+        return self._outbox.retained(topic)
 
     def wake(self) -> None:
         """Have what waits sent."""

@@ -11,13 +11,13 @@ import random
 import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
 from typing import Any, ClassVar
 from unittest.mock import patch
 
-from gateway.contract import Event, Quality, ValueRecord
+from gateway.contract import Event, EventCode, EventRecord, Phase, Quality, ResultRecord, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Batch, Bounds
@@ -27,6 +27,11 @@ from gateway.store.outbox import TABLES
 
 STARTERS, POINTS = 3, 4
 MS = 0.0011  # to which times are published
+EVENT = EventRecord(starter="p", seq=1, time_s=0.0, code=EventCode.GAP, severity="info", text="")
+RESULT = ResultRecord(
+    starter="p", client="alice", id="1", verb="stop", phase=Phase.CONFIRMED, code="ok", text="", time_s=0.0
+)
+REPLY = replace(RESULT, phase=Phase.ACCEPTED)  # no final one, which may come again
 KIND = {Rank.VALUE: "value", Rank.EVENT: "event", Rank.RESULT: "result"}
 
 
@@ -170,13 +175,13 @@ class Model:
 
     def _put_row(self, kind: str, *, is_droppable: bool) -> int:
         number = self._number(kind)
-        self.outbox.put(_queued(number, is_droppable=is_droppable), self.now_s)
+        self.outbox.put(queued("b/x", f"{number}", sort=EVENT if is_droppable else REPLY), self.now_s)
         return number
 
     def _stage(self) -> None:
         number = self._number("result")
         self.oracle.displaced.add(number)
-        message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
+        message = queued("b/x", f"{number}", sort=RESULT)
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
         self.storing.append(row)
@@ -222,8 +227,8 @@ class Model:
                 self.oracle.receive(number, f"history {self.oracle.starters[number]}")
             else:
                 self.oracle.receive(int(row.payload), KIND[row.rank])
-        if outgoing.message.value is not None:
-            self.oracle.received.setdefault(outgoing.message.value.seq, 1)
+        for number in _live(outgoing):
+            self.oracle.received.setdefault(number, 1)
 
     def acknowledge(self) -> None:
         """Let some acknowledgements of what the broker has come, a few of them refusals."""
@@ -452,9 +457,10 @@ def gap_of(event: Event) -> list[dict[str, Any]]:
     ]
 
 
-def _queued(number: int, *, is_droppable: bool) -> Message:
-    payload = f"{number}".encode()
-    return Message("b/x", payload, qos=1, retain=False, is_droppable=is_droppable)
+def queued(topic: str, text: str, *, sort: ResultRecord | EventRecord) -> Message:
+    """Return a message like those of a record, with another payload; a final result has its text as id."""
+    record = replace(sort, id=text) if isinstance(sort, ResultRecord) else sort
+    return Message(topic, text.encode(), qos=1, retain=False, record=record)
 
 
 def _number_of(payload: bytes) -> int:
@@ -463,8 +469,12 @@ def _number_of(payload: bytes) -> int:
 
 def _numbers(outgoing: Outgoing) -> Iterable[int]:
     yield from (_number_of(row.payload) for row in outgoing.rows)
-    if outgoing.message.value is not None:
-        yield outgoing.message.value.seq
+    yield from _live(outgoing)
+
+
+def _live(outgoing: Outgoing) -> Iterable[int]:
+    record = outgoing.message.record
+    return [record.seq] if isinstance(record, ValueRecord) else []
 
 
 def run(seed: int, messages: int, trouble: Trouble) -> Counter[str]:

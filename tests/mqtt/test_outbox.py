@@ -14,7 +14,7 @@ from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
-from tests.mqtt.outbox_model import TROUBLES, Trouble, run
+from tests.mqtt.outbox_model import EVENT, RESULT, TROUBLES, Trouble, queued, run
 
 WIDE = 1000  # a window that never fills
 MESSAGES, SEEDS = 3000, 3  # a hundred thousand, and twenty: tests.lab.outbox_model
@@ -47,11 +47,11 @@ def value(number: int) -> Message:
 
 
 def event(text: str) -> Message:
-    return Message("e", text.encode(), qos=1, retain=False, is_droppable=True)
+    return queued("e", text, sort=EVENT)
 
 
 def result(text: str) -> Message:
-    return Message("r", text.encode(), qos=1, retain=False, key=f"alice/{text}")
+    return queued("r", text, sort=RESULT)
 
 
 def take_all(box: Outbox) -> list[Outgoing]:

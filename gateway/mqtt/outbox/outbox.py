@@ -17,11 +17,11 @@ What goes out next (`Outbox.take`), within the broker's window of unacknowledged
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from gateway.contract import HistoryRecord, history_item
-from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared
+from gateway.contract import HistoryRecord, Record, ValueRecord, history_item
+from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared, message_at
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.store import OutboxRow, Rank
 
@@ -59,7 +59,7 @@ class Outbox:
         self._last_topic = last_topic
         self._boot = boot
         self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
-        self._latest: dict[str, Message] = {}
+        self._latest: dict[str, Record | Message] = {}  # what the newest message of a topic is made of
         self._news: dict[str, Outgoing] = {}  # by topic; not sent yet
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
         self._in_flight: dict[int, Outgoing] = {}
@@ -73,11 +73,6 @@ class Outbox:
         self.on_refused: Callable[[str, int], None] = lambda *_: None  # called with topic and reason code
 
     @property
-    def latest(self) -> Mapping[str, Message]:
-        """Return the newest message of every retained topic."""
-        return self._latest
-
-    @property
     def is_connected(self) -> bool:
         """Return whether messages go out now."""
         return self._window > 0
@@ -86,6 +81,15 @@ class Outbox:
     def is_idle(self) -> bool:
         """Return whether everything has been sent and acknowledged."""
         return not (self._opening or self._news or self._in_flight) and self.backlog.is_empty
+
+    def retained(self, topic: str) -> Message | None:
+        """Return the newest message of a retained topic; None once the broker has been made to forget it."""
+        source = self._latest.get(topic)
+        return None if source is None else message_at(topic, source)
+
+    def has(self, topic: str) -> bool:
+        """Return whether a retained topic has a message."""
+        return topic in self._latest
 
     def stage(self, message: Message, now_s: float) -> OutboxRow:
         """Return the row of a message with a key, which the caller stores; `put` then has it sent.
@@ -104,7 +108,7 @@ class Outbox:
         topic = message.topic
         news = Outgoing(self._next_number(), message, now_s)
         replaced = self._news.get(topic)
-        self._latest[topic] = message
+        self._latest[topic] = message.source
         if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
             self._news[topic] = news
         if replaced is not None:  # unsent
@@ -135,7 +139,7 @@ class Outbox:
         self._in_flight.clear()
         self.backlog.give_back()
         for news in unacknowledged:
-            if self._latest.get(news.message.topic) is news.message:
+            if self._latest.get(news.message.topic) is news.message.source:
                 self._news.setdefault(news.message.topic, news)
             else:
                 self._leave_to_history(news)
@@ -215,7 +219,7 @@ class Outbox:
     def _row(self, message: Message, now_s: float) -> OutboxRow:
         return OutboxRow(
             self._next_number(),
-            Rank.EVENT if message.is_droppable else Rank.RESULT,
+            Rank.EVENT if message.record and message.record.IS_DROPPABLE else Rank.RESULT,
             message.topic,
             message.payload,
             now_s,
@@ -238,15 +242,16 @@ class Outbox:
 
     def _late(self, news: Outgoing) -> OutboxRow | None:
         """Return a value as an item for its starter's history topic; None for any other message."""
-        record = news.message.value
-        if record is None or news.since_s is None:
+        record = news.message.record
+        if not isinstance(record, ValueRecord) or news.since_s is None:
             return None
         topic = news.message.topic.removesuffix(record.topic) + HistoryRecord.topic_of(starter=record.starter)
         return OutboxRow(news.ticket, Rank.VALUE, topic, history_item(record), news.since_s, self._boot, "")
 
     def _take_latest(self, topic: str) -> Outgoing:
         """Return the newest message of a topic: its news, or a repetition for a new connection."""
-        return self._news.pop(topic, None) or Outgoing(self._next_number(), self._latest[topic])
+        news = self._news.pop(topic, None)
+        return news or Outgoing(self._next_number(), message_at(topic, self._latest[topic]))
 
     def _next_row(self) -> OutboxRow | None:
         """Return the older of the next result and the next event; no new result waits for old events.
