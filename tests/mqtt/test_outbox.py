@@ -9,7 +9,7 @@ from types import FrameType
 import pytest
 
 from gateway.contract import Quality, ValueRecord
-from gateway.mqtt.message import Message, message_of
+from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
@@ -134,7 +134,8 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
     box.put(latest("s/p/state"), 0.0)
     for outgoing in take_all(box):
         box.acked(outgoing.ticket, 0)
-    box.forget(["s/p"], 0.0)
+    for topic in box.topics_below(["s/p"]):
+        box.put(cleared(topic), 0.0)
     taken = take_all(box)
 
     box.put(latest("s/p/state"), 0.0)

@@ -239,13 +239,20 @@ class BrokerConnection:
             self._beat(self._session)
 
     def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made again."""
+        """Send the pulse, or try again soon; what could not be sent is made again.
+
+        With each pulse a part of the history may follow, so that it does not crowd out what is live.
+        """
         if self._beating is not None:
             self._beating.cancel()
         pulse = self._hooks.pulse
         if pulse is None or self._is_outbox_shut:
             return
-        pause_s = PULSE_EVERY_S if session.publish_now(pulse()) else PULSE_RETRY_S
+        pause_s = PULSE_RETRY_S
+        if session.publish_now(pulse()):
+            pause_s = PULSE_EVERY_S
+            self._outbox.grant_history()
+            self.wake()
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:

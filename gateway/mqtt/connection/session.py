@@ -64,7 +64,7 @@ class Session:
         self._version = version
         self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
-        self._subacks: dict[int, asyncio.Future[bool]] = {}  # by packet id: whether the broker lets us
+        self._subacks: dict[int, Callable[[bool], None]] = {}  # by packet id: told whether it is permitted
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
         self._misc: asyncio.TimerHandle | None = None  # None: the broker's port never took the connection
@@ -94,7 +94,8 @@ class Session:
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
-        suback = self._subscribe(topic_filter, _options(handling=0 if with_retained else 2))
+        suback: asyncio.Future[bool] = self._loop.create_future()
+        self._ask(topic_filter, _options(handling=0 if with_retained else 2), suback.set_result)
         return bool(await self._answer(suback, "SUBACK"))
 
     def listen(self, topic: str, on_answer: Callable[[bool], None]) -> None:
@@ -165,8 +166,6 @@ class Session:
         self._close_socket()
         self._lose("closed by the gateway")
         self._connack.cancel()
-        for suback in self._subacks.values():
-            suback.cancel()
         self._subacks.clear()
         self._client.on_skip = self._client.on_ack = _ignore
         for name in CALLBACKS:  # or the two hold each other until the next whole garbage collection
@@ -209,26 +208,15 @@ class Session:
         if (sock := self._client.socket()) is not None:
             sock.close()
 
-    def _subscribe(self, topic_filter: str, options: SubscribeOptions) -> asyncio.Future[bool]:
-        """Send SUBSCRIBE and return its answer; MQTT 3.1.1 knows the quality of service alone."""
-        if self._version is Version.V5:
-            _, packet_id = self._client.subscribe(topic_filter, options=options)
-        else:
-            _, packet_id = self._client.subscribe(topic_filter, qos=options.QoS)
-        suback: asyncio.Future[bool] = self._loop.create_future()
-        if packet_id is not None:  # None: the connection is lost
-            self._subacks[packet_id] = suback
-        return suback
-
     def _ask(self, topic_filter: str, options: SubscribeOptions, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe; `on_answer` is called with whether the broker lets us, unless the connection is lost."""
+        """Subscribe; `on_answer` is called with whether the broker lets us, unless the connection is lost.
 
-        def note(suback: asyncio.Future[bool]) -> None:
-            if not suback.cancelled():
-                on_answer(suback.result())
-
-        if not self.lost.done():
-            self._subscribe(topic_filter, options).add_done_callback(note)
+        MQTT 3.1.1 knows the quality of service alone.
+        """
+        how: dict[str, Any] = {"options": options} if self._version is Version.V5 else {"qos": options.QoS}
+        _, packet_id = self._client.subscribe(topic_filter, **how)
+        if packet_id is not None:  # None: the connection is lost
+            self._subacks[packet_id] = on_answer
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
         await asyncio.wait(
@@ -329,9 +317,8 @@ class Session:
         self._connack.set_result(None)
 
     def _on_subscribe(self, _client: Any, _userdata: Any, mid: int, codes: Any, _properties: Any) -> None:
-        suback = self._subacks.pop(mid, None)
-        if suback is not None and not suback.done():
-            suback.set_result(all(code.value < FIRST_FAILURE for code in codes))
+        if (on_answer := self._subacks.pop(mid, None)) is not None:
+            self._loop.call_soon(on_answer, all(code.value < FIRST_FAILURE for code in codes))
 
     def _on_skip(self, size: int) -> None:
         if self._parts.on_skip is not None:

@@ -80,11 +80,6 @@ class Backlog:
         """Return whether nothing waits, here or in the table."""
         return not any(queue.rows for queue in self.queues)
 
-    @property
-    def has_history(self) -> bool:
-        """Return whether values wait to be published late."""
-        return self.queues[Rank.VALUE].rows > 0
-
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (those sent and in the table too), how many bytes, and since when."""
         queues = self.queues

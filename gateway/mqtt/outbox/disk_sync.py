@@ -1,12 +1,11 @@
-"""Keeps the outbox's table up to date, paces the history, and declares losses.
+"""Keeps the outbox's table up to date, and declares losses.
 
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
 1. Every LOOK_S the rows that the broker has not acknowledged are written, few values at a time, so that the
    intent of a start does not wait for all of them. Rows that are acknowledged later are deleted with the next
    ones, or in another part's transaction.
-2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
-   were replaced before they were sent are published as history, at most 200 every PACE_S.
+2. While the broker is connected, rows that memory had no room for are read back page by page.
 3. Rows that neither memory nor disk could hold are declared once, in the event `gap`.
 4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
@@ -22,7 +21,7 @@ from typing import Any, TypeVar
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
-from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.store import BEHIND_S, Connection, News, OutboxTable, Store, Work
@@ -41,13 +40,12 @@ COMPANY_S = 0.1  # starts of several motors share a transaction
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
 REFUSED_EVERY_S = 3600.0  # events, also of what the history will lack
-PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 
 
 class DiskSync:
     """Links one outbox and its table in a store; `wake` has the outbox sent.
 
-    The caller runs the two endless loops, `run` and `pace`, until `close`, and passes on the store's news.
+    The caller runs the endless loop, `run`, until `close`, and passes on the store's news.
     """
 
     def __init__(
@@ -120,15 +118,6 @@ class DiskSync:
                 is_done = await self._step(is_due=not is_woken or self._clock.now_s() >= self._due_s)
             if not is_done:
                 await asyncio.sleep(RETRY_S)
-
-    async def pace(self) -> None:
-        """Publish the history a little at a time, until cancelled."""
-        while True:
-            is_due = self._outbox.is_connected and self._outbox.backlog.has_history
-            self._outbox.grant_history(MAX_HISTORY_ITEMS if is_due else 0)
-            if is_due:
-                self._wake()
-            await asyncio.sleep(PACE_S)
 
     async def close(self, *, within_s: float) -> None:
         """Write what was not sent; nothing is sent any more."""

@@ -21,11 +21,12 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, Record, ValueRecord, history_item
-from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, cleared, message_at
+from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, message_at
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.store import OutboxRow, Rank
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
+HISTORY_ITEMS = 1000  # that are published late, for each pulse of the connection
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
 IN_MEMORY = Bounds(20_000, 16 * 2**20)
 IN_TABLE = Bounds(400_000, 48 * 2**20)  # of a file of 256 MiB, which has the audit too
@@ -116,11 +117,10 @@ class Outbox:
         if not self._window:
             self._hold(news)
 
-    def forget(self, branches: Iterable[str], now_s: float) -> None:
-        """Make the broker forget every retained topic below these."""
+    def topics_below(self, branches: Iterable[str]) -> list[str]:
+        """Return the retained topics below these that have a message."""
         below = tuple(f"{branch}/" for branch in branches)
-        for topic in [topic for topic in self._latest if topic.startswith(below)]:
-            self.put(cleared(topic), now_s)
+        return [topic for topic in self._latest if topic.startswith(below)]
 
     def connected(self, window: int) -> None:
         """Begin a connection on which `window` messages may be unacknowledged."""
@@ -174,7 +174,7 @@ class Outbox:
             self._in_flight[taken.ticket] = taken
         return taken
 
-    def grant_history(self, items: int = MAX_HISTORY_ITEMS) -> None:
+    def grant_history(self, items: int = HISTORY_ITEMS) -> None:
         """Allow this many more values to be published late; an earlier credit is void."""
         self._history_credit = items
 
