@@ -178,7 +178,7 @@ class BrokerConnection:
         session = Session(
             self.settings,
             self._attempts.version,
-            SessionParts(self._hooks.will(), self._take, self._acked, on_skip=self._skipped),
+            SessionParts(self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")),
         )
         try:
             await session.connect()
@@ -225,9 +225,6 @@ class BrokerConnection:
     def _report(self, trouble: str, *, is_connected: bool) -> None:
         if not self._closing.is_set():
             self._news.report(trouble, self._attempts.version, is_connected=is_connected)
-
-    def _skipped(self, notice: Event) -> None:
-        self._lost(notice, "")
 
     def _lost(self, notice: Event | None, reason: str) -> None:
         if not self._closing.is_set():

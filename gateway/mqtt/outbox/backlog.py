@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import NamedTuple
 
+from gateway.mqtt.message import MAX_HISTORY_ITEMS
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.queue import HIGHEST, LOWEST, RankQueue
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
@@ -56,14 +57,13 @@ class Batch(NamedTuple):
 
 
 class Backlog:
-    """Three queues, one a rank. Times are the steady clock's, and `utc_of` makes wall times of them.
+    """Three queues, one a rank.
 
     While `is_table_away` rows in memory do not wait for those that only the table has.
     """
 
-    def __init__(self, *, memory: Bounds, table: Bounds, utc_of: Callable[[float], float]) -> None:
+    def __init__(self, *, memory: Bounds, table: Bounds) -> None:
         self._bounds = {MEMORY_FULL: memory, DISK_FULL: table}
-        self._utc_of = utc_of
         self.queues = [RankQueue(WINDOWS[rank]) for rank in Rank]
         self._rows: dict[int, OutboxRow] = {}  # in memory
         self._bytes = 0  # in memory, but for what is held
@@ -72,6 +72,7 @@ class Backlog:
         self._unwritten: dict[int, bool] = {}  # with whether the table has it all the same, perhaps
         self._gone: dict[int, Rank] = {}
         self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
+        self.history_credit = 0  # values that may be published late
         self.losses = Losses()
         self.is_table_away: Callable[[], bool] = lambda: True
 
@@ -145,15 +146,17 @@ class Backlog:
         """Note that what `first` returned is sent."""
         self.queues[row.rank].take(row)
 
-    def take_history(self, most: int) -> list[OutboxRow]:
-        """Return the next values of one run and starter, which are sent."""
-        first = self.first(Rank.VALUE)
+    def take_history(self) -> list[OutboxRow]:
+        """Return the next values of one run and starter, which are sent; none beyond the credit."""
+        first = self.first(Rank.VALUE) if self.history_credit > 0 else None
         if first is None:
             return []
         queue = self.queues[Rank.VALUE]
         upto = queue.upto if queue.is_next_here else HIGHEST
         near = (self._rows[id_] for id_ in queue.ids[:LOOKAHEAD] if id_ <= upto)
-        batch = [row for row in near if (row.topic, row.boot) == (first.topic, first.boot)][:most]
+        alike = (row for row in near if (row.topic, row.boot) == (first.topic, first.boot))
+        batch = list(islice(alike, min(self.history_credit, MAX_HISTORY_ITEMS)))
+        self.history_credit -= len(batch)
         for row in batch:
             queue.take(row)
         return batch
@@ -206,7 +209,7 @@ class Backlog:
         losses = self.losses.unstored(has_events=has_events)
         if ids or losses is not None or (found and found[0].losses is not None):
             self._unwritten.update(dict.fromkeys(ids, True))
-            rows = [self.in_utc(self._rows[id_]) for id_ in ids]
+            rows = [self._rows[id_] for id_ in ids]
             found.append(Batch(rows, losses=losses, has_events=has_events))
         return found
 
@@ -223,10 +226,6 @@ class Backlog:
         if batch.losses is not None:
             self.losses.forget_stored()
 
-    def in_utc(self, row: OutboxRow) -> OutboxRow:
-        """Return a row as the table has it."""
-        return row._replace(time_s=self._utc_of(row.time_s))
-
     # What the table says.
 
     def expect_table(self) -> None:
@@ -235,7 +234,7 @@ class Backlog:
             queue.upto = LOWEST
 
     def recall(self, totals: Mapping[Rank, Total], losses: Sequence[Loss]) -> None:
-        """Begin with what earlier runs have left behind; times are the steady clock's, of losses UTC."""
+        """Begin with what earlier runs have left behind."""
         self.losses.recall(losses)
         for rank, queue in zip(Rank, self.queues, strict=True):
             if rank in totals:
@@ -251,7 +250,7 @@ class Backlog:
         return wanting if is_sending or self._excess() else []
 
     def page(self, rank: Rank, page: OutboxPage) -> None:
-        """Take what was read; the times of its rows are the steady clock's."""
+        """Take what was read."""
         queue = self.queues[rank]
         rows = [row for row in page.rows if row.id not in self._rows and row.id not in self._gone]
         self._rows.update((row.id, row) for row in rows)
@@ -259,7 +258,7 @@ class Backlog:
         for id_ in page.damaged:
             queue.lose_beyond(1, 0)  # its size is not known: the last page sets the sum right
             self._gone[id_] = rank
-            self._note_lost(DAMAGED, rank, 1, queue.first_s, queue.last_s)
+            self.losses.add(Loss(DAMAGED, rank, 1, queue.first_s, queue.last_s))
         upto = HIGHEST if page.is_last else page.upto
         queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:
@@ -299,7 +298,7 @@ class Backlog:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""
         while (reason := self._excess()) and (victim := self._victim(reason)) is not None:
             self._dequeue(victim)
-            self._note_lost(reason, victim.rank, 1, victim.time_s, victim.time_s)
+            self.losses.add(Loss(reason, victim.rank, 1, victim.time_s, victim.time_s))
 
     def _excess(self) -> str:
         """Return of what there is too much: of rows in memory, or of all that wait."""
@@ -330,13 +329,10 @@ class Backlog:
             del self._rows[row.id]
             self._bytes -= row.size
 
-    def _note_lost(self, reason: str, rank: Rank, rows: int, first_s: float, last_s: float) -> None:
-        self.losses.add(Loss(reason, rank, rows, self._utc_of(first_s), self._utc_of(last_s)))
-
     def _lose_beyond(self, rank: Rank) -> None:
         """Declare what the table should have and has not."""
         queue = self.queues[rank]
         if queue.beyond > 0:  # less after a page of the table before, of which all was declared lost
-            self._note_lost(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s)
+            self.losses.add(Loss(STORE_LOST, rank, queue.beyond, queue.first_s, queue.last_s))
         here = sum(self._rows[id_].size for id_ in (*queue.ids, *queue.sent))
         queue.lose_beyond(queue.beyond, queue.bytes - here)

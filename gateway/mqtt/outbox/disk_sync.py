@@ -160,9 +160,6 @@ class DiskSync:
         """Learn what earlier runs have left."""
         table = self._table
         totals, keys, losses = await self._do(lambda c: (table.totals(c), table.keys(c), table.losses(c)))
-        for rank, total in totals.items():
-            first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
-            totals[rank] = total._replace(first_s=first_s, last_s=last_s)
         self._is_recalled = True
         self._outbox.backlog.recall(totals, losses)
         self._wait_no_longer(keys)
@@ -172,8 +169,7 @@ class DiskSync:
         """Read rows back into memory, to be sent or given up."""
         for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
             page = await self._do(partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS))
-            rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
-            self._outbox.backlog.page(rank, page._replace(rows=rows))
+            self._outbox.backlog.page(rank, page)
             self._work.set()  # another page may be wanted
             self._wake()
 
@@ -214,10 +210,6 @@ class DiskSync:
         """Have work done in the store's thread; what reads or deletes is done on a full disk too."""
         how = {"is_flushed": False, **how}
         return await asyncio.wrap_future(self._store.submit(work, is_freeing=is_freeing, **how))
-
-    def _steady_s(self, utc_s: float) -> float:
-        """Return a wall time of the past on the steady clock; the future counts as now."""
-        return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
 
     def _publish_refused(self, last: tuple[str, int], count: int) -> None:
         topic, code = last

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, Record, ValueRecord, history_item
-from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message, message_at
+from gateway.mqtt.message import Message, message_at
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.store import OutboxRow, Rank
 
@@ -59,7 +59,8 @@ class Outbox:
     ) -> None:
         self._last_topic = last_topic
         self._boot = boot
-        self.backlog = Backlog(memory=memory, table=table, utc_of=utc_of)
+        self._utc_of = utc_of
+        self.backlog = Backlog(memory=memory, table=table)
         self._latest: dict[str, Record | Message] = {}  # what the newest message of a topic is made of
         self._news: dict[str, Outgoing] = {}  # by topic; not sent yet
         self._opening: deque[str] = deque()  # topics that a new connection still has to send first
@@ -69,7 +70,6 @@ class Outbox:
         self._connections = 0
         self._late_upto = 0  # the id of the last row from before this connection
         self._was_late = False
-        self._history_credit = 0
         self.refused = 0  # messages that the broker would not take; they are not sent again
         self.on_refused: Callable[[str, int], None] = lambda *_: None  # called with topic and reason code
 
@@ -99,7 +99,7 @@ class Outbox:
         """
         row = self._row(message, now_s)
         self.backlog.stage(row)
-        return self.backlog.in_utc(row)
+        return row
 
     def put(self, message: Message, now_s: float) -> None:
         """Take a message; a full outbox drops history first, then events and audit, then results."""
@@ -176,7 +176,7 @@ class Outbox:
 
     def grant_history(self, items: int = HISTORY_ITEMS) -> None:
         """Allow this many more values to be published late; an earlier credit is void."""
-        self._history_credit = items
+        self.backlog.history_credit = items
 
     def acked(self, ticket: int, reason_code: int) -> None:
         """Note the broker's answer; a refusal is counted, and what was refused is never tried again."""
@@ -196,12 +196,13 @@ class Outbox:
 
     def statistics(self, now_s: float) -> dict[str, Any]:
         """Return the contents of `gateway/outbox`, including what is on the disk."""
-        rows, size, since_s = self.backlog.waiting()
+        rows, size, since_utc_s = self.backlog.waiting()
         news = [*self._unacknowledged(), *self._news.values()]
-        all_since_s = [since for since in (since_s, *(each.since_s for each in news)) if since is not None]
+        ages_s = [now_s - each.since_s for each in news if each.since_s is not None]
+        ages_s += [] if since_utc_s is None else [self._utc_of(now_s) - since_utc_s]
         return {
             "depth": len(news) + rows,
-            "oldest_s": round(max(0.0, now_s - min(all_since_s, default=now_s)), 3),
+            "oldest_s": round(max(0.0, *ages_s, 0.0), 3),
             "bytes": size + sum(each.message.packet_size for each in news),
             "dropped": self.backlog.losses.dropped,
             "refused": self.refused,
@@ -222,7 +223,7 @@ class Outbox:
             Rank.EVENT if message.record and message.record.IS_DROPPABLE else Rank.RESULT,
             message.topic,
             message.payload,
-            now_s,
+            self._utc_of(now_s),
             self._boot,
             message.key,
             message.correlation,
@@ -246,7 +247,8 @@ class Outbox:
         if not isinstance(record, ValueRecord) or news.since_s is None:
             return None
         topic = news.message.topic.removesuffix(record.topic) + HistoryRecord.topic_of(starter=record.starter)
-        return OutboxRow(news.ticket, Rank.VALUE, topic, history_item(record), news.since_s, self._boot, "")
+        utc_s = self._utc_of(news.since_s)
+        return OutboxRow(news.ticket, Rank.VALUE, topic, history_item(record), utc_s, self._boot, "")
 
     def _take_latest(self, topic: str) -> Outgoing:
         """Return the newest message of a topic: its news, or a repetition for a new connection."""
@@ -272,12 +274,9 @@ class Outbox:
         return event if self._was_late else None
 
     def _take_history(self) -> Outgoing | None:
-        if self._history_credit <= 0:
-            return None
-        rows = self.backlog.take_history(min(self._history_credit, MAX_HISTORY_ITEMS))
+        rows = self.backlog.take_history()
         if not rows:
             return None
-        self._history_credit -= len(rows)
         batch = HistoryRecord(starter="", boot=rows[0].boot, items=[row.payload for row in rows])
         message = Message(rows[0].topic, batch.payload(), qos=1, retain=False)
         return Outgoing(self._next_number(), message, rows=rows)
