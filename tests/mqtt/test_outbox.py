@@ -10,7 +10,6 @@ import pytest
 
 from gateway.contract import Quality, ValueRecord
 from gateway.mqtt.message import Message, cleared, message_of
-from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
@@ -190,25 +189,6 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     assert deleted() == []
     backlog.let_go("alice/7")
     assert deleted() == [taken["alice/7"].rows[0].id]
-
-
-def test_only_so_many_rows_stay_for_a_history_that_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backlog, "MOST_NEEDED", 2)
-    box = outbox()
-    connect(box)
-
-    had_room = []
-    for number in "123":
-        had_room.append(box.backlog.need(f"alice/{number}"))
-        box.put(result(number), 0.0)
-    for batch in box.backlog.batches():
-        box.backlog.written(batch)
-    taken = take_all(box)
-    for each in taken:
-        box.acked(each.ticket, 0)
-
-    assert had_room == [True, True, False]
-    assert [list(batch.gone) for batch in box.backlog.batches()] == [[taken[0].rows[0].id]]
 
 
 def test_what_is_staged_is_not_stored_without_its_command_in_a_new_table() -> None:
