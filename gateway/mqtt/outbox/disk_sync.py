@@ -67,7 +67,6 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = False
-        self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
@@ -82,7 +81,6 @@ class DiskSync:
         """Write everything again when the store has begun with a new file; read when it is open."""
         if news is News.LOST:
             self._outbox.backlog.lose_table()
-            self._due_s = float("-inf")
         self._work.set()
 
     def stage(self, message: Message) -> Work:
@@ -112,10 +110,10 @@ class DiskSync:
         """Keep the disk up to date, until cancelled."""
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            is_woken = await is_set_within(self._work, max(self._due_s - self._clock.now_s(), 0.0))
+            await is_set_within(self._work, LOOK_S)
             self._work.clear()
             async with self._stepping:
-                is_done = await self._step(is_due=not is_woken or self._clock.now_s() >= self._due_s)
+                is_done = await self._step()
             if not is_done:
                 await asyncio.sleep(RETRY_S)
 
@@ -137,7 +135,7 @@ class DiskSync:
         if not self._outbox.backlog.need(key):
             self._unkept.put("", None)
 
-    async def _step(self, *, is_due: bool) -> bool:
+    async def _step(self) -> bool:
         """Do what is to be done, and return whether all of it could be."""
         now_s = self._clock.now_s()
         self._outbox.hold_slow(now_s)
@@ -147,9 +145,7 @@ class DiskSync:
             if not self._is_recalled:
                 await self._recall()
             await self._read()
-            if is_due:
-                self._due_s = self._clock.now_s() + LOOK_S
-                await self._write()
+            await self._write()
         except StoreError as error:
             log.debug("outbox: %s", error)
             self._wake()  # what is in memory does not wait for the table
