@@ -107,7 +107,8 @@ class Outbox:
             self.backlog.put(self._row(message, now_s))
             return
         topic = message.topic
-        news = Outgoing(self._next_number(), message, now_s)
+        self._numbers += 1
+        news = Outgoing(self._numbers, message, now_s)
         replaced = self._news.get(topic)
         self._latest[topic] = message.source
         if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
