@@ -213,6 +213,8 @@ class Session:
 
         MQTT 3.1.1 knows the quality of service alone.
         """
+        if self.lost.done():
+            return
         how: dict[str, Any] = {"options": options} if self._version is Version.V5 else {"qos": options.QoS}
         _, packet_id = self._client.subscribe(topic_filter, **how)
         if packet_id is not None:  # None: the connection is lost
