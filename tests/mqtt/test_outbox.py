@@ -13,6 +13,7 @@ from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
+from gateway.store.outbox import ROW_BYTES
 from tests.mqtt.outbox_model import EVENT, RESULT, TROUBLES, Trouble, queued, run
 
 WIDE = 1000  # a window that never fills
@@ -251,3 +252,20 @@ def test_during_an_outage_no_topic_is_looked_at_again() -> None:
     finally:
         sys.setprofile(None)
     assert calls <= 3
+
+
+def test_what_waits_is_counted_until_the_broker_has_it_with_the_age_of_the_oldest() -> None:
+    box = outbox()
+    box.put(event("12"), 1.0)
+    box.put(latest("a"), 3.0)
+    connect(box)
+    sent = take_all(box)
+
+    counted = {key: box.statistics(10.0)[key] for key in ("depth", "oldest_s", "bytes")}
+    for outgoing in sent:
+        box.acked(outgoing.ticket, 0)
+
+    assert counted == {"depth": 2, "oldest_s": 9.0, "bytes": (3 + ROW_BYTES) + (20 + 2)}
+    assert box.statistics(10.0) == {
+        "depth": 0, "oldest_s": 0.0, "bytes": 0, "dropped": 0, "refused": 0, "reconnects": 0,
+    }  # fmt: skip
