@@ -64,7 +64,7 @@ class Session:
         self._version = version
         self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
-        self._subacks: dict[int, Callable[[bool], None]] = {}  # by packet id: told whether it is permitted
+        self._subacks: dict[int, Callable[[bool], None]] = {}  # by packet id, which take the answer
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
         self._misc: asyncio.TimerHandle | None = None  # None: the broker's port never took the connection
