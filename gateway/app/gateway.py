@@ -79,7 +79,6 @@ class App:
                 ("publisher", parts.uplink.publisher.run),
                 ("broker", parts.uplink.run),
                 ("outbox", parts.uplink.disk_sync.run),
-                ("history", parts.uplink.disk_sync.pace),
                 ("commands", parts.commands.run),
                 ("capture", parts.capture.run),
                 *((each.name, each.run) for each in parts.plugins),

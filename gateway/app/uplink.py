@@ -95,7 +95,7 @@ class Uplink:
             self.topics,
             tokens,
             is_current=self._is_configured,
-            is_published=self.outbox.latest.__contains__,
+            is_published=self.outbox.has,
             clear=self.publisher.clear,
             publish_event=publish_event,
             on_read=self._note_read,

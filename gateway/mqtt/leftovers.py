@@ -167,9 +167,9 @@ class Leftovers:
         if not fields.keys() >= _FIELDS[found.kind]:
             return
         if is_left:
-            self._reading.gone.add(incoming.topic)
+            self._reading.left[incoming.topic] = ""
         elif fields["active"] and fields.get("boot") != self._tokens.boot.run:
-            self._reading.alarms.setdefault(found.name, set()).add(incoming.topic)
+            self._reading.left[incoming.topic] = found.name
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""
@@ -184,8 +184,7 @@ class Leftovers:
                 if reading.is_doubtful:
                     await is_set_within(self._is_shared, HEARTBEAT_S)
                 reading.may_clear = True
-                self._clear_all(reading.gone)
-                self._judge()
+                self._clear_left()
                 await reading.is_judged.wait()
         self._task = None
         for branch in self._branches:
@@ -199,23 +198,24 @@ class Leftovers:
     def _settle(self, starter: str) -> None:
         self._settled[starter] = True
         if self._reading.may_clear:
-            self._judge()
+            self._clear_left()
 
-    def _judge(self) -> None:
-        """Clear alarms that ended while no gateway ran, of the starters that have been read since."""
+    def _clear_left(self) -> None:
+        """Clear all that waits for no starter, or for one that has been read in this run."""
         reading = self._reading
-        for starter in [name for name in reading.alarms if self._settled.get(name)]:
-            self._clear_all(reading.alarms.pop(starter))
-        if not reading.alarms or self._is_shared.is_set():
+        if not self._is_shared.is_set():
+            ready = [
+                topic for topic, starter in reading.left.items() if self._settled.get(starter, not starter)
+            ]
+            for topic in ready:
+                del reading.left[topic]
+            left = sorted(topic for topic in ready if not self._is_published(topic))
+            for topic in left:
+                self._clear(topic)
+            if left:
+                log.info("topics=%d left by earlier runs cleared, the first is %s", len(left), left[0])
+        if not reading.left or self._is_shared.is_set():
             reading.is_judged.set()
-
-    def _clear_all(self, topics: set[str]) -> None:
-        left = sorted(topic for topic in topics if not self._is_published(topic))
-        if not left or self._is_shared.is_set():
-            return
-        for topic in left:
-            self._clear(topic)
-        log.info("topics=%d left by earlier runs cleared, the first is %s", len(left), left[0])
 
 
 @dataclass(slots=True)
@@ -223,12 +223,13 @@ class _Reading:
     """What one connection has read of the stored messages."""
 
     is_ended: asyncio.Event = field(default_factory=asyncio.Event)  # everything was read, or refused
-    is_judged: asyncio.Event = field(default_factory=asyncio.Event)  # no alarm waits for its starter
+    is_judged: asyncio.Event = field(
+        default_factory=asyncio.Event
+    )  # nothing is left, or nothing may be cleared
     is_refused: bool = False
     is_doubtful: bool = False  # another's status is stored
     may_clear: bool = False  # everything is read, and nothing is doubtful
-    gone: set[str] = field(default_factory=set)  # topics of what is not configured
-    alarms: dict[str, set[str]] = field(default_factory=dict)  # topics, by starter, that were left active
+    left: dict[str, str] = field(default_factory=dict)  # topics, with the starter to be read first; "": none
 
     def note_answer(self, is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
         if not is_permitted:

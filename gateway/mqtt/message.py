@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gateway.contract import Record, ResultRecord, ValueRecord
+from gateway.contract import Record, ResultRecord
 
 MAX_HISTORY_ITEMS = 200  # in one message
 
 
 class Message(NamedTuple):
-    """One publication: queued until acknowledged, or replaced by the next one of its topic."""
+    """One publication; a retained one is replaced by the next one of its topic, any other is queued."""
 
     topic: str
     payload: bytes
     qos: int
     retain: bool
-    is_queued: bool = False
-    is_droppable: bool = False  # goes first when the outbox is full
     correlation: bytes | None = None  # MQTT 5 only
-    value: ValueRecord | None = None  # published late when a newer one replaces it before it was sent
-    key: str = ""  # names what must be published once: a final result ("client/id"), a start or a trip
+    record: Record | None = None  # None: of an integration, or one that clears its topic
+
+    @property
+    def source(self) -> Record | Message:
+        """Return what the same message can be made of again, of which others hold the record anyway."""
+        return self if self.record is None else self.record
+
+    @property
+    def key(self) -> str:
+        """Return what names a message that must be published once; empty for any other."""
+        return "" if self.record is None else self.record.key
 
     @property
     def packet_size(self) -> int:
@@ -30,17 +37,15 @@ class Message(NamedTuple):
 
 def message_of(record: Record, base: str) -> Message:
     """Return a record as it is published below a base."""
-    return Message(
-        f"{base}/{record.topic}",
-        record.payload(),
-        qos=record.QOS,
-        retain=record.RETAIN,
-        is_queued=not record.RETAIN,
-        is_droppable=record.IS_DROPPABLE,
-        correlation=record.correlation if isinstance(record, ResultRecord) else None,
-        value=record if isinstance(record, ValueRecord) else None,
-        key=record.key,
-    )
+    return message_at(f"{base}/{record.topic}", record)
+
+
+def message_at(topic: str, source: Record | Message) -> Message:
+    """Return the message of a topic whose source is known."""
+    if isinstance(source, Message):
+        return source
+    correlation = source.correlation if isinstance(source, ResultRecord) else None
+    return Message(topic, source.payload(), source.QOS, source.RETAIN, correlation, source)
 
 
 def cleared(topic: str) -> Message:

@@ -37,7 +37,7 @@ class Publisher:
         self._state: GatewayState = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
-        self._put_status()
+        self.restate()
 
     @property
     def state(self) -> GatewayState:
@@ -49,13 +49,13 @@ class Publisher:
         self._wake = wake
 
     def announce(self, message: Message) -> None:
-        """Publish a message of an integration, on a topic that is none of the gateway's own."""
+        """Publish a message, of an integration or of a record."""
         self._outbox.put(message, self._clock.now_s())
         self._wake()
 
     def retained(self, topic: str) -> Message | None:
         """Return the newest message of a retained topic; None once the broker has been made to forget it."""
-        return self._outbox.latest.get(topic)
+        return self._outbox.retained(topic)
 
     def wake(self) -> None:
         """Have what waits sent."""
@@ -66,11 +66,11 @@ class Publisher:
         if isinstance(record, ForgetRecord):
             self._forget(record)
         else:
-            self._put(message_of(record, self._topics.base))
+            self.announce(message_of(record, self._topics.base))
 
     def clear(self, topic: str) -> None:
         """Make the broker forget what an earlier run left retained."""
-        self._put(cleared(topic))
+        self.announce(cleared(topic))
 
     def set_status(self, state: GatewayState, reason: str | None = None) -> None:
         """Publish the gateway's state (starting, online, degraded) when it has changed."""
@@ -80,11 +80,12 @@ class Publisher:
             self._since_s = self._clock.utc_s()
         self._state = state
         self._reason = reason
-        self._put_status()
+        self.restate()
 
     def restate(self) -> None:
-        """Publish the present status again: its boot token has changed."""
-        self._put_status()
+        """Publish the present status; again where its boot token has changed."""
+        now_s = self._clock.utc_s()
+        self._sink.put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
 
     def will(self) -> Message:
         """Return the will: what the broker publishes when the connection is lost, without a time."""
@@ -111,13 +112,9 @@ class Publisher:
 
     def _forget(self, gone: ForgetRecord) -> None:
         for line in gone.lines:
-            self._put(cleared(self._topics.of(LineRecord, line=line)))
-        self._outbox.forget([self._topics.starter(starter) for starter in gone.starters], self._clock.now_s())
-        self._wake()
-
-    def _put_status(self) -> None:
-        now_s = self._clock.utc_s()
-        self._sink.put(self._status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason))
+            self.clear(self._topics.of(LineRecord, line=line))
+        for topic in self._outbox.topics_below([self._topics.starter(starter) for starter in gone.starters]):
+            self.clear(topic)
 
     def _status(
         self, state: GatewayState, *, time_s: float | None, since_s: float | None, reason: str | None
@@ -126,10 +123,6 @@ class Publisher:
         return StatusRecord(
             state=state, time_s=time_s, boot=boot.token, since_s=since_s, reason=reason, run=boot.run
         )
-
-    def _put(self, message: Message) -> None:
-        self._outbox.put(message, self._clock.now_s())
-        self._wake()
 
 
 def _no_connection() -> None:

@@ -46,6 +46,7 @@ class FakeBroker:
         default_factory=lambda: {LEVEL_5: ACCEPT_5, LEVEL_311: ACCEPT_311}
     )
     suback_code: int = 1
+    puback_code: int = 0
     tls: Certificate | None = None
     answers_subscriptions: bool = True
     before_suback: bytes = b""
@@ -84,7 +85,8 @@ class FakeBroker:
         self._writers[-1].close()
 
     def acknowledge(self, packet: Packet) -> None:
-        self._writers[-1].write(b"\x40\x02" + packet.packet_id)
+        reason = bytes([self.puback_code]) if self.puback_code else b""
+        self._writers[-1].write(bytes([0x40, 2 + len(reason)]) + packet.packet_id + reason)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.append(writer)

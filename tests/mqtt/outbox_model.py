@@ -11,13 +11,13 @@ import random
 import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
 from typing import Any, ClassVar
 from unittest.mock import patch
 
-from gateway.contract import Event, Quality, ValueRecord
+from gateway.contract import Event, EventCode, EventRecord, Phase, Quality, ResultRecord, ValueRecord
 from gateway.mqtt.message import Message, message_of
 from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Batch, Bounds
@@ -27,6 +27,11 @@ from gateway.store.outbox import TABLES
 
 STARTERS, POINTS = 3, 4
 MS = 0.0011  # to which times are published
+EVENT = EventRecord(starter="p", seq=1, time_s=0.0, code=EventCode.GAP, severity="info", text="")
+RESULT = ResultRecord(
+    starter="p", client="alice", id="1", verb="stop", phase=Phase.CONFIRMED, code="ok", text="", time_s=0.0
+)
+REPLY = replace(RESULT, phase=Phase.ACCEPTED)  # no final one, which may come again
 KIND = {Rank.VALUE: "value", Rank.EVENT: "event", Rank.RESULT: "result"}
 
 
@@ -170,13 +175,13 @@ class Model:
 
     def _put_row(self, kind: str, *, is_droppable: bool) -> int:
         number = self._number(kind)
-        self.outbox.put(_queued(number, is_droppable=is_droppable), self.now_s)
+        self.outbox.put(queued("b/x", f"{number}", sort=EVENT if is_droppable else REPLY), self.now_s)
         return number
 
     def _stage(self) -> None:
         number = self._number("result")
         self.oracle.displaced.add(number)
-        message = _queued(number, is_droppable=False)._replace(key=f"c/{number}")
+        message = queued("b/x", f"{number}", sort=RESULT)
         row = self.outbox.stage(message, self.now_s)
         self.staged[number] = message
         self.storing.append(row)
@@ -222,8 +227,8 @@ class Model:
                 self.oracle.receive(number, f"history {self.oracle.starters[number]}")
             else:
                 self.oracle.receive(int(row.payload), KIND[row.rank])
-        if outgoing.message.value is not None:
-            self.oracle.received.setdefault(outgoing.message.value.seq, 1)
+        for number in _live(outgoing):
+            self.oracle.received.setdefault(number, 1)
 
     def acknowledge(self) -> None:
         """Let some acknowledgements of what the broker has come, a few of them refusals."""
@@ -316,7 +321,7 @@ class Model:
         return is_said
 
     def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
-        self.table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
+        self.table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
@@ -355,11 +360,10 @@ class Model:
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
         batches = self.doing[1] if self.doing[0] == "batches" else ()
-        gone = [*self.backlog._gone.items(), *(each for batch in batches for each in batch.gone.items())]
-        lost = {id_ for id_, each in gone if each.is_lost}
+        gone = {*self.backlog._gone, *(id_ for batch in batches for id_ in batch.gone)}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
-        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in lost if id_ + base in rows}
+        oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in gone if id_ + base in rows}
         oracle.doubtful |= self.deletable & stored
         for loss in self.table.losses(self.disk):
             oracle.again[KIND[loss.rank]] += loss.rows
@@ -367,7 +371,7 @@ class Model:
             oracle.again[KIND[loss.rank]] -= min(loss.rows, oracle.again[KIND[loss.rank]])
         unstored = oracle.kinds.keys() - stored - oracle.received.keys()
         unstored -= self.stored
-        waiting = {_number_of(row.payload) for row in self.backlog._memory.values()}
+        waiting = {_number_of(row.payload) for row in self.backlog._rows.values()}
         for number in self.oracle.gaps.keys() & waiting & unstored:
             del self.oracle.gaps[number]  # it is declared again
         oracle.excused |= {each for each in unstored if self._is_young(each) or each in self.staged}
@@ -453,9 +457,10 @@ def gap_of(event: Event) -> list[dict[str, Any]]:
     ]
 
 
-def _queued(number: int, *, is_droppable: bool) -> Message:
-    payload = f"{number}".encode()
-    return Message("b/x", payload, qos=1, retain=False, is_queued=True, is_droppable=is_droppable)
+def queued(topic: str, text: str, *, sort: ResultRecord | EventRecord) -> Message:
+    """Return a message like those of a record, with another payload; a final result has its text as id."""
+    record = replace(sort, id=text) if isinstance(sort, ResultRecord) else sort
+    return Message(topic, text.encode(), qos=1, retain=False, record=record)
 
 
 def _number_of(payload: bytes) -> int:
@@ -464,8 +469,12 @@ def _number_of(payload: bytes) -> int:
 
 def _numbers(outgoing: Outgoing) -> Iterable[int]:
     yield from (_number_of(row.payload) for row in outgoing.rows)
-    if outgoing.message.value is not None:
-        yield outgoing.message.value.seq
+    yield from _live(outgoing)
+
+
+def _live(outgoing: Outgoing) -> Iterable[int]:
+    record = outgoing.message.record
+    return [record.seq] if isinstance(record, ValueRecord) else []
 
 
 def run(seed: int, messages: int, trouble: Trouble) -> Counter[str]:

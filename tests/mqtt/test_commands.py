@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -82,19 +81,6 @@ def test_a_message_whose_own_expiry_has_run_out_is_expired_but_a_stop_is_not() -
     assert code_of(Incoming(START, FRESH, expiry_s=0)) == "expired"
     assert request_of(Incoming(START, FRESH, expiry_s=1)).expires_s == NOW_S + 1
     assert request_of(Incoming(STOP, b"", expiry_s=0)).verb == "stop"
-
-
-@pytest.mark.parametrize("is_live", [False, True])
-def test_a_retained_start_is_refused_even_one_that_was_published_just_now(is_live: bool) -> None:
-    assert code_of(Incoming(START, FRESH, is_retained=True, is_live=is_live)) == "retained"
-
-
-def test_a_retained_stop_counts_only_when_it_was_published_just_now() -> None:
-    live = request_of(Incoming(STOP, b"", is_retained=True, is_live=True))
-
-    assert live.remark
-    assert request_of(Incoming(STOP, b"")).remark == ""
-    assert code_of(Incoming(STOP, b"", is_retained=True)) == "retained"
 
 
 def test_of_a_stop_the_arguments_are_left_out_whatever_they_are() -> None:

@@ -1,4 +1,4 @@
-"""What a message says besides its payload: how it is delivered, and how large it may be."""
+"""How large a message may be."""
 
 from __future__ import annotations
 
@@ -6,31 +6,13 @@ import json
 
 import pytest
 
-from gateway.contract import Record
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
+from gateway.mqtt.connection.client import MAX_INCOMING_BYTES
 from gateway.mqtt.message import message_of
 from gateway.starters import StarterSetup
 from gateway.starters.description import info_of
-from tests.contract.examples import START, TRIP
-
-
-@pytest.mark.parametrize(
-    ("record", "key", "is_droppable"),
-    [
-        (START, "pump:start/b-11", True),
-        (TRIP, "pump:trip/b-12", False),
-    ],
-)
-def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox_is_full(
-    record: Record, key: str, *, is_droppable: bool
-) -> None:
-    message = message_of(record, "b")
-
-    assert (message.qos, message.retain, message.is_queued) == (1, False, True)
-    assert (message.key, message.is_droppable) == (key, is_droppable)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -9,12 +9,12 @@ from types import FrameType
 import pytest
 
 from gateway.contract import Quality, ValueRecord
-from gateway.mqtt.message import Message, message_of
-from gateway.mqtt.outbox import backlog
+from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.backlog import Bounds
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
-from tests.mqtt.outbox_model import TROUBLES, Trouble, run
+from gateway.store.outbox import ROW_BYTES
+from tests.mqtt.outbox_model import EVENT, RESULT, TROUBLES, Trouble, queued, run
 
 WIDE = 1000  # a window that never fills
 MESSAGES, SEEDS = 3000, 3  # a hundred thousand, and twenty: tests.lab.outbox_model
@@ -47,11 +47,11 @@ def value(number: int) -> Message:
 
 
 def event(text: str) -> Message:
-    return Message("e", text.encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
+    return queued("e", text, sort=EVENT)
 
 
 def result(text: str) -> Message:
-    return Message("r", text.encode(), qos=1, retain=False, is_queued=True, key=f"alice/{text}")
+    return queued("r", text, sort=RESULT)
 
 
 def take_all(box: Outbox) -> list[Outgoing]:
@@ -134,7 +134,8 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
     box.put(latest("s/p/state"), 0.0)
     for outgoing in take_all(box):
         box.acked(outgoing.ticket, 0)
-    box.forget(["s/p"], 0.0)
+    for topic in box.topics_below(["s/p"]):
+        box.put(cleared(topic), 0.0)
     taken = take_all(box)
 
     box.put(latest("s/p/state"), 0.0)
@@ -174,7 +175,7 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     connect(box)
     for number in ("7", "8"):
         box.put(result(number), 0.0)
-    taken = {each.message.key: each for each in take_all(box)}
+    taken = {each.rows[0].key: each for each in take_all(box)}
     for batch in backlog.batches():
         backlog.written(batch)
 
@@ -189,25 +190,6 @@ def test_what_is_needed_stays_in_the_table_after_its_delivery_until_it_is_let_go
     assert deleted() == []
     backlog.let_go("alice/7")
     assert deleted() == [taken["alice/7"].rows[0].id]
-
-
-def test_only_so_many_rows_stay_for_a_history_that_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backlog, "MOST_NEEDED", 2)
-    box = outbox()
-    connect(box)
-
-    had_room = []
-    for number in "123":
-        had_room.append(box.backlog.need(f"alice/{number}"))
-        box.put(result(number), 0.0)
-    for batch in box.backlog.batches():
-        box.backlog.written(batch)
-    taken = take_all(box)
-    for each in taken:
-        box.acked(each.ticket, 0)
-
-    assert had_room == [True, True, False]
-    assert [list(batch.gone) for batch in box.backlog.batches()] == [[taken[0].rows[0].id]]
 
 
 def test_what_is_staged_is_not_stored_without_its_command_in_a_new_table() -> None:
@@ -270,3 +252,32 @@ def test_during_an_outage_no_topic_is_looked_at_again() -> None:
     finally:
         sys.setprofile(None)
     assert calls <= 3
+
+
+def test_what_waits_is_counted_until_the_broker_has_it_with_the_age_of_the_oldest() -> None:
+    box = outbox()
+    box.put(event("12"), 1.0)
+    box.put(latest("a"), 3.0)
+    connect(box)
+    sent = take_all(box)
+
+    counted = {key: box.statistics(10.0)[key] for key in ("depth", "oldest_s", "bytes")}
+    for outgoing in sent:
+        box.acked(outgoing.ticket, 0)
+
+    assert counted == {"depth": 2, "oldest_s": 9.0, "bytes": (3 + ROW_BYTES) + (20 + 2)}
+    assert box.statistics(10.0) == {
+        "depth": 0, "oldest_s": 0.0, "bytes": 0, "dropped": 0, "refused": 0, "reconnects": 0,
+    }  # fmt: skip
+
+
+def test_what_the_broker_has_before_it_was_written_costs_the_disk_nothing() -> None:
+    box = outbox()
+    connect(box)
+    for message in (event("1"), result("1"), value(1)):
+        box.put(message, 0.0)
+    for outgoing in take_all(box):
+        box.acked(outgoing.ticket, 0)
+
+    assert box.is_idle
+    assert box.backlog.batches() == []

@@ -340,8 +340,12 @@ class PahoConnection(Connection):
     def publish(self, mid: int, message: MqttMessage) -> None:
         code = self.broker.publish(replace(message, at_s=self.broker.now_s()))
         if message.qos:
-            said = ReasonCode(PacketTypes.PUBACK, identifier=code if self.version == 5 else 0)
-            self._acknowledge(lambda: self.client.on_publish(self.client, None, mid, said, None))
+            reason = bytes([code]) if code and self.version == 5 else b""
+            self._acknowledge(lambda: self._puback(mid.to_bytes(2) + reason))
+
+    def _puback(self, body: bytes) -> None:
+        self.client._in_packet |= {"command": 0x40, "packet": bytearray(body)}
+        self.client._handle_pubackcomp("PUBACK")
 
     def subscribe(self, mid: int, subscription: Subscription, handling: int) -> None:
         def suback(code: int) -> None:
@@ -465,17 +469,15 @@ class _Paho:
         if self._rig is not None:
             self._rig.look()
 
-    def publish(
-        self: Any, topic: str, payload: Any = b"", qos: int = 0, retain: bool = False, properties: Any = None
-    ) -> Any:
-        mid, connection = self._mid_generate(), self._rig
-        if connection is not None:
-            body = payload.encode() if isinstance(payload, str) else bytes(payload or b"")
+    def _send_publish(
+        self: Any, mid: int, topic: bytes, payload: bytes, qos: int, retain: bool,
+        dup: bool = False, info: Any = None, properties: Any = None,
+    ) -> None:  # fmt: skip
+        if (connection := self._rig) is not None:
             optional = ("MessageExpiryInterval", "ResponseTopic", "CorrelationData")
             more = (getattr(properties, name, None) for name in optional)
-            message = MqttMessage(0.0, topic, body, qos, retain, connection.name, *more)
+            message = MqttMessage(0.0, topic.decode(), payload, qos, retain, connection.name, *more)
             connection.send(lambda: connection.publish(mid, message))
-        return paho.MQTTMessageInfo(mid)
 
     def subscribe(self: Any, topic: str, qos: int = 0, options: Any = None) -> tuple[Any, int | None]:
         if self._rig is None:

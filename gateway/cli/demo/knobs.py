@@ -71,7 +71,7 @@ def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message
         answer["error"] = str(error)
         log.warning("simulated starter=%s %s: %s", starter, knob, error)
     payload = json.dumps(answer).encode()
-    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False, is_queued=True)
+    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False)
 
 
 def _apply(

@@ -178,7 +178,7 @@ class BrokerConnection:
         session = Session(
             self.settings,
             self._attempts.version,
-            SessionParts(self._hooks.will(), self._take, self._acked, on_skip=self._skipped),
+            SessionParts(self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")),
         )
         try:
             await session.connect()
@@ -226,9 +226,6 @@ class BrokerConnection:
         if not self._closing.is_set():
             self._news.report(trouble, self._attempts.version, is_connected=is_connected)
 
-    def _skipped(self, notice: Event) -> None:
-        self._lost(notice, "")
-
     def _lost(self, notice: Event | None, reason: str) -> None:
         if not self._closing.is_set():
             self._news.lost(notice, reason)
@@ -239,13 +236,20 @@ class BrokerConnection:
             self._beat(self._session)
 
     def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made again."""
+        """Send the pulse, or try again soon; what could not be sent is made again.
+
+        With each pulse a part of the history may follow, so that it does not crowd out what is live.
+        """
         if self._beating is not None:
             self._beating.cancel()
         pulse = self._hooks.pulse
         if pulse is None or self._is_outbox_shut:
             return
-        pause_s = PULSE_EVERY_S if session.publish_now(pulse()) else PULSE_RETRY_S
+        pause_s = PULSE_RETRY_S
+        if session.publish_now(pulse()):
+            pause_s = PULSE_EVERY_S
+            self._outbox.grant_history()
+            self.wake()
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:

@@ -106,34 +106,30 @@ class CommandClient:
 
     async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
         """Return what proves a command fresh; a stop is sent without, and reports why there is none."""
-        is_stop = order.verb == STOP
         try:
-            status = await self._gateway_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
-            proof = {"boot": status.boot}
-            if not is_stop:
-                proof["token"] = await self._current_token(session)
+            return await self._read_proof(session, is_stop=order.verb == STOP), None
         except BrokerError as error:
-            if not is_stop or session.lost.done():
+            if order.verb != STOP or session.lost.done():
                 raise
             return {}, error
-        return proof, None
 
-    async def _gateway_status(self, session: Session, within_s: float) -> StatusRecord:
-        status = await self._retained(session, within_s, StatusRecord)
-        if status is None:
-            where = self._topics.of(StatusRecord)
-            raise BrokerError(f"no gateway has published its state in {where}", "is it running?")
+    async def _read_proof(self, session: Session, *, is_stop: bool) -> Mapping[str, str]:
+        within_s = STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S
+        status = await self._present(session, within_s, StatusRecord, "state", "is it running?")
         if status.state == "offline":
             raise BrokerError(f"the gateway is offline: {status.reason or 'no reason given'}", "start it")
-        return status
+        if is_stop:
+            return {"boot": status.boot}
+        # Taken last, so that it is as young as can be.
+        fresh = await self._present(session, within_s, FreshRecord, "token", "is it of this version?")
+        return {"boot": status.boot, "token": fresh.token}
 
-    async def _current_token(self, session: Session) -> str:
-        """Return the present token; taken last, so that it is as young as can be."""
-        fresh = await self._retained(session, STATUS_WITHIN_S, FreshRecord)
-        if fresh is None:
-            where = self._topics.of(FreshRecord)
-            raise BrokerError(f"no gateway publishes its token in {where}", "is it of this version?")
-        return fresh.token
+    async def _present(self, session: Session, within_s: float, kind: type[R], name: str, hint: str) -> R:
+        """Return a record that a gateway keeps retained; BrokerError when there is none."""
+        record = await self._retained(session, within_s, kind)
+        if record is None:
+            raise BrokerError(f"no gateway has published its {name} in {self._topics.of(kind)}", hint)
+        return record
 
     async def _retained(self, session: Session, within_s: float, kind: type[R], **names: str) -> R | None:
         topic = self._topics.of(kind, **names)

@@ -7,9 +7,7 @@ own. The running loop serves its socket; only `connect` blocks, in a thread, and
 from __future__ import annotations
 
 import asyncio
-import select
 import socket
-import ssl
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,12 +23,7 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.packet_limit import (
-    MAX_INCOMING_BYTES,
-    LimitedClient,
-    TooLargeError,
-    too_large,
-)
+from gateway.mqtt.connection.client import MAX_INCOMING_BYTES, SessionClient, TooLargeError, too_large
 from gateway.mqtt.connection.reconnect import (
     FIRST_FAILURE,
     PACKET_TOO_LARGE,
@@ -42,14 +35,13 @@ from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 
 CONNECTION_LOST = "connection lost"
-CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
+CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
 WITH_WILL = 0x04  # DISCONNECT [MQTT5 3.14.2.1]
-READS_AT_ONCE = 100  # packets read before other tasks of the loop run
-READ_FOR_S = 0.003  # nor longer than this
+READ_FOR_S = 0.003  # before other tasks of the loop run
 
 
-def _ignore(_: int) -> None:
+def _ignore(*_: int) -> None:
     """Do nothing."""
 
 
@@ -72,16 +64,14 @@ class Session:
         self._version = version
         self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
-        self._subacks: dict[int, asyncio.Future[bool]] = {}  # by packet id: whether the broker lets us
+        self._subacks: dict[int, Callable[[bool], None]] = {}  # by packet id, which take the answer
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
-        self._readable = select.poll()
-        self._misc: asyncio.TimerHandle | None = None
+        self._misc: asyncio.TimerHandle | None = None  # None: the broker's port never took the connection
         self._max_packet: int | None = None
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self.notice: Event | None = None  # about the loss, when that needs an event of its own
         self.connack_code: int | None = None  # None: the broker never answered
-        self._is_served = False  # the broker's port took the connection
         self.window = settings.window
         self._client = self._make_client()
 
@@ -104,7 +94,8 @@ class Session:
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
-        suback = self._subscribe(topic_filter, _options(handling=0 if with_retained else 2))
+        suback: asyncio.Future[bool] = self._loop.create_future()
+        self._ask(topic_filter, _options(handling=0 if with_retained else 2), suback.set_result)
         return bool(await self._answer(suback, "SUBACK"))
 
     def listen(self, topic: str, on_answer: Callable[[bool], None]) -> None:
@@ -124,7 +115,7 @@ class Session:
     @property
     def is_closed_unanswered(self) -> bool:
         """Return whether the broker ended the connection before it had answered CONNECT."""
-        return self._is_served and self.connack_code is None and self.lost.done()
+        return self._misc is not None and self.connack_code is None and self.lost.done()
 
     @property
     def in_flight(self) -> int:
@@ -142,7 +133,7 @@ class Session:
             self._write()  # what was asked for just now, e.g. subscriptions
         if self.lost.done() or self._client.want_write():
             return False
-        self._client.publish(message.topic, message.payload, qos=0, retain=message.retain)
+        self._client.send(message)
         return True
 
     def publish(self, ticket: int, message: Message) -> int | None:
@@ -155,11 +146,9 @@ class Session:
         if self._version is Version.V5 and message.correlation is not None:
             properties = _properties(PacketTypes.PUBLISH)
             properties.CorrelationData = message.correlation
-        sent = self._client.publish(
-            message.topic, message.payload, qos=message.qos, retain=message.retain, properties=properties
-        )
+        packet_id = self._client.send(message, properties)
         if message.qos:
-            self._tickets[sent.mid] = (ticket, self._loop.time())
+            self._tickets[packet_id] = (ticket, self._loop.time())
         return None
 
     async def disconnect(self, *, with_will: bool = False) -> None:
@@ -177,16 +166,14 @@ class Session:
         self._close_socket()
         self._lose("closed by the gateway")
         self._connack.cancel()
-        for suback in self._subacks.values():
-            suback.cancel()
         self._subacks.clear()
-        self._client.on_skip = _ignore
+        self._client.on_skip = self._client.on_ack = _ignore
         for name in CALLBACKS:  # or the two hold each other until the next whole garbage collection
             setattr(self._client, name, None)
 
-    def _make_client(self) -> LimitedClient:
+    def _make_client(self) -> SessionClient:
         is_v5 = self._version is Version.V5
-        client = LimitedClient(
+        client = SessionClient(
             CallbackAPIVersion.VERSION2,
             client_id=self._settings.client_id,
             clean_session=None if is_v5 else True,
@@ -194,7 +181,7 @@ class Session:
             reconnect_on_failure=False,
         )
         client.on_skip = self._on_skip
-        client.max_inflight_messages_set(0)  # paho knows no Receive Maximum; the outbox keeps to `window`
+        client.on_ack = self._on_ack
         for name in CALLBACKS:
             setattr(client, name, getattr(self, f"_{name}"))
         return client
@@ -221,26 +208,17 @@ class Session:
         if (sock := self._client.socket()) is not None:
             sock.close()
 
-    def _subscribe(self, topic_filter: str, options: SubscribeOptions) -> asyncio.Future[bool]:
-        """Send SUBSCRIBE and return its answer; MQTT 3.1.1 knows the quality of service alone."""
-        if self._version is Version.V5:
-            _, packet_id = self._client.subscribe(topic_filter, options=options)
-        else:
-            _, packet_id = self._client.subscribe(topic_filter, qos=options.QoS)
-        suback: asyncio.Future[bool] = self._loop.create_future()
-        if packet_id is not None:  # None: the connection is lost
-            self._subacks[packet_id] = suback
-        return suback
-
     def _ask(self, topic_filter: str, options: SubscribeOptions, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe; `on_answer` is called with whether the broker lets us, unless the connection is lost."""
+        """Subscribe; `on_answer` is called with whether the broker lets us, unless the connection is lost.
 
-        def note(suback: asyncio.Future[bool]) -> None:
-            if not suback.cancelled():
-                on_answer(suback.result())
-
-        if not self.lost.done():
-            self._subscribe(topic_filter, options).add_done_callback(note)
+        MQTT 3.1.1 knows the quality of service alone.
+        """
+        if self.lost.done():
+            return
+        how: dict[str, Any] = {"options": options} if self._version is Version.V5 else {"qos": options.QoS}
+        _, packet_id = self._client.subscribe(topic_filter, **how)
+        if packet_id is not None:  # None: the connection is lost
+            self._subacks[packet_id] = on_answer
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
         await asyncio.wait(
@@ -255,9 +233,7 @@ class Session:
 
     def _serve(self) -> None:
         self._sock = self._client.socket()
-        self._is_served = True
         self._loop.add_reader(self._sock, self._read)
-        self._readable.register(self._sock, select.POLLIN)
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
@@ -271,7 +247,7 @@ class Session:
 
     def _read(self) -> None:
         until_s = self._loop.time() + READ_FOR_S
-        for _ in range(READS_AT_ONCE):
+        while self._sock is not None:
             try:
                 self._client.loop_read()
             except TooLargeError as error:
@@ -280,18 +256,14 @@ class Session:
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
-            if self._sock is None:
-                return
-            # What the TLS layer has decrypted already no longer makes the socket readable.
-            is_decrypted = isinstance(self._sock, ssl.SSLSocket) and self._sock.pending() > 0
-            if not is_decrypted and not self._readable.poll(0):
+            if not self._client.has_more:
                 break
             if self._loop.time() >= until_s:
-                if is_decrypted:
-                    self._loop.call_soon(self._read)
+                self._loop.call_soon(self._read)
                 break
         # Else a broker that saves packets (Nagle) keeps the next message back.
-        self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+        if self._sock is not None:
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""
@@ -347,18 +319,17 @@ class Session:
         self._connack.set_result(None)
 
     def _on_subscribe(self, _client: Any, _userdata: Any, mid: int, codes: Any, _properties: Any) -> None:
-        suback = self._subacks.pop(mid, None)
-        if suback is not None and not suback.done():
-            suback.set_result(all(code.value < FIRST_FAILURE for code in codes))
+        if (on_answer := self._subacks.pop(mid, None)) is not None:
+            self._loop.call_soon(on_answer, all(code.value < FIRST_FAILURE for code in codes))
 
     def _on_skip(self, size: int) -> None:
         if self._parts.on_skip is not None:
             self._loop.call_soon(self._parts.on_skip, too_large(size, is_skipped=True))
 
-    def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
-        ticket, _ = self._tickets.pop(mid, (None, 0.0))
+    def _on_ack(self, packet_id: int, reason_code: int) -> None:
+        ticket, _ = self._tickets.pop(packet_id, (None, 0.0))
         if ticket is not None:
-            self._parts.on_ack(ticket, code.value)
+            self._parts.on_ack(ticket, reason_code)
 
     def _on_message(self, _client: Any, _userdata: Any, message: paho.MQTTMessage) -> None:
         try:

@@ -1,12 +1,11 @@
-"""Keeps the outbox's table up to date, paces the history, and declares losses.
+"""Keeps the outbox's table up to date, and declares losses.
 
 Sending never waits for the disk. One transaction is under way at a time; what comes meanwhile is in the next.
 
 1. Every LOOK_S the rows that the broker has not acknowledged are written, few values at a time, so that the
    intent of a start does not wait for all of them. Rows that are acknowledged later are deleted with the next
    ones, or in another part's transaction.
-2. While the broker is connected, rows that memory had no room for are read back page by page, and values that
-   were replaced before they were sent are published as history, at most 200 every PACE_S.
+2. While the broker is connected, rows that memory had no room for are read back page by page.
 3. Rows that neither memory nor disk could hold are declared once, in the event `gap`.
 4. When nothing can be written, rows wait in memory. On a full disk reading and deleting are still possible.
 """
@@ -18,14 +17,14 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import StoreError
-from gateway.mqtt.message import MAX_HISTORY_ITEMS, Message
+from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.backlog import Batch
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.store import BEHIND_S, Connection, Loss, News, OutboxTable, Rank, Store, Total, Work
+from gateway.store import BEHIND_S, Connection, News, OutboxTable, Store, Work
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 from gateway.system.supervised import is_set_within
@@ -41,13 +40,12 @@ COMPANY_S = 0.1  # starts of several motors share a transaction
 RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
 REFUSED_EVERY_S = 3600.0  # events, also of what the history will lack
-PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 
 
 class DiskSync:
     """Links one outbox and its table in a store; `wake` has the outbox sent.
 
-    The caller runs the two endless loops, `run` and `pace`, until `close`, and passes on the store's news.
+    The caller runs the endless loop, `run`, until `close`, and passes on the store's news.
     """
 
     def __init__(
@@ -69,13 +67,11 @@ class DiskSync:
         self._work = asyncio.Event()
         self._stepping = asyncio.Lock()
         self._is_recalled = False
-        self._due_s = clock.now_s() + LOOK_S  # when rows are written
         self._flushed_s = float("-inf")
         # Called once, before any of that is sent, with the keys of what earlier runs have left, the oldest
         # first; with none when the disk takes too long. Returns those that must stay until `let_go`.
         self.on_recalled: Callable[[Sequence[str]], Iterable[str]] = lambda _: ()
         self._outbox.backlog.is_table_away = lambda: store.is_unreadable
-        self._outbox.backlog.on_work = self._work.set
         refused = Damped(self._publish_refused, clock=clock, every_s=REFUSED_EVERY_S)
         self._outbox.on_refused = lambda topic, code: refused.put("", (topic, code))
         self._unkept = Damped(self._publish_unkept, clock=clock, every_s=REFUSED_EVERY_S)
@@ -85,7 +81,6 @@ class DiskSync:
         """Write everything again when the store has begun with a new file; read when it is open."""
         if news is News.LOST:
             self._outbox.backlog.lose_table()
-            self._due_s = float("-inf")
         self._work.set()
 
     def stage(self, message: Message) -> Work:
@@ -109,35 +104,25 @@ class DiskSync:
 
     async def payloads(self, keys: Sequence[str]) -> dict[str, bytes]:
         """Return what was stored with these keys and is whole; StoreError."""
-        work = partial(self._table.payloads, keys=keys)
-        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
+        return await self._do(partial(self._table.payloads, keys=keys))
 
     async def run(self) -> None:
         """Keep the disk up to date, until cancelled."""
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
         while True:
-            is_woken = await is_set_within(self._work, max(self._due_s - self._clock.now_s(), 0.0))
+            await is_set_within(self._work, LOOK_S)
             self._work.clear()
             async with self._stepping:
-                is_done = await self._step(is_due=not is_woken or self._clock.now_s() >= self._due_s)
+                is_done = await self._step()
             if not is_done:
                 await asyncio.sleep(RETRY_S)
-
-    async def pace(self) -> None:
-        """Publish the history a little at a time, until cancelled."""
-        while True:
-            is_due = self._outbox.is_connected and self._outbox.backlog.has_history
-            self._outbox.grant_history(MAX_HISTORY_ITEMS if is_due else 0)
-            if is_due:
-                self._wake()
-            await asyncio.sleep(PACE_S)
 
     async def close(self, *, within_s: float) -> None:
         """Write what was not sent; nothing is sent any more."""
         self._outbox.disconnected()
         try:
             async with asyncio.timeout(within_s), self._stepping:
-                await self._write(may_wait=False)
+                await self._write()
         except (TimeoutError, StoreError) as error:
             log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
 
@@ -150,17 +135,17 @@ class DiskSync:
         if not self._outbox.backlog.need(key):
             self._unkept.put("", None)
 
-    async def _step(self, *, is_due: bool) -> bool:
+    async def _step(self) -> bool:
         """Do what is to be done, and return whether all of it could be."""
-        self._outbox.hold_slow(self._clock.now_s())
-        self._declare()
+        now_s = self._clock.now_s()
+        self._outbox.hold_slow(now_s)
+        if self._outbox.is_connected and (gap := self._outbox.backlog.losses.declare(now_s)) is not None:
+            self._publish_event(gap)
         try:
             if not self._is_recalled:
                 await self._recall()
             await self._read()
-            if is_due:
-                self._due_s = self._clock.now_s() + LOOK_S
-                await self._write()
+            await self._write()
         except StoreError as error:
             log.debug("outbox: %s", error)
             self._wake()  # what is in memory does not wait for the table
@@ -168,80 +153,59 @@ class DiskSync:
         return True
 
     async def _recall(self) -> None:
-        totals, keys, losses = await self._do(self._recalled)
-        for rank, total in totals.items():
-            first_s, last_s = self._steady_s(total.first_s), self._steady_s(total.last_s)
-            totals[rank] = total._replace(first_s=first_s, last_s=last_s)
+        """Learn what earlier runs have left."""
+        table = self._table
+        totals, keys, losses = await self._do(lambda c: (table.totals(c), table.keys(c), table.losses(c)))
         self._is_recalled = True
         self._outbox.backlog.recall(totals, losses)
         self._wait_no_longer(keys)
         self._wake()
 
-    def _recalled(self, connection: Connection) -> tuple[dict[Rank, Total], list[str], list[Loss]]:
-        table = self._table
-        return table.totals(connection), table.keys(connection), table.losses(connection)
+    async def _read(self) -> None:
+        """Read rows back into memory, to be sent or given up."""
+        for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
+            page = await self._do(partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS))
+            self._outbox.backlog.page(rank, page)
+            self._work.set()  # another page may be wanted
+            self._wake()
 
-    async def _write(self, *, may_wait: bool = True) -> None:
+    async def _write(self) -> None:
         """Write all that is to be written, as far as a full disk permits."""
         while batches := self._outbox.backlog.batches():
-            writing = (self._write_batch(batch, may_wait=may_wait) for batch in batches)
-            for outcome in await asyncio.gather(*writing, return_exceptions=True):
-                if outcome is not None:
-                    raise outcome
+            for failure in await asyncio.gather(*map(self._write_batch, batches), return_exceptions=True):
+                if failure is not None:
+                    raise failure
 
-    async def _write_batch(self, batch: Batch, *, may_wait: bool) -> None:
-        is_flushed = batch.is_flushed or self._clock.now_s() - self._flushed_s > FLUSH_S
+    async def _write_batch(self, batch: Batch) -> None:
+        backlog = self._outbox.backlog
+        now_s = self._clock.now_s()
+        is_flushed = batch.is_flushed or now_s - self._flushed_s > FLUSH_S
         is_freeing = not batch.rows
-        within_s = BEHIND_S if may_wait and is_freeing and self._outbox.backlog.is_empty else 0.0
-        work = partial(self._written, batch)
+        may_wait = is_freeing and backlog.is_empty and self._outbox.is_connected
         try:
-            await self._do(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
+            await self._do(
+                partial(self._written, batch),
+                is_flushed=is_flushed,
+                is_freeing=is_freeing,
+                within_s=BEHIND_S if may_wait else 0.0,
+            )
         except BaseException:
-            self._outbox.backlog.unwritten(batch)
+            backlog.unwritten(batch)
             raise
-        self._outbox.backlog.written(batch)
+        backlog.written(batch)
         if is_flushed:
-            self._flushed_s = self._clock.now_s()
+            self._flushed_s = now_s
 
     def _written(self, batch: Batch, connection: Connection) -> None:
-        self._table.delete(connection, ((gone.rank, id_) for id_, gone in batch.gone.items()))
+        self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
         self._table.insert(connection, batch.rows)
         if batch.losses is not None:
             self._table.set_losses(connection, batch.losses)
 
-    async def _read(self) -> None:
-        """Read rows back into memory, to be sent or given up."""
-        for rank, after in self._outbox.backlog.wanted(is_sending=self._outbox.is_connected):
-            work = partial(self._table.page, rank=rank, after=after, limit=PAGE_ROWS)
-            page = await self._do(work)
-            rows = [row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows]
-            self._outbox.backlog.page(rank, page._replace(rows=rows))
-            self._work.set()  # another page may be wanted
-            self._wake()
-
-    async def _do(
-        self,
-        work: Callable[[Connection], T],
-        *,
-        is_flushed: bool = False,
-        is_freeing: bool = True,
-        within_s: float = 0.0,
-    ) -> T:
+    async def _do(self, work: Callable[[Connection], T], *, is_freeing: bool = True, **how: Any) -> T:
         """Have work done in the store's thread; what reads or deletes is done on a full disk too."""
-        return await asyncio.wrap_future(
-            self._store.submit(work, is_flushed=is_flushed, is_freeing=is_freeing, within_s=within_s)
-        )
-
-    def _steady_s(self, utc_s: float) -> float:
-        """Return a wall time of the past on the steady clock; the future counts as now."""
-        return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
-
-    def _declare(self) -> None:
-        """Publish what was lost, once there is a connection."""
-        if self._outbox.is_connected:
-            now_s = self._clock.now_s()
-            if event := self._outbox.backlog.losses.declare(now_s):
-                self._publish_event(event)
+        how = {"is_flushed": False, **how}
+        return await asyncio.wrap_future(self._store.submit(work, is_freeing=is_freeing, **how))
 
     def _publish_refused(self, last: tuple[str, int], count: int) -> None:
         topic, code = last

@@ -20,12 +20,8 @@ class Losses:
         self.dropped = 0  # rows, in this run
         self.pending: Sequence[Loss] = ()
         self._declared: Sequence[Loss] = ()  # by an event that is not in the table yet
-        self._stored: Sequence[Loss] | None = ()  # what the table has, as far as is known
+        self._stored: Sequence[Loss] | None = ()  # the table's copy; None: it is not known
         self._declared_s = float("-inf")
-
-    def differ_from_stored(self, losses: Sequence[Loss]) -> bool:
-        """Return whether the table has others than these, or may have."""
-        return self._stored is None or [*self._stored] != [*losses]
 
     def add(self, loss: Loss) -> None:
         """Note a loss of this run."""
@@ -39,43 +35,36 @@ class Losses:
         self.pending = merged((*self.pending, *losses))
         self._stored = losses
 
-    def with_declared(self) -> Sequence[Loss]:
-        """Return all of them, also those whose event is not in the table: a crash would forget it."""
-        return merged((*self.pending, *self._declared))
+    def unstored(self, *, has_events: bool) -> Sequence[Loss] | None:
+        """Return what the table's copy must become, None when it is that.
 
-    def note_stored(self, losses: Sequence[Loss] | None) -> None:
-        """Note what the table has now; None: that is not known."""
-        self._stored = losses
+        Until the table has all events (`has_events`), a crash would forget the one that has declared a loss.
+        """
+        losses = merged(self.pending if has_events else (*self.pending, *self._declared))
+        return None if self._stored is not None and [*self._stored] == losses else losses
 
-    def note_events_stored(self) -> None:
-        """Note that the table has all events, also those that have declared losses."""
-        self._declared = ()
+    def note_stored(self, losses: Sequence[Loss] | None, *, has_events: bool) -> None:
+        """Note that this was stored, with all events or without; None: the copy was right."""
+        if losses is not None:
+            self._stored = losses
+        if has_events:
+            self._declared = ()
+
+    def forget_stored(self) -> None:
+        """Take it that the table's copy is not known."""
+        self._stored = None
 
     def declare(self, now_s: float) -> Event | None:
-        """Return the event that declares all, which must reach the table with the next change of it.
+        """Return the event that declares all losses, which is to be published at once.
 
         None when there is nothing to declare, or when it is too soon.
         """
         if not self.pending or now_s < self._declared_s + DECLARE_EVERY_S:
             return None
-        event = _gap(self.pending)
-        self._declared = (*self._declared, *self.pending)
-        self.pending = ()
+        declared, self.pending = self.pending, ()
+        self._declared = (*self._declared, *declared)
         self._declared_s = now_s
-        return event
-
-
-def _gap(losses: Sequence[Loss]) -> Event:
-    named = (
-        phrase(EventCode.GAP, "loss", count=loss.rows, kind=loss.rank.name.lower(), reason=loss.reason)
-        for loss in losses
-    )
-    return event_of(
-        EventCode.GAP,
-        count=sum(loss.rows for loss in losses),
-        first=rfc3339(min(loss.first_s for loss in losses)),
-        last=rfc3339(max(loss.last_s for loss in losses)),
-        lost=[
+        lost = [
             {
                 "reason": loss.reason,
                 "kind": loss.rank.name.lower(),
@@ -83,7 +72,14 @@ def _gap(losses: Sequence[Loss]) -> Event:
                 "first": rfc3339(loss.first_s),
                 "last": rfc3339(loss.last_s),
             }
-            for loss in losses
-        ],
-        losses=", ".join(named),
-    )
+            for loss in declared
+        ]
+        named = (phrase(EventCode.GAP, "loss", **each) for each in lost)
+        return event_of(
+            EventCode.GAP,
+            count=sum(loss.rows for loss in declared),
+            first=rfc3339(min(loss.first_s for loss in declared)),
+            last=rfc3339(max(loss.last_s for loss in declared)),
+            lost=lost,
+            losses=", ".join(named),
+        )

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from gateway.contract import rfc3339
-from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
+from gateway.mqtt import BrokerSettings, Message, connected
+from gateway.mqtt.connection.client import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
 from tests.end_to_end.site import PUMP, Program, site_config, write_config
 from tests.mosquitto import Certificate, StartMosquitto
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
@@ -137,6 +138,21 @@ async def test_what_no_client_can_live_with_ends_the_connection_and_the_next_one
         await gateway.says(reason)
         broker.after_suback = command(LEVEL_5, "stop")
         await gateway.says(STOP_FRAME)
+
+
+@pytest.mark.parametrize("code", [0, 0x97])
+async def test_each_acknowledgement_is_reported_with_its_reason(code: int) -> None:
+    acked: asyncio.Queue[tuple[int, int]] = asyncio.Queue()
+    async with FakeBroker(puback_code=code) as broker:
+        settings = BrokerSettings("127.0.0.1", broker.port, "g")
+        session, _ = await connected(settings, on_ack=lambda *ack: acked.put_nowait(ack))
+        for ticket in (1, 2, 3):
+            session.publish(ticket, Message("a", b"1", qos=1, retain=False))
+        async with asyncio.timeout(10.0):
+            found = [await acked.get() for _ in range(3)]
+        await session.disconnect()
+
+    assert found == [(1, code), (2, code), (3, code)]
 
 
 async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> None:
