@@ -331,7 +331,7 @@ USAGE = [
         ("watch mqtt://broker.plant --username alice", "unencrypted"),
         ("audit prove CONFIG", "invalid choice: 'prove'"),
         ("watch ftp://x", "ftp"),
-        ("broker-kit CONFIG", "broker-kit needs the folder of the kit behind CONFIG"),
+        ("broker-kit CONFIG", "the following arguments are required: DIR"),
     ]
 ]
 

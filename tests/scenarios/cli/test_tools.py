@@ -624,23 +624,6 @@ KIT = [
         out="",
         err="kit/kit.json: no kit that can be read: No such file or directory (write one first)",
     ),
-    line_row(
-        "a look at Mosquitto's configuration finds what is dangerous",
-        "broker-kit CONFIG --lint DIR/mosquitto.conf",
-        given=NAMED,
-        files={**SECRET, "mosquitto.conf": "listener 1883\nallow_anonymous true\n"},
-        code=1,
-        out="allow_anonymous",
-    ),
-    line_row(
-        "and names the file that it cannot read",
-        "broker-kit CONFIG --lint DIR/none.conf",
-        given=NAMED,
-        files=SECRET,
-        code=2,
-        out="",
-        err="none.conf: cannot be read: No such file or directory (give files",
-    ),
 ]
 
 
