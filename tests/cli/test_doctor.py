@@ -19,6 +19,7 @@ from gateway.cli.doctor.machine import (
     timers_finding,
     wear_findings,
 )
+from gateway.cli.doctor.starters import telegrams_finding
 from gateway.families.devices.findings import Weight
 from gateway.starters import WRITES
 from gateway.store import STATE_FILE, write_document
@@ -138,9 +139,16 @@ def test_where_nothing_can_be_stored_the_disk_is_not_measured(tmp_path: Path) ->
         (disk_finding(0.2), None),
         (disk_finding(0.5), Weight.WARNING),
         (disk_finding(1.5), Weight.ERROR),
+        (telegrams_finding("mill", 5000, 5000, 0, 0), None),
+        (telegrams_finding("mill", 5000, 4950, 50, 0), Weight.NOTE),
+        (telegrams_finding("mill", 5000, 4949, 51, 0), Weight.WARNING),
+        (telegrams_finding("mill", 3, 3, 0, 7), Weight.NOTE),
+        (telegrams_finding("mill", 3, 3, 10, 0), Weight.NOTE),  # as after 65,536 requests
     ],
 )
-def test_late_timers_and_a_slow_disk_are_a_problem(finding: Finding, weight: Weight | None) -> None:
+def test_late_timers_a_slow_disk_and_a_bad_cable_are_a_problem(
+    finding: Finding, weight: Weight | None
+) -> None:
     assert finding.weight is weight
 
 

@@ -117,6 +117,14 @@ def _curve_of_a_start(plant: RigPlant) -> str:
     return wrong or lines_of("start.csv", "t_s,time,", "current [A]")(plant)
 
 
+def _corrupted(plant: RigPlant) -> None:
+    """Have requests arrive corrupted at the mill."""
+    (mill,) = plant.lines["pumps"].starters.values()
+    for _ in range(12):
+        mill.unit.note_reception_error(is_crc=True, byte_count=8)
+    mill.unit.note_reception_error(is_crc=False, byte_count=5)
+
+
 SCANNING = [
     ended(
         "a scan finds every family and prints a site that check accepts",
@@ -292,6 +300,19 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         SSW07,
         cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error")),
         then=[lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)],
+    ),
+    ended(
+        "an SSW900 tells the corrupted requests that it has counted",
+        SSW900,
+        cli(
+            "doctor CONFIG",
+            code=1,
+            out=re.compile(
+                r"warning starter mill: it has counted \d+ requests, \d+ replies, 12 requests with a wrong"
+                r" CRC and 5 bytes with other errors \(requests arrive corrupted: look at cable"
+            ),
+        ),
+        then=[_corrupted],
     ),
     row(
         "the slot of an SSW900's accessory decides where its command sources must point",
