@@ -46,14 +46,14 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
 
 def _cells(row: StarterRow, name: str, now_s: float) -> list[Text]:
     silent_s, style = row.silent_s(now_s), "" if row.is_good else GREY
-    current, load = (_number(row.value.get(point)) for point in ("current", "current_pct"))
+    current, load = (_number(row.value(point)) for point in ("current", "current_pct"))
     return [
         Text(row.signal, style=STYLES[row.signal]),
         _text(name, "bold"),
         _text(row.state.state.replace("_", " ") + ("" if row.is_good else "?"), style),
         Text(" ").join([current, load]) if load else current,
         Text("never" if silent_s is None else "now" if silent_s == 0 else in_words(silent_s), style=style),
-        _text("; ".join([*row.troubles(), *row.commanded()])),
+        _text("; ".join(row.texts())),
     ]
 
 

@@ -15,7 +15,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from gateway.cli.watch.overview import TOPICS, Overview
+from gateway.cli.watch.overview import Overview, filters
 from gateway.cli.watch.table import STYLES, render
 from gateway.errors import BrokerError
 from gateway.mqtt import BrokerSettings, Incoming, connected
@@ -75,7 +75,7 @@ class Watching:
     async def _connect(self) -> asyncio.Future[str]:
         """Connect and subscribe; what is returned is done when the connection is lost."""
         session, _ = await connected(self._settings, on_incoming=self._take)
-        for topic in (f"{self._base}/{each}" for each in TOPICS):
+        for topic in (f"{self._base}/{each}" for each in filters()):
             if not await session.subscribe(topic, with_retained=True):
                 session.abort()
                 raise BrokerError(
