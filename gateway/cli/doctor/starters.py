@@ -12,7 +12,7 @@ from gateway.config.convert import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
-from gateway.line import LineClient, Outcome, PortOpener, Priority, exclusive_line
+from gateway.line import Garbled, LineClient, Outcome, PortOpener, Priority, Silent, exclusive_line
 from gateway.modbus.pdu import Request
 from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
@@ -79,7 +79,10 @@ class LineCheckup:
 
     async def _ask_directly(self, setup: StarterSetup, line: LineClient) -> None:
         async def put(request: Request) -> Outcome:
-            return await ask(line, setup, request, lane=Priority.READ_BACK)
+            outcome = await ask(line, setup, request, lane=Priority.READ_BACK)
+            if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:  # nothing ever will be
+                raise PortLostError(self.prospect.table.port, outcome.reason, "what else is on this line?")
+            return outcome
 
         where, codes = f"starter {setup.name}", _codes(setup)
         try:
