@@ -133,7 +133,7 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
 
 def _unused_name(place: _Place) -> str:
     def is_used(name: str) -> bool:
-        asides = (f"{path}.{name}" for path in place.files)
+        asides = (Path(f"{path}.{name}") for path in place.files)
         return any(os.path.lexists(path) for path in (place.state_dir / name, *asides))
 
     return next(name for number in count(1) if not is_used(name := f"{ASIDE}-{number}"))
