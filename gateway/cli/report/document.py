@@ -225,10 +225,6 @@ def _replies(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
     if counts:
         words = (f"{_number(counts[name])} {t(name)}" for name in REPLIES if name in counts)
         yield t("replies"), ", ".join(words)
-    times = (counts.get("response_time_s") or {}).items()
-    if any(time_s for _, time_s in times):
-        words = (f"{name} {_number(1000.0 * time_s, 'ms')}" for name, time_s in times if time_s)
-        yield t("response time"), ", ".join(words)
     rates = (facts.cable.get("starters") or {}).get(facts.starter.name) or {}
     if rates:
         words = (f"{100 * rates[name]:.2f}\xa0% {t(word)}" for name, word in RATES.items() if name in rates)
