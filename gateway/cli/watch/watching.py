@@ -56,7 +56,8 @@ class Watching:
             staying.cancel()
 
     def _drawn(self) -> Group:
-        table, trouble = render(self._overview, time.time()), self._subscription.trouble
+        table = render(self._overview, time.time(), self._console.width)
+        trouble = self._subscription.trouble
         return Group(*([Text(trouble, style=STYLES["F"])] if trouble else []), *table.renderables)
 
     def _take(self, message: Incoming) -> None:
