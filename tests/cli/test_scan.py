@@ -79,6 +79,8 @@ def test_s9_18_a_watchdog_that_the_scan_has_started_does_not_act_while_it_lasts(
 
     assert [watchdog.after_s for watchdog in found.watchdogs] == [1.0]
     assert unit.trips == []
+    asked = [frame for frame in bus.transcript if frame.sender == 0 and frame.data[0] == 1]
+    assert len(asked) < 50  # in time, not at every step
 
 
 class Corrupted(Impairment):

@@ -152,7 +152,7 @@ SCANNING = [
     ended(
         "a port that is not there is named",
         SSW07,
-        cli("scan /dev/none --baud 19200 --framing 8N2 --address 1", code=1, out="", err="port /dev/none: "),
+        cli("scan /dev/none", code=1, out="", err="port /dev/none: "),
     ),
     ended(
         "a watchdog that the scan has started stands in the site that it prints",
