@@ -302,7 +302,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         then=[lambda plant: plant.loop.call_later(0.05, plant.lines["pumps"].unplug)],
     ),
     ended(
-        "an SSW900 tells the corrupted requests that it has counted",
+        "the corrupted requests that an SSW900 has counted are a problem",
         SSW900,
         cli(
             "doctor CONFIG",
