@@ -13,8 +13,8 @@ import pytest
 
 from gateway.app.site import Site
 from gateway.cli.main import main
+from gateway.cli.restore.backup import upgrade_site
 from gateway.cli.restore.caution import lock_all
-from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters import WRITES

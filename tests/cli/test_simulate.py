@@ -119,7 +119,7 @@ def test_a_model_that_cannot_be_simulated_is_named() -> None:
         talk_to("sst", 'model = "SST999"')
 
 
-def test_the_demo_has_forty_points_of_all_families_and_a_line_with_time_for_them(
+def test_forty_points_of_all_families_are_in_the_demo_whose_line_has_time_for_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "demo.toml"

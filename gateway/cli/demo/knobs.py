@@ -11,7 +11,7 @@ import logging
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 
-from gateway.cli.subscription import Subscription
+from gateway.cli.broker import Subscription
 from gateway.config.values import is_loopback
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt import BrokerSettings, Incoming, Message

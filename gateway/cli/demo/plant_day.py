@@ -11,9 +11,9 @@ import logging
 import time
 from typing import NamedTuple
 
+from gateway.cli.broker import Subscription
 from gateway.cli.demo.knobs import TREE
 from gateway.cli.demo.processes import demo_client
-from gateway.cli.subscription import Subscription
 from gateway.contract import Phase, Topics
 from gateway.errors import GatewayError
 from gateway.mqtt import CommandClient, Message, Order

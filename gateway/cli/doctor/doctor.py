@@ -8,10 +8,10 @@ from pathlib import Path
 
 from gateway.app import io
 from gateway.app.capacity import prospects_of
+from gateway.cli.broker import add_login, checked_client, settings_of, user_name
 from gateway.cli.doctor import machine
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.starters import LineCheckup
-from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import Config

@@ -15,7 +15,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from gateway.cli.subscription import Subscription
+from gateway.cli.broker import Subscription
 from gateway.cli.watch.overview import Overview, filters
 from gateway.cli.watch.table import STYLES, render
 from gateway.mqtt import BrokerSettings, Incoming
