@@ -52,7 +52,7 @@ def write_kit(
     `given` are the plant's own files, by `ca`, `cert`, `key` and `bridge_ca`. Passwords and certificates of
     the kits `old` stay; the first that has one counts. A refusal changes nothing in the folder.
     """
-    logins = logins_of(config, settings)
+    logins, address = logins_of(config, settings), settings.central_address()
     there = central_logins(config, logins, settings.central_base(config)) if settings.bridge else ()
     try:
         with replaced(folder) as stage:
@@ -63,7 +63,7 @@ def write_kit(
                 text = bridge_conf(
                     config,
                     logins,
-                    address=settings.central_address(),
+                    address=address,
                     base=settings.central_base(config),
                     ca_path=f"{INSTALLED}/{CENTRAL_CA}" if settings.has_bridge_ca else "",
                     passwords=passwords,

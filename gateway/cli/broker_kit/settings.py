@@ -11,7 +11,6 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from gateway.config.schema import Config
-from gateway.config.values import TOPIC_PATTERN
 from gateway.errors import UsageError
 
 SETTINGS = "kit.json"  # a folder with this file is a kit
@@ -20,13 +19,14 @@ LOGIN_NAME = r"(?!\.+$)[A-Za-z0-9_.@-]{1,64}"  # also the name of a file
 
 _HOST = r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*"
 _CENTRAL = r"([A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:[0-9]{1,5})?)?"
+_LEVEL = r"([A-Za-z0-9_.-]|\{gateway\})+"
 
 
 def _like(pattern: str, what: str) -> AfterValidator:
     """Return the check of an option's text."""
 
     def check(text: str) -> str:
-        if not re.fullmatch(pattern, text.replace("{gateway}", "gateway")):
+        if not re.fullmatch(pattern, text):
             raise UsageError(f"{text!r} is {what}")
         return text
 
@@ -63,7 +63,7 @@ class KitSettings(BaseModel):
     further: Annotated[dict[LoginName, str], BeforeValidator(_pairs)] = {}  # login: operator
     bridge: Annotated[str, _like(_CENTRAL, "no HOST[:PORT] (a name, or an IPv4 address)")] = ""
     bridge_base: Annotated[
-        str, _like(f"({TOPIC_PATTERN})?", "no base of topics (levels of a-z, A-Z, 0-9, _ . and -)")
+        str, _like(f"({_LEVEL}(/{_LEVEL})*)?", "no base of topics (levels of a-z, A-Z, 0-9, _ . and -)")
     ] = ""
     has_bridge_ca: bool = False
 
@@ -87,8 +87,11 @@ class KitSettings(BaseModel):
         )
 
     def central_address(self) -> str:
-        """Return host:port of the central broker."""
-        return self.bridge if ":" in self.bridge else f"{self.bridge}:{DEFAULT_PORT}"
+        """Return host:port of the central broker; UsageError for a port that there is not."""
+        host, _, port = self.bridge.partition(":")
+        if not 0 < int(port or DEFAULT_PORT) < 65536:
+            raise UsageError(f"--bridge {self.bridge!r} is no HOST[:PORT] (a port is 1 to 65535)")
+        return f"{host}:{port or DEFAULT_PORT}"
 
     def central_base(self, config: Config) -> str:
         """Return the base of this gateway's topics at the central broker; empty without a bridge."""
