@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
     print(f"{args.config}: valid, {_site(site.config)}")
     for line in site.prospects:
         _print_line(line)
+    print("" if warnings else "\nno warnings")
     Findings().add(*warnings)
     return 0
 
