@@ -29,7 +29,7 @@ LIKELY_ADDRESSES = range(1, 17)  # tried at every setting before the others
 ADDRESSES = range(1, 248)
 
 # VB01 of SSW-06 and SSW-07; others answer it with an exception, and an exception is an answer.
-_PROBE = ReadHoldingRegisters(5001, 1)
+PROBE = ReadHoldingRegisters(5001, 1)
 _SLOWEST_REPLY_S = 0.1  # of a unit that is there
 _WATCHDOG_SHARE = 1 / 3  # of its time, after which a unit is asked again
 # Between attempts to open the port again: a serial server that takes one connection at a time, or an adapter
@@ -103,7 +103,7 @@ class Search:
             if (address in LIKELY_ADDRESSES) is is_likely
         )
         self._costs_s = {  # of an address without a device
-            timing: silent_cost_s(_PROBE, timing, response_time_s=settings.response_time_s)
+            timing: silent_cost_s(PROBE, timing, response_time_s=settings.response_time_s)
             for timing in settings.timings
         }
         self._spent_s = 0.0
@@ -148,9 +148,9 @@ class Search:
         return find
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
-        outcome = await survey.ask(address, _PROBE, response_time_s=self._settings.response_time_s)
+        outcome = await survey.ask(address, PROBE, response_time_s=self._settings.response_time_s)
         if isinstance(outcome, Garbled):  # once more
-            outcome = await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
+            outcome = await survey.ask(address, PROBE, response_time_s=_SLOWEST_REPLY_S)
         if isinstance(outcome, Silent):
             return None
         if not isinstance(outcome, Garbled):
@@ -197,4 +197,4 @@ class Search:
         for (timing, address), (due_s, every_s) in tuple(self._due.items()):
             if timing == survey.timing and now_s >= due_s:
                 self._due[timing, address] = (now_s + every_s, every_s)
-                await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
+                await survey.ask(address, PROBE, response_time_s=_SLOWEST_REPLY_S)
