@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gateway.cli.broker import add_login, client_of, settings_of, user_name
 from gateway.cli.command import add_starter, arguments, choose, completed, expectations, targets
-from gateway.cli.operator_login import add_login, client_of, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.contract import OWN_VERBS, SELECT, STOP, Phase, ResultRecord, Topics, is_level

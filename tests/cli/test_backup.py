@@ -12,8 +12,8 @@ import pytest
 
 from gateway.app.site import Site
 from gateway.cli.main import main
+from gateway.cli.restore.backup import upgrade_site
 from gateway.cli.restore.caution import lock_all
-from gateway.cli.restore.upgrade import upgrade_site
 from gateway.config.load import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters import WRITES
@@ -95,6 +95,20 @@ def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
     assert "locked until an operator unlocks them: pump\n" in out
     assert "not in the backup, to be given again: secret/mqtt.password, the password of login ann" in out
     assert "put each where it belongs" in out
+    assert "others now" not in out
+
+
+def test_a_restore_elsewhere_names_the_places_that_the_configuration_has_wrong_then(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state, key = site.parent / "state", site.parent / "secret" / "mqtt.password"
+    text = site.read_text().replace('"state"', f'"{state}"').replace('"secret/mqtt.password"', f'"{key}"')
+    site.write_text(text)
+    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz"), "--secrets"]) == 0
+
+    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
+
+    assert f"places that are others now: change {key}, {state}\n" in capsys.readouterr().out
 
 
 def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(site: Path) -> None:

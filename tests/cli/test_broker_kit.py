@@ -10,8 +10,11 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.broker_kit.folder import password_line
-from gateway.cli.broker_kit.lint import warnings
+from gateway.cli.broker_kit.logins import logins_of
+from gateway.cli.broker_kit.rights import tried_topics
+from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.main import main
+from gateway.config.load import parse
 from tests.config.sites import changed
 
 URL = 'url = "mqtts://broker.plant:8883"'
@@ -95,7 +98,6 @@ def test_each_login_may_do_what_it_is_for_and_nothing_else(tmp_path: Path) -> No
     assert rights(kit / "acl") == RIGHTS
     assert rights(kit / "central" / "acl") == CENTRAL
     conf = (kit / "bridge.conf").read_text("utf-8")
-    assert list(warnings(conf, "starters/mcc1", ["alice"])) == []
     blocks = {block.partition("\n")[0]: block for block in conf.split("\nconnection ")[1:]}
     clean = {name for name, block in blocks.items() if "cleansession true" in block}
     assert clean == {"mcc1-commands", "mcc1-edge-commands"}
@@ -105,6 +107,26 @@ def test_each_login_may_do_what_it_is_for_and_nothing_else(tmp_path: Path) -> No
     assert "topic command/+/alice/+ out 1 starters/mcc1/ starters/mcc1/" in blocks["mcc1-edge-commands"]
     assert f"topic {DCMD} in 1\n" in blocks["mcc1-commands"]
     assert "topic spBv1.0/plant/DDATA/mcc1/+ out 1\n" in blocks["mcc1-telemetry"]
+
+
+def test_the_proof_tries_every_verb_and_expects_what_the_list_says() -> None:
+    config = parse(changed(PLAIN), "site.toml")
+    logins = logins_of(config, KitSettings())
+
+    tried = {topic.name: topic for topic in tried_topics(config, logins)}
+
+    for verb in ("start", "stop", "set", "unlock"):
+        assert tried[f"starters/mcc1/command/acl-probe/alice/{verb}"].writers == {"alice"}
+        assert tried[f"starters/mcc1/command/acl-probe/acl-probe/{verb}"].writers == set()
+    assert tried["starters/mcc1/result/acl-probe/alice"].readers == {"mcc1", "alice", "prover"}
+    assert tried["starters/mcc1/audit"].readers == {"mcc1", "auditor", "prover"}
+    assert tried["acl-probe/acl-probe"].readers == {"prover"}
+    assert {name for name, topic in tried.items() if topic.is_real} == {
+        "starters/mcc1/gateway/status",
+        "starters/mcc1/gateway/fresh",
+        *(f"starters/mcc1/starter/pump-{number}/state" for number in (1, 2)),
+        *(f"starters/mcc1/command/pump-{number}/alice/start" for number in (1, 2)),
+    }
 
 
 def test_discovery_passes_a_bridge_whose_bases_are_the_same(tmp_path: Path) -> None:
@@ -210,8 +232,9 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
     ("options", "what"),
     [
         (["--viewer", "alice"], "two logins have the name alice"),
-        (["--viewer", "prover"], "the proof's own"),
-        (["--viewer", "acl-probe"], "the proof's own"),
+        (["--viewer", "prover"], "two logins have the name prover"),
+        (["--viewer", "acl-probe"], "two logins have the name acl-probe"),
+        (["--login", "alice=alice"], "two logins have the name alice"),
         (["--viewer", "a b"], "no name for a login"),
         (["--auditor", ".."], "no name for a login"),
         (["--login", "x=carol"], "no [[operator]] carol"),
@@ -219,9 +242,11 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
         (["--host", "bröker.plant"], "no name or address"),
         (["--host", "a b"], "no name or address"),
         (["--host=-a"], "no name or address"),
+        (["--host={gateway}"], "no name or address"),
         (["--ca", "x"], "go together"),
         (["--login", "x"], "NAME=OPERATOR"),
         (["--bridge", "central:x"], "HOST"),
+        (["--bridge", "central:65536"], "HOST"),
         (["--bridge", "central evil:8883"], "HOST"),
         (["--bridge", "[::1]:8883"], "HOST"),
         (["--bridge", "central", "--bridge-base", "a/#"], "no base"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from pathlib import Path
 
@@ -14,11 +13,11 @@ from gateway.cli.doctor.machine import (
     clock_finding,
     disk_finding,
     latency_finding,
-    speed_findings,
     state_dir_finding,
-    timers_finding,
+    sync_s,
     wear_findings,
 )
+from gateway.cli.doctor.starters import telegrams_finding
 from gateway.families.devices.findings import Weight
 from gateway.starters import WRITES
 from gateway.store import STATE_FILE, write_document
@@ -115,32 +114,29 @@ def test_damaged_counts_are_noted(tmp_path: Path) -> None:
     assert [finding.weight for finding in list(wear_findings(tmp_path))] == [Weight.NOTE]
 
 
-def test_this_machine_can_be_measured_and_nothing_of_it_stays(tmp_path: Path) -> None:
-    found = asyncio.run(speed_findings(tmp_path))
+def test_the_disk_is_measured_where_something_can_be_stored_and_nothing_stays(tmp_path: Path) -> None:
+    missing = tmp_path / "none"
 
-    assert [each.where for each in found] == ["timers", "disk"]
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_where_nothing_can_be_stored_the_disk_is_not_measured(tmp_path: Path) -> None:
-    missing, file = tmp_path / "none", tmp_path / "state"
-    file.touch()
-
-    assert [len(asyncio.run(speed_findings(each))) for each in (missing, file)] == [1, 1]
+    assert sync_s(missing) is None
     assert not missing.exists()
+    assert 0.0 < (sync_s(tmp_path) or 0.0) < 60.0
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
     ("finding", "weight"),
     [
-        (timers_finding(0.0001, 0.002), None),
-        (timers_finding(0.004, 0.004), Weight.WARNING),
         (disk_finding(0.2), None),
         (disk_finding(0.5), Weight.WARNING),
         (disk_finding(1.5), Weight.ERROR),
+        (telegrams_finding("mill", 5000, 5000, 0, 0), None),
+        (telegrams_finding("mill", 5000, 4950, 50, 0), Weight.NOTE),
+        (telegrams_finding("mill", 5000, 4949, 51, 0), Weight.WARNING),
+        (telegrams_finding("mill", 3, 3, 0, 7), Weight.NOTE),
+        (telegrams_finding("mill", 3, 3, 10, 0), Weight.NOTE),  # as after 65,536 requests
     ],
 )
-def test_late_timers_and_a_slow_disk_are_a_problem(finding: Finding, weight: Weight | None) -> None:
+def test_a_slow_disk_and_a_bad_cable_are_a_problem(finding: Finding, weight: Weight | None) -> None:
     assert finding.weight is weight
 
 

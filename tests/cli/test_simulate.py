@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gateway.cli.demo.demo import CONFIG
 from gateway.cli.demo.simulate import simulate, simulated_unit
-from gateway.config.load import parse
+from gateway.cli.main import main
+from gateway.config.load import load, parse
 from gateway.errors import ConfigError, UsageError
+from gateway.families import FAMILIES
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from tests.config.sites import changed
@@ -112,3 +117,18 @@ def test_the_motor_of_a_simulated_starter_and_its_supply_are_as_configured() -> 
 def test_a_model_that_cannot_be_simulated_is_named() -> None:
     with pytest.raises(UsageError, match="cannot be simulated: model 'SST999' is not one of SST330i"):
         talk_to("sst", 'model = "SST999"')
+
+
+def test_forty_points_of_all_families_are_in_the_demo_whose_line_has_time_for_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "demo.toml"
+    path.write_text(CONFIG.read_text("utf-8").format(folder=tmp_path, port=1883, version="auto"), "utf-8")
+
+    assert main(["check", str(path), "--json"]) == 0
+
+    (line,) = json.loads(capsys.readouterr().out)["lines"]
+    asked = {each.family: len(each.asked) for each in load(path).starters}
+    assert asked.keys() == set(FAMILIES)
+    assert line["extra_points"]["count"] == sum(asked.values()) == 40
+    assert line["load"] < 0.9

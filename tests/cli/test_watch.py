@@ -75,7 +75,7 @@ def overview(*records: Record, live_at_s: float | None = NOW_S, ahead_s: float =
 
 def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
     console = Console(file=StringIO(), width=width)
-    console.print(render(found, now_s))
+    console.print(render(found, now_s, width))
     assert isinstance(console.file, StringIO)
     return console.file.getvalue()
 
@@ -124,13 +124,17 @@ def test_a_starter_is_one_line_at_80_columns(records: Any, line: str) -> None:
     assert [" ".join(each.split()) for each in drawn(found).splitlines() if "pump" in each] == [line]
 
 
-def test_a_long_reason_is_folded_and_not_cut() -> None:
+def test_a_long_reason_stands_on_lines_of_its_own_and_is_not_cut() -> None:
     reason = "the starter answers as another family than the one that is configured"
-    found = overview(state("unknown", reason=reason), result(Phase.CONFIRMED))
+    found = overview(state("not_ready", reason=reason), result(Phase.CONFIRMED))
 
-    words = drawn(found).split()
+    lines = drawn(found).splitlines()
 
-    assert {*reason.split()[:-1], "configured;", "confirmed"} <= set(words)
+    assert max(map(len, lines)) <= 80
+    at = next(number for number, line in enumerate(lines) if "pump" in line)
+    assert lines[at].split() == ["pump", "not", "ready", "now"]
+    said = " ".join(" ".join(lines[at + 1 :]).split())
+    assert said == f"{reason}; pausing or being adjusted; alice start: confirmed"
 
 
 def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_count_by_its_clock() -> None:

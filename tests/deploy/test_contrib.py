@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.broker_kit.logins import KitSettings, access_list, logins_of
+from gateway.cli.broker_kit.logins import access_list, logins_of
+from gateway.cli.broker_kit.settings import KitSettings
 from gateway.contract import (
     AlarmRecord,
     AuditRecord,

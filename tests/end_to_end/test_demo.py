@@ -41,6 +41,8 @@ async def test_every_command_of_the_guide_works_when_it_is_pasted(
             output, _ = await asyncio.wait_for(process.communicate(), 60.0)
             assert process.returncode == 0, (commands, output)
         await scada.until("starter/pump/state", state="fault", quality="good")
+        for point in ("pump/value/p220", "fan/value/p295", "mill/value/s5_4_2", "belt/value/r36"):
+            await scada.until(f"starter/{point}", quality="good")
         seen = await watcher.stdout.readline()
         watcher.send_signal(signal.SIGINT)
         await watcher.communicate()

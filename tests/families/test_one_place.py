@@ -47,7 +47,13 @@ def test_no_generic_module_names_a_family_or_a_row_of_one() -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_device_looks_only_at_rows_of_its_profile(family: str) -> None:
     device, profile = DEVICES[family], load_profile(family)
-    rows = {*device.start_rows, *device.source_rows, *device.watchdog_rows, *device.slot_rows}
+    rows = {
+        *device.start_rows,
+        *device.source_rows,
+        *device.watchdog_rows,
+        *device.slot_rows,
+        *device.counter_rows,
+    }
 
     assert rows <= set(profile.parameters)
     assert set(device.source_rows) <= set(profile.protected.command_sources)

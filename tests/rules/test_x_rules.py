@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.scan.search import PROBES
+from gateway.cli.scan.search import PROBE
 from gateway.families.command.procedures import build, prepare, verbs
 from gateway.families.diagnosis.identification import identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -78,7 +78,7 @@ def test_x_05_identification_and_scan_only_read(family: str) -> None:
     questions = [question.request for question in identify_requests(load_profile(family))]
 
     assert questions
-    assert not any(request.is_write for request in (*questions, *PROBES))
+    assert not any(request.is_write for request in (*questions, PROBE))
 
 
 COMMANDS = {  # what a starter takes for commands: the X-05 of the list

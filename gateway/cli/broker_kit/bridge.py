@@ -12,11 +12,10 @@ connection. Of operators only those with `freshness = "issued_at"` pass, each by
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
-from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, KitSettings, Login, gateway_login, logins_of
-from gateway.cli.broker_kit.rights import Role, remote_clients
+from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, gateway_login
+from gateway.cli.broker_kit.rights import Login, Role, remote_clients
 from gateway.config.schema import Config
 from gateway.config.values import is_loopback
 from gateway.errors import UsageError
@@ -24,104 +23,6 @@ from gateway.errors import UsageError
 LOOPBACK_PORT = 18883  # of the edge's broker, for the bridge: TLS would gain nothing there
 BRIDGE_PORT = 18884  # of the bridge itself; no login may use it
 NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection stands, else 0; retained
-
-
-@dataclass(frozen=True, slots=True)
-class CentralBroker:
-    """The central broker, and the base of this gateway's topics there."""
-
-    address: str  # host:port
-    base: str
-    ca_path: str  # of its authority on the edge's machine; empty: the system's authorities
-
-
-def bridge_logins(config: Config) -> tuple[str, str]:
-    """Return the two logins of the bridge at the central broker: for telemetry, and for commands."""
-    name = gateway_login(config)
-    return f"{name}-up", f"{name}-down"
-
-
-def edge_port(config: Config) -> int:
-    """Return the port of the edge's broker on 127.0.0.1: its own, or with TLS one for the bridge alone."""
-    host = config.mqtt.host
-    is_elsewhere = is_loopback(host) and host not in ("localhost", "127.0.0.1")
-    return LOOPBACK_PORT if config.mqtt.is_tls or is_elsewhere else config.mqtt.port
-
-
-def passing(config: Config, settings: KitSettings) -> tuple[list[str], list[str]]:
-    """Return the filters at the edge of the telemetry that goes out, and of the commands that come in."""
-    logins = {login.name: login for login in logins_of(config, settings)}
-    return logins[BRIDGE_UP].reads, logins[BRIDGE_DOWN].writes if BRIDGE_DOWN in logins else []
-
-
-def central_logins(config: Config, settings: KitSettings) -> tuple[Login, ...]:
-    """Return who logs in at the central broker for this site, with rights below this site's base only.
-
-    UsageError for an operator with the name of one of the bridge's logins: it would have the bridge's rights.
-    """
-    base, (up, down), (out, into) = (
-        settings.central_base(config),
-        bridge_logins(config),
-        passing(config, settings),
-    )
-    notice = f"{base}/{NOTICE}"
-    logins = [Login(up, "", {Role.BRIDGE_UP}, [], [*_moved(config, out, base), notice])]
-    if into:
-        logins.append(Login(down, "", {Role.BRIDGE_DOWN}, _moved(config, into, base)))
-    for login in logins_of(config, settings):
-        if login.name not in remote_clients(config):
-            continue
-        if login.name in (up, down):
-            raise UsageError(f"the operator {login.name} has the name of the bridge's login there")
-        reads, writes = (
-            _moved(config, [each for each in filters if each.startswith(f"{config.base}/")], base)
-            for filters in (login.reads, login.writes)
-        )
-        logins.append(Login(login.name, login.name, {Role.OPERATOR}, [*reads, notice], writes))
-    return tuple(logins)
-
-
-def bridge_conf(
-    config: Config,
-    settings: KitSettings,
-    central: CentralBroker,
-    *,
-    passwords: Mapping[str, str],
-    central_passwords: Mapping[str, str],
-) -> str:
-    """Return the configuration of the bridge's Mosquitto; it holds the passwords of both sides."""
-    here, (up, down), (out, into) = (
-        f"127.0.0.1:{edge_port(config)}",
-        bridge_logins(config),
-        passing(config, settings),
-    )
-    tls = f"bridge_cafile {central.ca_path}" if central.ca_path else "bridge_capath /etc/ssl/certs"
-    away = [central.address, tls]
-    blocks = [
-        ("edge-telemetry", BRIDGE_UP, passwords, [here], _lines(config, out, "in", config.base)),
-        ("telemetry", up, central_passwords, away, _lines(config, out, "out", central.base)),
-    ]
-    if into:
-        blocks += [
-            ("commands", down, central_passwords, away, _lines(config, into, "in", central.base)),
-            ("edge-commands", BRIDGE_DOWN, passwords, [here], _lines(config, into, "out", config.base)),
-        ]
-    lines = [_HEAD]
-    for name, login, known, (address, *tls_lines), topics in blocks:
-        is_clean, is_notified = name.endswith("commands"), name == "telemetry"
-        options = [
-            f"connection {config.gateway.name}-{name}",
-            f"address {address}",
-            *tls_lines,
-            f"remote_clientid {login}\nremote_username {login}\nremote_password {known[login]}",
-            _CLEAN if is_clean else _WAITING,
-            "restart_timeout 5 120" if is_notified else "restart_timeout 2 30",
-            f"notification_topic {central.base}/{NOTICE}" if is_notified else "notifications false",
-        ]
-        lines += [*options, *topics, ""]
-    return "\n".join(lines)
-
-
 _HEAD = f"""\
 # The bridge of this site to the central broker, a Mosquitto of its own; written by
 # `starter-gateway broker-kit`. It holds passwords. Do not add `topic # out`, nor a topic in both directions:
@@ -147,12 +48,96 @@ cleansession false
 keepalive_interval 15"""
 
 
-def _lines(config: Config, filters: list[str], direction: str, base: str) -> Iterator[str]:
-    """Yield `topic` lines; below the gateway's base the other side has another one."""
-    own = f"{config.base}/"
-    for each in filters:
-        pattern = each.removeprefix(own)
-        yield f"topic {pattern} {direction} 1" + (f" {own} {base}/" if pattern != each else "")
+def bridge_logins(config: Config) -> tuple[str, str]:
+    """Return the two logins of the bridge at the central broker: for telemetry, and for commands."""
+    name = gateway_login(config)
+    return f"{name}-up", f"{name}-down"
+
+
+def edge_port(config: Config) -> int:
+    """Return the port of the edge's broker on 127.0.0.1: its own, or with TLS one for the bridge alone."""
+    host = config.mqtt.host
+    is_elsewhere = is_loopback(host) and host not in ("localhost", "127.0.0.1")
+    return LOOPBACK_PORT if config.mqtt.is_tls or is_elsewhere else config.mqtt.port
+
+
+def central_logins(config: Config, logins: Sequence[Login], base: str) -> tuple[Login, ...]:
+    """Return who logs in at the central broker for this site, with rights below this site's base only.
+
+    UsageError for what no such bridge can have: an operator with the name of one of its logins, who would
+    have its rights, a port that it needs itself, or a space in a topic.
+    """
+    if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
+        raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
+    (up, down), (out, into), notice = bridge_logins(config), _passing(logins), f"{base}/{NOTICE}"
+    if spaced := [each for each in (*out, *into) if " " in each]:
+        what = f"{spaced[0]}: Mosquitto's bridges take no space in a topic"
+        raise UsageError(f"{what} (rename it in [sparkplug])")
+    found = [Login(up, "", {Role.BRIDGE_UP}, [], [*_moved(config, out, base), notice])]
+    if into:
+        found.append(Login(down, "", {Role.BRIDGE_DOWN}, _moved(config, into, base)))
+    for login in logins:
+        if login.name not in remote_clients(config):
+            continue
+        if login.name in (up, down):
+            raise UsageError(f"the operator {login.name} has the name of the bridge's login there")
+        reads, writes = (
+            _moved(config, [each for each in filters if each.startswith(f"{config.base}/")], base)
+            for filters in (login.reads, login.writes)
+        )
+        found.append(Login(login.name, login.name, {Role.OPERATOR}, [*reads, notice], writes))
+    return tuple(found)
+
+
+def bridge_conf(
+    config: Config,
+    logins: Sequence[Login],
+    *,
+    address: str,
+    base: str,
+    ca_path: str,
+    passwords: Mapping[str, str],
+    central_passwords: Mapping[str, str],
+) -> str:
+    """Return the configuration of the bridge's Mosquitto; it holds the passwords of both sides.
+
+    `address` is host:port of the central broker, `base` that of this gateway's topics there, `ca_path` its
+    authority on the edge's machine, empty for the system's authorities.
+    """
+    (up, down), (out, into), own = bridge_logins(config), _passing(logins), f"{config.base}/"
+    here = f"127.0.0.1:{edge_port(config)}"
+    away = f"{address}\n" + (f"bridge_cafile {ca_path}" if ca_path else "bridge_capath /etc/ssl/certs")
+    blocks = [
+        ("edge-telemetry", BRIDGE_UP, passwords, here, out, "in", config.base),
+        ("telemetry", up, central_passwords, away, out, "out", base),
+    ]
+    if into:
+        blocks += [
+            ("commands", down, central_passwords, away, into, "in", base),
+            ("edge-commands", BRIDGE_DOWN, passwords, here, into, "out", config.base),
+        ]
+    parts = [_HEAD]
+    for name, login, known, place, filters, direction, other in blocks:
+        is_notified = name == "telemetry"
+        parts += [
+            f"connection {config.gateway.name}-{name}",
+            f"address {place}",
+            f"remote_clientid {login}\nremote_username {login}\nremote_password {known[login]}",
+            _CLEAN if name.endswith("commands") else _WAITING,
+            "restart_timeout 5 120" if is_notified else "restart_timeout 2 30",
+            f"notification_topic {base}/{NOTICE}" if is_notified else "notifications false",
+        ]
+        for each in filters:  # below the gateway's base the other side has another one
+            pattern = each.removeprefix(own)
+            parts.append(f"topic {pattern} {direction} 1" + (f" {own} {other}/" if pattern != each else ""))
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _passing(logins: Sequence[Login]) -> tuple[list[str], list[str]]:
+    """Return the filters at the edge of the telemetry that goes out, and of the commands that come in."""
+    by_name = {login.name: login for login in logins}
+    return by_name[BRIDGE_UP].reads, by_name[BRIDGE_DOWN].writes if BRIDGE_DOWN in by_name else []
 
 
 def _moved(config: Config, filters: list[str], base: str) -> list[str]:

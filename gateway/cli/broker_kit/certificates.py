@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ipaddress
-import re
 import shutil
+import ssl
 import subprocess
 from pathlib import Path
 
@@ -15,19 +15,22 @@ CA, CA_KEY, CERT, KEY = "ca.pem", "ca.key", "broker.pem", "broker.key"
 
 _WITHIN_S = 30.0
 _NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
+_OF_AUTHORITY = ("basicConstraints=critical,CA:TRUE,pathlen:0", "keyUsage=critical,keyCertSign,cRLSign")
+_OF_BROKER = """\
+basicConstraints=critical,CA:FALSE
+keyUsage=critical,digitalSignature
+extendedKeyUsage=serverAuth
+subjectKeyIdentifier=hash
+authorityKeyIdentifier=keyid
+subjectAltName="""
 
 
 def make_authority(folder: Path, name: str) -> None:
     """Make `ca.pem` and `ca.key`, valid for ten years; the key signs nothing but certificates of servers."""
-    extensions = [
-        "basicConstraints=critical,CA:TRUE,pathlen:0",
-        "keyUsage=critical,keyCertSign,cRLSign",
-        "subjectKeyIdentifier=hash",
-    ]
-    subject = f"/CN=Starter Gateway {name} authority"
+    extensions = (*_OF_AUTHORITY, "subjectKeyIdentifier=hash")
     _openssl(
         folder,
-        *("req", "-x509", *_NEW_KEY, "-days", str(CA_DAYS), "-subj", subject),
+        *("req", "-x509", *_NEW_KEY, "-days", str(CA_DAYS), "-subj", f"/CN=Starter Gateway {name} authority"),
         *(part for each in extensions for part in ("-addext", each)),
         *("-keyout", CA_KEY, "-out", CA),
     )
@@ -36,16 +39,11 @@ def make_authority(folder: Path, name: str) -> None:
 def sign_broker(folder: Path, hosts: tuple[str, ...]) -> None:
     """Make `broker.pem` and `broker.key` for these names and addresses, signed by the folder's authority."""
     request, extensions = folder / "broker.csr", folder / "broker.ext"
-    extensions.write_text(
-        "basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage=serverAuth\n"
-        "subjectKeyIdentifier=hash\nauthorityKeyIdentifier=keyid\n"
-        f"subjectAltName={','.join(map(_alternative_name, hosts))}\n",
-        "utf-8",
-    )
+    names = (f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
+    extensions.write_text(f"{_OF_BROKER}{','.join(names)}\n", "utf-8")
     try:
-        _openssl(
-            folder, "req", "-new", *_NEW_KEY, "-subj", "/CN=broker", "-keyout", KEY, "-out", request.name
-        )
+        subject = ("-subj", "/CN=broker", "-keyout", KEY, "-out", request.name)
+        _openssl(folder, "req", "-new", *_NEW_KEY, *subject)
         signed = ("-CA", CA, "-CAkey", CA_KEY, "-days", str(BROKER_DAYS), "-extfile", extensions.name)
         _openssl(folder, "x509", "-req", "-in", request.name, *signed, "-CAcreateserial", "-out", CERT)
     finally:
@@ -59,16 +57,14 @@ def ends_on(certificate: Path) -> str:
     return shown.partition("=")[2]
 
 
-def names_in(certificate: Path) -> str:
-    """Return the names and addresses that a certificate is for, with commas between them."""
-    shown = _openssl(certificate.parent, "x509", "-noout", "-ext", "subjectAltName", "-in", certificate.name)
-    found = re.findall(r"(?:DNS|IP Address):([^,\s]+)", shown)
-    return ", ".join(found) or "no name"
-
-
 def names_missing(folder: Path, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return which names or addresses the broker's certificate in a folder is not for."""
-    return tuple(name for name in names if not _is_for(folder, name))
+
+    def is_for(name: str) -> bool:
+        kind = "-checkip" if _is_address(name) else "-checkhost"
+        return "does match" in _openssl(folder, "x509", "-noout", kind, name, "-in", CERT)
+
+    return tuple(name for name in names if not is_for(name))
 
 
 def require_pair(folder: Path, host: str) -> None:
@@ -78,13 +74,10 @@ def require_pair(folder: Path, host: str) -> None:
     """
     try:
         _openssl(folder, "verify", "-purpose", "sslserver", "-CAfile", CA, "-untrusted", CERT, CERT)
-        public = _openssl(folder, "x509", "-noout", "-pubkey", "-in", CERT)
-        is_pair = public == _openssl(folder, "pkey", "-pubout", "-in", KEY)
-    except StartError as error:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(folder / CERT, folder / KEY)
+    except (StartError, ssl.SSLError) as error:
         raise UsageError(f"--ca, --cert and --key do not fit together: {error}") from error
-    if not is_pair:
-        raise UsageError("--key is not the key of --cert")
-    if not _is_for(folder, host):
+    if names_missing(folder, (host,)):
         raise UsageError(f"--cert is not for {host}, the broker of mqtt.url (its names must be in it)")
 
 
@@ -100,16 +93,12 @@ def copy_pem(source: Path, target: Path) -> None:
     target.write_text(text, "utf-8")
 
 
-def _is_for(folder: Path, name: str) -> bool:
-    kind = "-checkip" if _alternative_name(name).startswith("IP:") else "-checkhost"
-    return "does match" in _openssl(folder, "x509", "-noout", kind, name, "-in", CERT)
-
-
-def _alternative_name(host: str) -> str:
+def _is_address(host: str) -> bool:
     try:
-        return f"IP:{ipaddress.ip_address(host)}"
+        ipaddress.ip_address(host)
     except ValueError:
-        return f"DNS:{host}"
+        return False
+    return True
 
 
 def _openssl(folder: Path, *arguments: str) -> str:
@@ -130,7 +119,5 @@ def _openssl(folder: Path, *arguments: str) -> str:
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
         reason = [line for line in lines if " lookup: " in line] or lines  # of `verify`: why
-        raise StartError(
-            f"openssl {arguments[0]}: {''.join(reason[-1:])}", "look at the files that it was given"
-        )
+        raise StartError(f"openssl {arguments[0]}: {''.join(reason[-1:])}", "look at the files it was given")
     return done.stdout.strip()

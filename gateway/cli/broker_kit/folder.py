@@ -17,20 +17,23 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY
+from gateway.cli.broker_kit.logins import access_list
+from gateway.cli.broker_kit.rights import Login
+from gateway.cli.broker_kit.settings import SETTINGS
 from gateway.config.secrets import password_in
 from gateway.errors import UsageError
 
-SETTINGS = "kit.json"  # what makes a folder a kit; moved over last
 FOLDER = "logins"  # of a kit: one file a login
 CENTRAL = "central"  # the part of the kit for the central broker
 CENTRAL_CA = "central-ca.pem"
 
 _FILES = ("passwords", "acl", CA_KEY, CA, KEY, CERT, "mosquitto.conf", CENTRAL_CA, "bridge.conf")
+_FOLDERS = (FOLDER, CENTRAL, f"{CENTRAL}/{FOLDER}")
 _STAGE = ".new-"
 _ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
 _SALT_BYTES, _HASH_BYTES = 12, 64
@@ -71,30 +74,39 @@ def replaced(folder: Path) -> Iterator[Path]:
 
 
 def _move_over(stage: Path, folder: Path) -> None:
-    """Move every file of a kit, which marks the folder at last; remove what the new kit does not have."""
-    parts = [Path(each) for each in (FOLDER, CENTRAL, f"{CENTRAL}/{FOLDER}")]
-    for part in parts:
+    """Move every file of a kit, the one that marks the folder at last; remove those of the old kit alone."""
+    for part in _FOLDERS:
         if (folder / part).is_symlink():
             (folder / part).unlink()
-        elif (folder / part).is_dir() and not (stage / part).is_dir():
-            shutil.rmtree(folder / part)
-        if (stage / part).is_dir():
-            (folder / part).mkdir(mode=0o700, exist_ok=True)
-    old = {path.relative_to(folder) for part in parts for path in (folder / part).glob("*")}
-    old |= {Path(name) for name in _FILES}
-    new = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
-    for path in sorted(new, key=lambda each: str(each) == SETTINGS):
-        (stage / path).replace(folder / path)
-    for path in old - set(new) - set(parts):
-        (folder / path).unlink(missing_ok=True)
+    old = {
+        *_FILES,
+        *(str(each.relative_to(folder)) for part in _FOLDERS for each in (folder / part).glob("*")),
+    }
+    new = sorted(str(path.relative_to(stage)) for path in stage.rglob("*") if path.is_file())
+    for name in sorted(new, key=lambda name: name == SETTINGS):
+        (folder / name).parent.mkdir(mode=0o700, exist_ok=True)
+        (stage / name).replace(folder / name)
+    for name in old.difference(new, _FOLDERS):
+        (folder / name).unlink(missing_ok=True)
+    if not (stage / CENTRAL).exists():
+        shutil.rmtree(folder / CENTRAL, ignore_errors=True)
 
 
-def drawn_passwords(names: Iterable[str], stored: Iterable[Path]) -> dict[str, str]:
-    """Return a password for each login: of the first folder `stored` that has one, else a new one."""
+def write_logins(folder: Path, logins: Sequence[Login], stored: Iterable[Path]) -> dict[str, str]:
+    """Write an access list, Mosquitto's password file, and each login's password in a file of its own.
+
+    Return the passwords: of the first of the folders `stored` that has one for a login, else a new one.
+    """
+    (folder / FOLDER).mkdir(mode=0o700, parents=True)
     passwords = {}
-    for name in names:
-        files = [folder / name for folder in stored if (folder / name).exists()]
-        passwords[name] = password_in(files[0]) if files else secrets.token_urlsafe(_PASSWORD_BYTES)
+    for login in logins:
+        files = [path for path in (each / FOLDER / login.name for each in stored) if path.exists()]
+        password = password_in(files[0]) if files else secrets.token_urlsafe(_PASSWORD_BYTES)
+        write_private(folder / FOLDER / login.name, f"{password}\n")
+        passwords[login.name] = password
+    lines = (password_line(name, password) for name, password in passwords.items())
+    write_private(folder / "passwords", "".join(f"{line}\n" for line in lines))
+    write_private(folder / "acl", access_list(logins))
     return passwords
 
 
@@ -110,13 +122,3 @@ def write_private(path: Path, text: str) -> None:
     """Write a new file that only its owner may read, from its first byte on."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
         file.write(text)
-
-
-def write_logins(folder: Path, access: str, passwords: Mapping[str, str]) -> None:
-    """Write an access list, Mosquitto's password file, and each login's password in a file of its own."""
-    (folder / FOLDER).mkdir(mode=0o700)
-    for name, password in passwords.items():
-        write_private(folder / FOLDER / name, f"{password}\n")
-    lines = (password_line(name, password) for name, password in passwords.items())
-    write_private(folder / "passwords", "".join(f"{line}\n" for line in lines))
-    write_private(folder / "acl", access)

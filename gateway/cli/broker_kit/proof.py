@@ -13,15 +13,17 @@ import secrets
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from gateway.cli.broker_kit.logins import PROVER, KitSettings, Login, TriedTopic, tried_topics
-from gateway.cli.broker_kit.rights import PROBE
+from gateway.cli.broker_kit.logins import PROVER
+from gateway.cli.broker_kit.rights import PROBE, Login, TriedTopic, tried_topics
+from gateway.cli.doctor.findings import Finding
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
 from gateway.contract import StatusRecord, Topics
 from gateway.errors import BrokerError, StartError
+from gateway.families import Weight
 from gateway.mqtt import (
     BrokerSettings,
     CommandClient,
@@ -38,44 +40,29 @@ STATUS_WITHIN_S = 1.0
 
 _OF_BROKER = "$SYS/#"
 _AT_ONCE = 200  # messages until the broker has taken what was before them
-
-
-@dataclass(frozen=True, slots=True)
-class Proved:
-    """The outcome of some probes: what a login may do, or one thing that is wrong."""
-
-    text: str
-    is_wrong: bool = False
-    count: int = 1  # of probes
-
-    def __str__(self) -> str:
-        return f"{'WRONG' if self.is_wrong else 'ok   '} {self.text}"
+_MUST = {False: "must be refused", True: "must be allowed"}
 
 
 class BrokerProof:
     """The connections of all logins, and what each has received; `place` is the configuration's folder."""
 
     def __init__(
-        self,
-        config: Config,
-        place: Path,
-        settings: KitSettings,
-        logins: tuple[Login, ...],
-        passwords: Mapping[str, str],
+        self, config: Config, place: Path, logins: tuple[Login, ...], passwords: Mapping[str, str]
     ) -> None:
+        self.probes = 0  # that were judged
         self._config = config
         self._place = place
-        self._logins = logins
         self._passwords = passwords
-        self._topics = tried_topics(config, settings, logins)
-        self._gateway = logins[0].name
+        self._topics = tried_topics(config, logins)
+        self._names = [login.name for login in logins]
+        self._gateway = self._names[0]
         self._sessions: dict[str, Session] = {}
         self._version = Version.V5
         self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
         self._mark = f"{PROBE}-{secrets.token_hex(6)}"
         self._sent = 0
 
-    async def run(self) -> list[Proved]:
+    async def run(self) -> list[Finding]:
         """Try everything; StartError while the gateway runs, BrokerError when a right login is refused."""
         asking = CommandClient(self._way(PROVER), Topics(self._config.base))
         status = await asking.retained(StatusRecord, within_s=STATUS_WITHIN_S)
@@ -83,8 +70,8 @@ class BrokerProof:
             what = "the gateway is running, and the proof needs its login"
             raise StartError(what, "systemctl stop starter-gateway")
         try:
-            for login in self._logins:
-                await self._connect(login.name)
+            for name in self._names:
+                await self._connect(name)
             return [
                 *await self._try_topics(),
                 *await self._try_client_ids(),
@@ -95,51 +82,45 @@ class BrokerProof:
             for session in self._sessions.values():
                 await session.disconnect()
 
-    async def _try_topics(self) -> list[Proved]:
-        """Publish as every login on every topic, and return what is wrong, login by login."""
+    async def _try_topics(self) -> Iterable[Finding]:
+        """Publish as every login on every topic, and judge login by login."""
         marks = {}
-        for login in self._logins:
+        for name in self._names:
             for topic in self._topics:
-                if topic.is_real and login.name in topic.writers:
+                if topic.is_real and name in topic.writers:
                     continue
-                marks[login.name, topic.name] = message = self._probe(topic)
-                self._sessions[login.name].publish(self._sent, message)
+                message = self._probe(topic)
+                marks[name, topic.name] = message.payload.decode()
+                self._sessions[name].publish(self._sent, message)
                 if len(marks) % _AT_ONCE == 0:
                     await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
-        if self._sessions[PROVER].lost.done():
-            raise StartError(f"the login {PROVER} was disconnected meanwhile", "one proof at a time")
-        texts = {key: message.payload.decode() for key, message in marks.items()}
-        return [finding for login in self._logins for finding in self._judged(login.name, texts)]
+        return [finding for name in self._names for finding in self._judged(name, marks)]
 
-    async def _try_client_ids(self) -> Iterable[Proved]:
-        """Connect as every other login with the gateway's client id: the gateway must stay connected."""
-        if self._sessions[self._gateway].lost.done():
-            return ()  # another program has its login, as was said
-        wrong, others = [], [login.name for login in self._logins if login.name != self._gateway]
-        for name in others:
-            await self._sessions.pop(name).disconnect()
-            try:
+    async def _try_client_ids(self) -> Iterable[Finding]:
+        """Connect as every other login with the gateway's client id: its own connection must survive."""
+        wrong = []
+        for name in [each for each in self._names if each != self._gateway]:
+            with suppress(BrokerError):  # a broker may refuse the id
                 session, _ = await connected(self._way(name, client_id=self._config.client_id))
-            except BrokerError:
-                continue  # refused, which is as well
-            await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
-            await session.disconnect()
+                await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
+                await session.disconnect()
             if self._sessions[self._gateway].lost.done():
-                wrong.append(f"{name} disconnects the gateway by its client id, and receives its commands")
+                text = "disconnects the gateway by its client id, and receives its commands"
+                wrong.append(Finding(name, text, Weight.ERROR, _MUST[False]))
                 await self._connect(self._gateway)
-        return _proved(wrong, "no login disconnects the gateway by its client id", len(others))
+        return self._judgement(wrong, "disconnects the gateway by its client id", len(self._names) - 1)
 
-    async def _try_wills(self) -> Iterable[Proved]:
+    async def _try_wills(self) -> Iterable[Finding]:
         """Leave a last will as every login: of the gateway it must arrive, of the others not."""
         await self._connect(PROVER)
         commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
         tries = [
-            (login.name, topic, self._probe(topic))
-            for login in self._logins
-            if login.name != PROVER
-            for topic in (next(each for each in commands if login.name not in each.writers), self._topics[0])
+            (name, topic, self._probe(topic))
+            for name in self._names
+            if name != PROVER
+            for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
         ]
         for name, _, will in tries:
             if name in self._sessions:
@@ -150,30 +131,26 @@ class BrokerProof:
                 await session.connect()
             session.abort()
         await asyncio.sleep(SETTLED_S)
-        wrong = []
-        for name, topic, will in tries:
-            is_through, is_right = will.payload.decode() in self._received[PROVER], name in topic.writers
-            if is_through != is_right:
-                what = "is published, must be refused" if is_through else "is refused, must be published"
-                wrong.append(f"{name}'s last will with {topic.what}: {what}")
-        return _proved(wrong, "no login publishes by a last will what it may not", len(tries))
+        wrong = [
+            Finding(name, f"publishes {topic.what} by a last will", Weight.ERROR, _MUST[is_right])
+            for name, topic, will in tries
+            for is_right in [name in topic.writers]
+            if (will.payload.decode() in self._received[PROVER]) is not is_right
+        ]
+        return self._judgement(wrong, "publishes by a last will what it may not", len(tries))
 
-    async def _try_without_login(self) -> list[Proved]:
+    async def _try_without_login(self) -> Iterable[Finding]:
         """Connect without a login, and as the gateway with a wrong password: both must be refused."""
-        tries = {
-            "without a login": self._way(None),
-            "as the gateway with a wrong password": self._way(self._gateway, password=self._mark),
-        }
-        findings: list[Proved] = []
-        for how, settings in tries.items():
-            try:
+        wrong = []
+        for who, settings in {
+            "a client without a login": self._way(None),
+            "the gateway with a wrong password": self._way(self._gateway, password=self._mark),
+        }.items():
+            with suppress(BrokerError):
                 session, _ = await connected(settings)
-            except BrokerError:
-                findings.append(Proved(f"a client {how} is refused"))
-            else:
                 await session.disconnect()
-                findings.append(Proved(f"a client {how} may connect, must be refused", is_wrong=True))
-        return findings
+                wrong.append(Finding(who, "may connect", Weight.ERROR, _MUST[False]))
+        return self._judgement(wrong, "may connect with a wrong password, or without one", 2)
 
     def _way(self, login: str | None, *, client_id: str = "", password: str = "") -> BrokerSettings:
         """Return the way to the broker as this login, or without one."""
@@ -187,14 +164,9 @@ class BrokerProof:
 
     async def _connect(self, name: str) -> None:
         """Let a login connect and ask for everything; a broker may refuse the asking."""
-
-        def take(incoming: Incoming) -> None:
-            is_of_broker = incoming.topic.startswith("$SYS")
-            text = _OF_BROKER if is_of_broker else incoming.payload.decode("utf-8", "replace")
-            self._received[name].add(text)
-
         client_id = self._config.client_id if name == self._gateway else ""
-        session, self._version = await connected(self._way(name, client_id=client_id), on_incoming=take)
+        taking = partial(self._take, name)
+        session, self._version = await connected(self._way(name, client_id=client_id), on_incoming=taking)
         self._sessions[name] = session
         tried = (topic.name for topic in self._topics if not topic.is_real)
         for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):
@@ -205,6 +177,10 @@ class BrokerProof:
             except BrokerError:
                 if not session.lost.done():
                     raise
+
+    def _take(self, name: str, incoming: Incoming) -> None:
+        is_of_broker = incoming.topic.startswith("$SYS")
+        self._received[name].add(_OF_BROKER if is_of_broker else incoming.payload.decode("utf-8", "replace"))
 
     def _probe(self, topic: TriedTopic) -> Message:
         self._sent += 1
@@ -217,36 +193,34 @@ class BrokerProof:
                 break
             await asyncio.sleep(0.05)
 
-    def _judged(self, login: str, marks: Mapping[tuple[str, str], str]) -> Iterator[Proved]:
+    def _judged(self, name: str, marks: Mapping[tuple[str, str], str]) -> Iterator[Finding]:
         """Yield what is wrong with a login; else what it may do."""
-        if self._sessions[login].lost.done():
-            text = f"{login} was disconnected while it was tried: end the program that has its login"
-            yield Proved(text, is_wrong=True)
+        if self._sessions[name].lost.done():
+            text = "was disconnected while it was tried"
+            yield Finding(name, text, Weight.ERROR, "end the program that has its login")
             return
-        right: dict[str, list[str]] = {"writes": [], "reads": []}
-        wrong = ["reads $SYS: must be refused"] if _OF_BROKER in self._received[login] else []
-        tried = [topic for topic in self._topics if (login, topic.name) in marks]
+        arrived, seen = self._received[PROVER], self._received[name]
+        right: dict[str, dict[str, None]] = {"writes": {}, "reads": {}}
+        wrong = {("reads $SYS", False): None} if _OF_BROKER in seen else {}
+        tried = [topic for topic in self._topics if (name, topic.name) in marks]
         for topic in tried:
-            of_others = {marks.get((each, topic.name)) for each in topic.writers} & self._received[PROVER]
-            is_through = marks[login, topic.name] in self._received[PROVER]
-            is_seen = bool(of_others & self._received[login])
-            for verb, is_allowed, may in (
-                ("writes", is_through, login in topic.writers),
-                ("reads", is_seen, login in topic.readers if of_others else is_seen),
-            ):
-                if is_allowed != may:
-                    said = "is allowed, must be refused" if is_allowed else "is refused, must be allowed"
-                    wrong.append(f"{verb} {topic.what}: {said}")
-                elif is_allowed:
-                    right[verb].append(topic.what)
-        if wrong:
-            yield from (Proved(f"{login} {text}", is_wrong=True) for text in dict.fromkeys(wrong))
-            return
-        does = "; ".join(
-            f"{verb} {', '.join(dict.fromkeys(what)) or 'nothing'}" for verb, what in right.items()
-        )
-        yield Proved(f"{login} {does}", count=2 * len(tried) + 1)
+            of_writers = {marks.get((each, topic.name)) for each in topic.writers} & arrived
+            judged = [("writes", marks[name, topic.name] in arrived, name in topic.writers)]
+            if of_writers:  # else there is nothing to be read
+                judged.append(("reads", bool(of_writers & seen), name in topic.readers))
+            for verb, is_done, may in judged:
+                if is_done is not may:
+                    wrong[f"{verb} {topic.what}", may] = None
+                elif may:
+                    right[verb][topic.what] = None
+        for text, may in wrong:
+            yield Finding(name, text, Weight.ERROR, _MUST[may])
+        if not wrong:
+            self.probes += 2 * len(tried) + 1
+            does = (f"{verb} {', '.join(what) or 'nothing'}" for verb, what in right.items())
+            yield Finding(name, "; ".join(does))
 
-
-def _proved(wrong: list[str], right: str, count: int) -> list[Proved]:
-    return [Proved(text, is_wrong=True) for text in wrong] or [Proved(right, count=count)]
+    def _judgement(self, wrong: list[Finding], text: str, probes: int) -> list[Finding]:
+        """Return what is wrong, else that no login does it."""
+        self.probes += 0 if wrong else probes
+        return wrong or [Finding("no login", text)]

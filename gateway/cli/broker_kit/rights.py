@@ -6,10 +6,10 @@ The access list, the bridge's topics and what `--prove` expects all follow from 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import product
 from typing import get_args
 from urllib.parse import urlsplit
 
@@ -21,46 +21,66 @@ from gateway.plugins.sparkplug.topics import NAMESPACE, state_topic
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof
 VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")
 
-# `when` names the case in which a row counts (`_cases`); writers and readers are letters of `_ROLES`.
-# {B} is the base, {P} the probe, {C} a client, {V} a verb, {X} a starter; of Home Assistant {H} the prefix,
-# {A} the birth; of Sparkplug {S} the group, {N} the node, {T} the state of the primary host.
-_TABLE = """
-when         filter               writes  reads  tried                      what
--            {B}/starter/#        G       OVHU   {B}/starter/{P}/state      what a starter does
--            {B}/starter/+/event  -       A      {B}/starter/{P}/event      events of a starter
--            {B}/gateway/#        G       OVHU   {B}/gateway/{P}            what the gateway says of itself
--            {B}/gateway/event    -       A      -                          -
--            {B}/audit            G       AU     {B}/audit                  the audit
--            {B}/result/#         G       U      -                          -
-client       {B}/result/+/{C}     -       O      {B}/result/{P}/{C}         results for {C}
-client       {B}/command/+/{C}/#  O       -      {B}/command/{P}/{C}/{V}    commands of {C}
-remote       {B}/command/+/{C}/+  D       -      -                          -
--            -                    -       -      {B}/command/{P}/{P}/{V}    commands of somebody unknown
--            {B}/#                -       GP     {B}/{P}                    what no one publishes
--            {P}/#                -       P      {P}/{P}                    what is outside the base
-home         {H}/device/+/config  G       -      {H}/device/{P}/config      discovery by Home Assistant
-home         {H}/#                -       HP     -                          -
-home         {A}                  H       GHP    {A}                        Home Assistant's birth
-bridged      {H}/device/+/config  -       U      -                          -
-bridged      {A}                  D       -      -                          -
-spb          {S}/NBIRTH/{N}       N       U      -                          -
-spb          {S}/NDATA/{N}        N       U      -                          -
-spb          {S}/NDEATH/{N}       N       U      -                          -
-spb          {S}/DBIRTH/{N}/+     N       U      -                          -
-spb          {S}/DDATA/{N}/+      N       U      {S}/DDATA/{N}/{P}          Sparkplug's device data
-spb          {S}/DDEATH/{N}/+     N       U      -                          -
-spb          {S}/NCMD/{N}         SD      N      {S}/NCMD/{N}               Sparkplug's node commands
-dcmd         {S}/DCMD/{N}/+       S       N      -                          -
-dcmd_remote  {S}/DCMD/{N}/+       D       -      -                          -
-spb          -                    -       -      {S}/DCMD/{N}/{P}           Sparkplug's device commands
-spb          {S}/#                -       S      {S}/DDATA/{P}/{P}          Sparkplug's data of another node
-spb          spBv1.0/#            -       P      -                          -
-spb_state    {T}                  S       NS     {T}                        the Sparkplug host's state
-real         -                    -       -      {B}/gateway/status         what the gateway says of itself
-real         -                    -       -      {B}/gateway/fresh          what the gateway says of itself
-real         -                    -       -      {B}/starter/{X}/state      what a starter does
-real_client  -                    -       -      {B}/command/{X}/{C}/start  commands of {C}
-real_spb     -                    -       -      {S}/DCMD/{N}/{X}           Sparkplug's device commands
+# A row counts for each of the words that it names, and not at all where there is no such word (`_words`):
+# {B} the base, {P} the probe, {C} a client, {R} one whose commands may pass a bridge, {V} a verb, {X} a
+# starter; {H} Home Assistant's prefix, {A} its birth, {I} and {J} the same where they pass the bridge; {K}
+# Sparkplug's namespace, {S} its group, {N} its node, {D} its device commands, {E} those that pass the bridge,
+# {T} its host.
+# Writers and readers are letters of `_ROLES`.
+_RIGHTS = """
+{B}/starter/#        G   OVHU
+{B}/starter/+/event  -   A
+{B}/gateway/#        G   OVHU
+{B}/gateway/event    -   A
+{B}/audit            G   AU
+{B}/result/#         G   U
+{B}/result/+/{C}     -   O
+{B}/command/+/{C}/#  O   -
+{B}/command/+/{R}/+  D   -
+{B}/#                -   GP
+{P}/#                -   P
+{H}/device/+/config  G   -
+{H}/#                -   HP
+{A}                  H   GHP
+{I}/device/+/config  -   U
+{J}                  D   -
+{S}/NBIRTH/{N}       N   U
+{S}/NDATA/{N}        N   U
+{S}/NDEATH/{N}       N   U
+{S}/DBIRTH/{N}/+     N   U
+{S}/DDATA/{N}/+      N   U
+{S}/DDEATH/{N}/+     N   U
+{S}/NCMD/{N}         SD  N
+{D}/+                S   N
+{E}/+                D   -
+{S}/#                -   S
+{K}/#                -   P
+{T}                  S   NS
+"""
+_TRIED = """
+{B}/starter/{P}/state      what a starter does
+{B}/starter/{P}/event      events of a starter
+{B}/gateway/{P}            what the gateway says of itself
+{B}/audit                  the audit
+{B}/result/{P}/{C}         results for {C}
+{B}/command/{P}/{C}/{V}    commands of {C}
+{B}/command/{P}/{P}/{V}    commands of somebody unknown
+{B}/{P}                    what no one publishes
+{P}/{P}                    what is outside the base
+{H}/device/{P}/config      discovery by Home Assistant
+{A}                        Home Assistant's birth
+{S}/DDATA/{N}/{P}          Sparkplug's device data
+{S}/NCMD/{N}               Sparkplug's node commands
+{S}/DCMD/{N}/{P}           Sparkplug's device commands
+{S}/DDATA/{P}/{P}          Sparkplug's data of another node
+{T}                        the Sparkplug host's state
+"""
+_REAL = """
+{B}/gateway/status         what the gateway says of itself
+{B}/gateway/fresh          what the gateway says of itself
+{B}/starter/{X}/state      what a starter does
+{B}/command/{X}/{C}/start  commands of {C}
+{S}/DCMD/{N}/{X}           Sparkplug's device commands
 """
 
 
@@ -79,58 +99,58 @@ class Role(StrEnum):
     PROVER = "prover"
 
 
-_ROLES = dict(zip("GOVAHNSUDP", Role, strict=True))  # P the prover, U and D the bridge up and down
+_ROLES = dict(zip("GOVAHNSUDP", Role, strict=True))
+
+
+@dataclass(slots=True)
+class Login:
+    """One login, which has one connection at a time."""
+
+    name: str
+    client: str = ""  # of an [[operator]]: its level in command and result topics
+    roles: set[Role] = field(default_factory=set)
+    reads: list[str] = field(default_factory=list)  # topic filters
+    writes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One row of the table: who writes to a filter of topics, and who reads there; of `client` alone."""
+class TriedTopic:
+    """One topic to try; all logins but its writers and readers must be refused."""
 
-    filter: str  # empty: no login may use these topics
-    writes: frozenset[Role]
-    reads: frozenset[Role]
-    tried: str  # a topic that the proof tries
+    name: str
     what: str  # is published there
-    client: str = ""
-    is_real: bool = False  # `tried` is the topic of something that exists
+    writers: frozenset[str]  # logins
+    readers: frozenset[str]
+    is_real: bool  # the topic of something that exists: who may write there does not try it
 
 
-def table_of(config: Config, central_base: str) -> Iterator[Row]:
-    """Yield who may write and read what; `central_base` is empty without a bridge."""
-    cases = _cases(config, central_base)
-    for line in _TABLE.strip().splitlines()[1:]:
-        when, *cells = re.split(" {2,}", line)
-        for values in cases[when]:
-            for verb in VERBS if "{V}" in line else ("",):
-                said = ("" if cell == "-" else cell.format_map({**values, "V": verb}) for cell in cells)
-                topics, writes, reads, tried, what = said
-                by, to = (frozenset(_ROLES[letter] for letter in letters) for letters in (writes, reads))
-                yield Row(topics, by, to, tried, what, values["C"], when.startswith("real"))
+def give_rights(logins: Iterable[Login], config: Config, central_base: str) -> None:
+    """Give each login the filters of its roles; `central_base` is empty without a bridge."""
+    words = _words(config, central_base)
+    for cells, names in _filled(_RIGHTS, words):
+        for login in logins:
+            others = {Role.OPERATOR} if names.get("C", login.client) != login.client else set()
+            for letters, filters in ((cells[1], login.writes), (cells[2], login.reads)):
+                if {_ROLES.get(letter) for letter in letters} & (login.roles - others):
+                    filters.append(cells[0])
 
 
-def _cases(config: Config, central_base: str) -> dict[str, list[dict[str, str]]]:
-    """Return for which words the rows of each kind stand."""
-    home, spb, remote = config.home_assistant, sparkplug_here(config), remote_clients(config)
-    all_ = {"B": config.base, "P": PROBE, "C": ""}
-    clients = [{**all_, "C": each} for each in dict.fromkeys(each.client for each in config.operators)]
-    real = [{"X": each.name} for each in config.starters]
-    cases: dict[str, list[dict[str, str]]] = defaultdict(list)
-    cases |= {"-": [all_], "client": clients, "real": [all_ | each for each in real]}
-    cases["remote"] = [each for each in clients if each["C"] in remote]
-    cases["real_client"] = [one | other for one in clients for other in real]
-    if home is not None:
-        birth = home.birth_topic or f"{home.discovery_prefix}/status"
-        cases["home"] = [{**all_, "H": home.discovery_prefix, "A": birth}]
-        # Discovery names the topics of the edge: they must be the same at the central broker.
-        cases["bridged"] = cases["home"] if central_base == config.base else []
-    if spb is not None:
-        node = {**all_, "S": f"{NAMESPACE}/{spb.group}", "N": spb.node or config.gateway.name}
-        state = "" if spb.primary_host is None else state_topic(spb.primary_host)
-        cases |= {"spb": [node], "real_spb": [node | each for each in real]}
-        cases["dcmd"] = [node] if spb.commands else []
-        cases["dcmd_remote"] = cases["dcmd"] if spb.operator in remote else []
-        cases["spb_state"] = [{**node, "T": state}] if state else []
-    return cases
+def tried_topics(config: Config, logins: Sequence[Login]) -> tuple[TriedTopic, ...]:
+    """Return the topics that the proof tries; of what exists only for those who must be refused.
+
+    A list may have a line for one real starter alone.
+    """
+    words, found = _words(config, ""), dict[str, TriedTopic]()
+    for table in (_TRIED, _REAL):
+        for (topic, what), _ in _filled(table, words):
+            writers, readers = (
+                frozenset(
+                    login.name for login in logins if any(_takes(each, topic) for each in getattr(login, key))
+                )
+                for key in ("writes", "reads")
+            )
+            found.setdefault(topic, TriedTopic(topic, what, writers, readers, table is _REAL))
+    return tuple(found.values())
 
 
 def sparkplug_here(config: Config) -> SparkplugTable | None:
@@ -145,7 +165,44 @@ def sparkplug_here(config: Config) -> SparkplugTable | None:
 
 def remote_clients(config: Config) -> tuple[str, ...]:
     """Return the operators whose commands may pass a bridge: those of `freshness = "issued_at"` alone."""
-    settings: dict[str, set[str]] = {}
-    for each in config.operators:
-        settings.setdefault(each.client, set()).add(each.freshness)
-    return tuple(client for client, freshness in settings.items() if freshness == {"issued_at"})
+    by_token = {each.client for each in config.operators if each.freshness != "issued_at"}
+    return tuple(dict.fromkeys(each.client for each in config.operators if each.client not in by_token))
+
+
+def _words(config: Config, central_base: str) -> dict[str, Sequence[str]]:
+    """Return the words that the rows name."""
+    home, spb, remote = config.home_assistant, sparkplug_here(config), remote_clients(config)
+    words: dict[str, Sequence[str]] = dict.fromkeys("HAIJKSNDET", ())
+    words |= {"B": [config.base], "P": [PROBE], "R": remote, "V": VERBS}
+    words["C"] = list(dict.fromkeys(each.client for each in config.operators))
+    words["X"] = [each.name for each in config.starters]
+    if home is not None:
+        words |= {"H": [home.discovery_prefix], "A": [home.birth_topic or f"{home.discovery_prefix}/status"]}
+        if central_base == config.base:  # discovery names the edge's topics, which must be the same there
+            words |= {"I": words["H"], "J": words["A"]}
+    if spb is not None:
+        group, node = f"{NAMESPACE}/{spb.group}", spb.node or config.gateway.name
+        words |= {
+            "K": [NAMESPACE],
+            "S": [group],
+            "N": [node],
+            "D": [f"{group}/DCMD/{node}"] if spb.commands else [],
+        }
+        words["E"] = words["D"] if spb.operator in remote else []
+        words["T"] = [] if spb.primary_host is None else [state_topic(spb.primary_host)]
+    return words
+
+
+def _filled(table: str, words: Mapping[str, Sequence[str]]) -> Iterator[tuple[list[str], Mapping[str, str]]]:
+    """Yield the cells of each row, once for each combination of the words that it names, and these."""
+    for row in table.strip().splitlines():
+        names = sorted(set(re.findall(r"{(.)}", row)))
+        for values in product(*(words[name] for name in names)):
+            said = dict(zip(names, values, strict=True))
+            yield [cell.format_map(said) for cell in re.split(" {2,}", row)], said
+
+
+def _takes(topic_filter: str, topic: str) -> bool:
+    """Return whether a filter takes a topic."""
+    pattern = re.escape(topic_filter).replace(r"\+", "[^/]+").replace(r"/\#", "(/.*)?")
+    return re.fullmatch(pattern, topic) is not None

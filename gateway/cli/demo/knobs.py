@@ -8,13 +8,13 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import time
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 
+from gateway.cli.broker import Subscription
 from gateway.config.values import is_loopback
-from gateway.errors import UsageError
-from gateway.mqtt import Bounds, BrokerConnection, BrokerSettings, Hooks, Incoming, Message, Outbox
+from gateway.errors import BrokerError, UsageError
+from gateway.mqtt import BrokerSettings, Incoming, Message
 from gateway.sim.controls import set_knob
 from gateway.sim.core.unit import SimulatedUnit
 
@@ -23,7 +23,6 @@ log = logging.getLogger(__name__)
 TREE = "simulator"
 FILTER = f"{TREE}/+/+"
 DONE = "done"  # simulator/{starter}/done says what a knob did
-MOST_WAITING = 100  # answers, while the broker is away
 PAYLOAD_SHOWN = 40  # characters
 
 
@@ -34,27 +33,20 @@ async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSet
         raise UsageError(
             f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
-    answers = Outbox(last_topic="", memory=Bounds(MOST_WAITING, 2**20))
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)
         if answer is not None:
-            answers.put(answer, time.monotonic())
-            connection.wake()
+            subscription.publish(answer)
 
-    connection = BrokerConnection(
-        broker,
-        answers,
-        command_filter=FILTER,
-        hooks=Hooks(will=lambda: None, on_incoming=take, on_link=_log_link),
-    )
-    running = asyncio.create_task(connection.run())
+    subscription, lost = Subscription(broker, [FILTER], take), None
+    with suppress(BrokerError):  # tried again
+        lost = await subscription.connect()
+    staying = asyncio.create_task(subscription.stay(lost))
     try:
         yield
     finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+        staying.cancel()
 
 
 def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
@@ -83,7 +75,3 @@ def _apply(
     if is_retained:
         raise UsageError("retained: it would be done again at every start")
     return set_knob(unit, knob, setting)
-
-
-def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
-    log.debug("knobs: connected=%s %s", is_connected, trouble)

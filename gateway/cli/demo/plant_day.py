@@ -11,16 +11,18 @@ import logging
 import time
 from typing import NamedTuple
 
+from gateway.cli.broker import Subscription
+from gateway.cli.demo.knobs import TREE
 from gateway.cli.demo.processes import demo_client
 from gateway.contract import Phase, Topics
 from gateway.errors import GatewayError
-from gateway.mqtt import CommandClient, Message, Order, connected
+from gateway.mqtt import CommandClient, Message, Order
 
 log = logging.getLogger(__name__)
 
 BASE, CLIENT = "starters/demo", "demo"
 DAY_S = 120.0
-RESULT_WITHIN_S, ACKNOWLEDGED_WITHIN_S = 20.0, 5.0
+RESULT_WITHIN_S = 20.0
 
 
 class Deed(NamedTuple):
@@ -53,20 +55,23 @@ DAY = (
 
 
 async def run_plant(port: int) -> None:
-    """Run day after day at the broker on this port, until cancelled; what fails is logged."""
+    """Run day after day at the broker on this port, until cancelled; what fails is logged. BrokerError."""
+    knobs, loop = Subscription(demo_client(port), (), lambda _: None), asyncio.get_running_loop()
+    await knobs.connect()
     while True:
-        begun_s = asyncio.get_running_loop().time()
+        begun_s = loop.time()
         for deed in DAY:
-            await asyncio.sleep(max(begun_s + deed.at_s - asyncio.get_running_loop().time(), 0.0))
-            await _do(deed, port)
-        await asyncio.sleep(max(begun_s + DAY_S - asyncio.get_running_loop().time(), 0.0))
+            await asyncio.sleep(max(begun_s + deed.at_s - loop.time(), 0.0))
+            if deed.setting:
+                topic = f"{TREE}/{deed.starter}/{deed.what}"
+                knobs.publish(Message(topic, deed.setting.encode(), qos=1, retain=False))
+            else:
+                await _command(deed, port)
+        await asyncio.sleep(max(begun_s + DAY_S - loop.time(), 0.0))
 
 
-async def _do(deed: Deed, port: int) -> None:
+async def _command(deed: Deed, port: int) -> None:
     try:
-        if deed.setting:
-            await _set_knob(deed, port)
-            return
         client = CommandClient(demo_client(port), Topics(BASE))
         order = Order(deed.starter, CLIENT, deed.what)
         result = await client.send(
@@ -76,15 +81,3 @@ async def _do(deed: Deed, port: int) -> None:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
     except (GatewayError, TimeoutError) as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)
-
-
-async def _set_knob(deed: Deed, port: int) -> None:
-    """Set a knob of a simulated starter."""
-    acknowledged = asyncio.Event()
-    session, _ = await connected(demo_client(port), on_ack=lambda *_: acknowledged.set())
-    try:
-        topic = f"simulator/{deed.starter}/{deed.what}"
-        session.publish(1, Message(topic, deed.setting.encode(), qos=1, retain=False))
-        await asyncio.wait_for(acknowledged.wait(), ACKNOWLEDGED_WITHIN_S)
-    finally:
-        await session.disconnect()

@@ -1,8 +1,7 @@
-"""Findings of the machine: timers, disk, adapters, clock, the state directory and its contents."""
+"""Findings of the machine: disk, adapters, clock, the state directory and its contents."""
 
 from __future__ import annotations
 
-import asyncio
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -19,8 +18,6 @@ from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kerne
 
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
-WAITS, WAIT_S = 60, 0.004  # as long as those of a line
-LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
 SYNCS, SYNC_BYTES = 5, 4096
 SLOW_DISK_S = 0.25  # a start waits so long for the disk without a person noticing it
 
@@ -106,26 +103,10 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-async def speed_findings(state_dir: Path) -> list[Finding]:
-    """Measure how late waits end, and how long the disk takes; nothing may run beside it on this loop."""
-    late_s = sorted([await _lateness_s() for _ in range(WAITS)])
-    sync_s = _sync_s(state_dir)
-    timers = timers_finding(late_s[len(late_s) // 2], late_s[-1])
-    return [timers] if sync_s is None else [timers, disk_finding(sync_s)]
-
-
-def timers_finding(late_s: float, worst_s: float) -> Finding:
-    """Return what waits cost that end so late, in the middle and at the worst."""
-    late = f"waits end {late_s * 1e3:.1f} ms late, at most {worst_s * 1e3:.1f} ms"
-    if late_s <= LATE_S:
-        return Finding("timers", late)
-    return Finding(
-        "timers", f"{late}: every transaction takes so much longer", Weight.WARNING, "see what else runs"
-    )
-
-
-def disk_finding(sync_s: float) -> Finding:
-    """Return what a disk costs that takes so long for a write."""
+def disk_finding(sync_s: float | None) -> Finding | None:
+    """Return what a disk costs that takes so long for a write; None where that is not known."""
+    if sync_s is None:
+        return None
     what = f"a write to state_dir is on the disk after {sync_s * 1e3:.0f} ms"
     remedy = "another disk, or nothing else that writes to this one"
     if sync_s <= SLOW_DISK_S:
@@ -135,13 +116,7 @@ def disk_finding(sync_s: float) -> Finding:
     return Finding("disk", f"{what}: starts are refused, ledger_unavailable", Weight.ERROR, remedy)
 
 
-async def _lateness_s() -> float:
-    due_s = time.perf_counter() + WAIT_S
-    await asyncio.sleep(WAIT_S)
-    return max(time.perf_counter() - due_s, 0.0)
-
-
-def _sync_s(state_dir: Path) -> float | None:
+def sync_s(state_dir: Path) -> float | None:
     """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
     path = state_dir / "doctor.probe"
     longest_s = 0.0

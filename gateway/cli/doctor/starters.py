@@ -12,7 +12,7 @@ from gateway.config.convert import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
-from gateway.line import LineClient, Outcome, PortOpener, Priority, exclusive_line
+from gateway.line import Garbled, LineClient, Outcome, PortOpener, Priority, Silent, exclusive_line
 from gateway.modbus.pdu import Request
 from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
@@ -31,6 +31,9 @@ from gateway.system.instance_lock import may_use
 
 BUSY = "busy"  # PortError's reason when another program holds the port
 KNOWN_WITHIN_S = 2.0
+COUNTERS = 4  # of telegrams and errors, where a starter has them
+MOST_CORRUPTED = 0.01  # of the requests; more of them are a problem
+FEW = 1000  # requests that a share is taken of at least: the counters are cyclic
 
 Rows = dict[str, tuple[int, ...]]
 
@@ -76,9 +79,12 @@ class LineCheckup:
 
     async def _ask_directly(self, setup: StarterSetup, line: LineClient) -> None:
         async def put(request: Request) -> Outcome:
-            return await ask(line, setup, request, lane=Priority.READ_BACK)
+            outcome = await ask(line, setup, request, lane=Priority.READ_BACK)
+            if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:  # nothing ever will be
+                raise PortLostError(self.prospect.table.port, outcome.reason, "what else is on this line?")
+            return outcome
 
-        where, codes = f"starter {setup.name}", diagnosis.readiness_codes(setup.profile)
+        where, codes = f"starter {setup.name}", _codes(setup)
         try:
             identity = await identified(setup, lambda question: put(question.request))
             rows = (await read_in_bulk(put, setup.profile, reading.bulk_reads(setup.profile, codes))).rows
@@ -109,7 +115,7 @@ class LineCheckup:
                 self._say(where, text, Weight.ERROR)
             if known is not None and known.state == "offline":
                 return  # every question would be refused
-            rows = (await live.read(diagnosis.readiness_codes(setup.profile))).rows
+            rows = (await live.read(_codes(setup))).rows
         except (BrokerError, NoResultError) as error:
             is_refused = ResultCode.NOT_ALLOWED in str(error)
             remedy = "--client NAME asks as another operator" if is_refused else ""
@@ -143,8 +149,28 @@ class LineCheckup:
         )
         for finding in found:
             self._say(where, finding.text, finding.weight)
+        counters = [rows[code][0] for code in device_of(profile).counter_rows if code in rows]
+        self.findings.add(telegrams_finding(where, *counters) if len(counters) == COUNTERS else None)
         if delivered := diagnosis.as_delivered(profile, variant, rows):
             self._say(where, delivered)
+
+
+def telegrams_finding(where: str, received: int, sent: int, crc_errors: int, other_errors: int) -> Finding:
+    """Return how the starter has received its requests, by its own counters.
+
+    Errors there are of the way to the starter; of the way back the gateway counts the garbled replies.
+    """
+    text = f"it has counted {received} requests, {sent} replies, {crc_errors} requests with a wrong CRC"
+    text += f" and {other_errors} bytes with other errors"
+    if not crc_errors + other_errors:
+        return Finding(where, text)
+    is_bad = crc_errors > MOST_CORRUPTED * max(received, FEW)
+    remedy = "requests arrive corrupted: look at cable, termination and bias on the way to it"
+    return Finding(where, text, Weight.WARNING if is_bad else Weight.NOTE, remedy)
+
+
+def _codes(setup: StarterSetup) -> tuple[str, ...]:
+    return (*diagnosis.readiness_codes(setup.profile), *device_of(setup.profile).counter_rows)
 
 
 def _identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:

@@ -7,8 +7,8 @@ import asyncio
 import time
 from pathlib import Path
 
+from gateway.cli.broker import add_login
 from gateway.cli.command import Progress, flag
-from gateway.cli.operator_login import add_login
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from gateway.cli.broker import client_of, settings_of, user_name
 from gateway.cli.command import place_of
-from gateway.cli.operator_login import client_of, settings_of, user_name
 from gateway.config.load import load
 from gateway.contract import InfoRecord, Phase, ResultCode, ResultRecord, Topics
 from gateway.errors import BrokerError, NoResultError

@@ -1,4 +1,4 @@
-"""A health report as sentences, pairs, tables and plots, the same for the terminal and the page."""
+"""A health report as tables and plots, the same for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -50,41 +50,20 @@ QUANTITIES = {
 }
 
 
-class Pairs(NamedTuple):
-    """Texts by their labels."""
-
-    rows: Sequence[tuple[str, str]]
-
-
 class FactTable(NamedTuple):
-    """A table of texts; the columns in `numbers` are of numbers."""
+    """A table of texts; the columns in `numbers` are of numbers. Without a head: facts, or sentences."""
 
     rows: Sequence[Sequence[str]]
-    head: Sequence[str]
+    head: Sequence[str] = ()
     numbers: range = range(0)
 
 
-class Texts(NamedTuple):
-    """Sentences."""
-
-    rows: Sequence[str]
-
-
-class Plots(NamedTuple):
-    """Plots side by side, which a page shows, and the meaning of each kind of curve."""
-
-    rows: Sequence[Plot]
-    legend: Mapping[str, str]
-
-
-Block = Pairs | FactTable | Texts | Plots
-
-
 class Section(NamedTuple):
-    """A title with the blocks below it."""
+    """A title, plots side by side, which a page shows, and the tables below them, the last with all facts."""
 
     title: str
-    blocks: Sequence[Block]
+    tables: Sequence[FactTable]
+    plots: Sequence[Plot] = ()
 
 
 class ReportDocument(NamedTuple):
@@ -94,40 +73,45 @@ class ReportDocument(NamedTuple):
     starter: str
     subtitle: str
     verdict: str
-    warnings: Sequence[str]  # the most important first
-    tiles: Pairs  # the numbers that are looked for first
+    warnings: FactTable  # sentences, the most important first
+    tiles: FactTable  # the numbers that are looked for first
     sections: Sequence[Section]  # those of which something is known
+    legend: Mapping[str, str]  # the meaning of each kind of curve
 
 
 def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str) -> ReportDocument:
     """Return the report of a motor, made at this time (UTC)."""
     t = _translator(language)
-    legend = {**{kind: t(kind) for kind in LEGEND}, "limit": f"{LIMIT_PCT:g} % {t('from the baseline')}"}
-    compared, warnings, totals = _comparison(facts, t), list(_warnings(facts, t)), facts.totals
+    compared, warnings, totals = (
+        _comparison(facts, t),
+        [(text,) for text in _warnings(facts, t)],
+        facts.totals,
+    )
     tiles = [
         (t("operating hours"), _hours(facts.published.values.get("hours_total", totals.operating_s / 3600))),
         (t("starts"), _number(totals.starts)),
         (t("trips"), _number(totals.trips.total())),
         (t("acceleration time"), compared.rows[0][-1]),
     ]
-    sections: dict[str, Sequence[Block]] = {
-        t("Identity"): [Pairs(list(_identity(facts, t)))],
-        t("Life"): [Pairs(list(_life(facts, t)))],
-        t("Starts"): [Plots([_start_curves(facts, t)], legend), compared, _starts(facts, t)],
-        t("Trends by month"): [Plots(list(_trends(facts, t)), legend), _months(facts, t)],
-        t("Trips"): [_trips(facts, t)],
-        t("Changed parameters"): [_settings(facts, t)],
-        f"{t('Line')} {facts.line.name}": [Pairs(list(_replies(facts, t)))],
-        t("Notes"): [Texts(facts.notes)],
-    }
+    sections = (
+        Section(t("Identity"), [FactTable(list(_identity(facts, t)))]),
+        Section(t("Life"), [FactTable(list(_life(facts, t)))]),
+        Section(t("Starts"), [compared, _starts(facts, t)], [_start_curves(facts, t)]),
+        Section(t("Trends by month"), [_months(facts, t)], list(_trends(facts, t))),
+        Section(t("Trips"), [_trips(facts, t)]),
+        Section(t("Changed parameters"), [_settings(facts, t)]),
+        Section(f"{t('Line')} {facts.line.name}", [FactTable(list(_replies(facts, t)))]),
+        Section(t("Notes"), [FactTable([(text,) for text in facts.notes])]),
+    )
     return ReportDocument(
         title=t("Health report"),
         starter=facts.starter.name,
         subtitle=f"{t('gateway')} {gateway}, {t('made')} {_minute(rfc3339(made_s))} UTC",
         verdict=t("Attention") if warnings else t("Nothing unusual"),
-        warnings=warnings,
-        tiles=Pairs(tiles),
-        sections=[Section(title, blocks) for title, blocks in sections.items() if blocks[-1].rows],
+        warnings=FactTable(warnings),
+        tiles=FactTable(tiles),
+        sections=[section for section in sections if section.tables[-1].rows],
+        legend={**{kind: t(kind) for kind in LEGEND}, "limit": f"{LIMIT_PCT:g} % {t('from the baseline')}"},
     )
 
 
@@ -241,10 +225,6 @@ def _replies(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
     if counts:
         words = (f"{_number(counts[name])} {t(name)}" for name in REPLIES if name in counts)
         yield t("replies"), ", ".join(words)
-    times = (counts.get("response_time_s") or {}).items()
-    if any(time_s for _, time_s in times):
-        words = (f"{name} {_number(1000.0 * time_s, 'ms')}" for name, time_s in times if time_s)
-        yield t("response time"), ", ".join(words)
     rates = (facts.cable.get("starters") or {}).get(facts.starter.name) or {}
     if rates:
         words = (f"{100 * rates[name]:.2f}\xa0% {t(word)}" for name, word in RATES.items() if name in rates)

@@ -5,12 +5,11 @@ All text of a configuration, a starter or the broker passes `_e`, which escapes 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import assert_never
 
-from gateway.cli.report.document import Block, FactTable, Pairs, Plots, ReportDocument, Section, Texts
+from gateway.cli.report.document import FactTable, ReportDocument, Section
 
 STYLE = Path(__file__).with_name("report.css")
 BESIDE = 2  # the first sections share a row
@@ -21,12 +20,12 @@ def to_html(document: ReportDocument, *, language: str) -> str:
     """Return the report as a whole document."""
     title = f"{document.title} {document.starter}"
     tiles = (f"<div><b>{_e(value)}</b><span>{_e(label)}</span></div>" for label, value in document.tiles.rows)
-    sections = [*map(_section, document.sections)]
-    warn = " warn" if document.warnings else ""
+    sections = [_section(section, document.legend) for section in document.sections]
+    warn = " warn" if document.warnings.rows else ""
     parts = (
         f"<header><h1><small>{_e(document.title)}</small>{_e(document.starter)}</h1>",
         f"<small>{_e(document.subtitle)}</small></header>",
-        f'<div class="state{warn}"><b>{_e(document.verdict)}</b>{_list(document.warnings)}</div>',
+        f'<div class="state{warn}"><b>{_e(document.verdict)}</b>{_table(document.warnings)}</div>',
         f'<div class="tiles">{"".join(tiles)}</div>',
         f'<div class="two">{"".join(sections[:BESIDE])}</div>',
         *sections[BESIDE:],
@@ -39,22 +38,13 @@ def to_html(document: ReportDocument, *, language: str) -> str:
     )
 
 
-def _section(section: Section) -> str:
-    return f"<section><h2>{_e(section.title)}</h2>{''.join(map(_block, section.blocks))}</section>"
-
-
-def _block(block: Block) -> str:
-    match block:
-        case Pairs(rows):
-            return f"<dl>{''.join(f'<dt>{_e(label)}</dt><dd>{_e(text)}</dd>' for label, text in rows)}</dl>"
-        case FactTable():
-            return _table(block)
-        case Texts(texts):
-            return _list(texts)
-        case Plots():
-            return _plots(block)
-        case _:
-            assert_never(block)
+def _section(section: Section, legend: Mapping[str, str]) -> str:
+    kinds = {curve.kind for plot in section.plots for curve in plot.curves}
+    said = (_SAMPLE.format(kind=kind) + _e(word) for kind, word in legend.items() if kind in kinds)
+    drawn = "".join(f"<div>{plot.svg()}</div>" for plot in section.plots)
+    plots = f'<div class="plots">{drawn}</div><div class="legend">{"".join(said)}</div>' if drawn else ""
+    tables = "".join(map(_table, section.tables))
+    return f"<section><h2>{_e(section.title)}</h2>{plots}{tables}</section>"
 
 
 def _table(table: FactTable) -> str:
@@ -63,20 +53,12 @@ def _table(table: FactTable) -> str:
         cells = (f"<{tag}{kind}>{_e(text)}</{tag}>" for kind, text in zip(kinds, texts, strict=True))
         return f"<tr>{''.join(cells)}</tr>"
 
+    if not table.rows:
+        return ""
     body = "".join(row("td", texts) for texts in table.rows)
+    if not table.head:
+        return f'<table class="facts"><tbody>{body}</tbody></table>'
     return f"<table><thead>{row('th', table.head)}</thead><tbody>{body}</tbody></table>"
-
-
-def _plots(block: Plots) -> str:
-    kinds = {curve.kind for plot in block.rows for curve in plot.curves}
-    legend = (_SAMPLE.format(kind=kind) + _e(word) for kind, word in block.legend.items() if kind in kinds)
-    drawn = "".join(f"<div>{plot.svg()}</div>" for plot in block.rows)
-    return f'<div class="plots">{drawn}</div><div class="legend">{"".join(legend)}</div>'
-
-
-def _list(texts: Iterable[str]) -> str:
-    items = "".join(f"<li>{_e(text)}</li>" for text in texts)
-    return f"<ul>{items}</ul>" if items else ""
 
 
 def _e(text: str) -> str:

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import TypeVar
 
+from gateway.cli.broker import add_login, settings_of
 from gateway.cli.command import add_starter, flag, place_of, write_text
-from gateway.cli.operator_login import add_login, settings_of
 from gateway.cli.report.document import document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.cli.report.html import to_html

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import logging
 import os
 import shutil
 import time
@@ -13,15 +14,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gateway import __version__
+from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
 from gateway.contract import rfc3339
-from gateway.errors import StartError, StoreError, UsageError
+from gateway.errors import GatewayError, StartError, StoreError, UsageError
 from gateway.store import backup, is_import_due
 from gateway.system.instance_lock import is_locked
 
+log = logging.getLogger(__name__)
+
+BEFORE_UPGRADE = (
+    "before-upgrade.tar.gz"  # in the state directory, with passwords and keys, as they are beside it
+)
 CONFIG, OUTSIDE, STATE = "config", "outside", "state"  # folders in a backup
 GZIP = b"\x1f\x8b"  # what a backup begins with [RFC 1952]
 PRIVATE = b"PRIVATE KEY-----"  # in a PEM file [RFC 7468], also one that is named as a certificate
@@ -88,6 +95,26 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> ba
         )
         backup.write_archive(file, facts, [own, *configured, *state])
         return facts
+
+
+def upgrade_site(path: Path, site: Site) -> None:
+    """Take a gateway's state to this version, if it is of an earlier one, after a backup of both.
+
+    Neither prevents the start: the starters are watched without a backup rather than not at all. An upgrade
+    that fails is tried again by the store, which is away as long as that is not possible.
+    """
+    if not backup.is_upgrade_due(site.state_dir):
+        return
+    try:
+        back_up(path, site.config, site.state_dir / BEFORE_UPGRADE, with_secrets=True)
+        log.info("state_dir %s is of an earlier version; backup: %s", site.state_dir, BEFORE_UPGRADE)
+    except (OSError, GatewayError) as error:
+        log.error("no backup before the upgrade of %s: %s", site.state_dir, error)  # noqa: TRY400 - one line
+    try:
+        for problem in backup.upgrade(site.state_dir):
+            log.error("upgrade: %s", problem)
+    except GatewayError as error:
+        log.error("state_dir %s was not upgraded: %s", site.state_dir, error)  # noqa: TRY400 - one line
 
 
 def missing_in(facts: backup.Manifest) -> list[str]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
@@ -132,13 +132,11 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
 
 
 def _unused_name(place: _Place) -> str:
-    names = (f"{ASIDE}-{number}" for number in count(1))
-    return next(
-        name
-        for name in names
-        if not os.path.lexists(place.state_dir / name)
-        and not any(os.path.lexists(f"{path}.{name}") for path in place.files)
-    )
+    def is_used(name: str) -> bool:
+        asides = (Path(f"{path}.{name}") for path in place.files)
+        return any(os.path.lexists(path) for path in (place.state_dir / name, *asides))
+
+    return next(name for number in count(1) if not is_used(name := f"{ASIDE}-{number}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,22 +168,30 @@ class _Place:
 
 
 def _place(archive: backup.Archive, to: Path | None) -> _Place:
-    name, before = archive.manifest.config, Path(archive.manifest.folder)
-    folder = before if to is None else to.absolute()
-    configured, state = _places(archive)
-    if "/" in name or name not in configured or not before.is_absolute():
+    """Return where a backup goes; DamagedError for files that its configuration does not name."""
+    facts, before = archive.manifest, Path(archive.manifest.folder)
+    folder, own = before if to is None else to.absolute(), f"{CONFIG}/{facts.config}"
+    is_named = before.is_absolute() and name_in_backup(before, Path(facts.config)) == own
+    if not is_named or "/" in facts.config or own not in facts.files:
         raise DamagedError("the backup does not say which file is its configuration")
-    config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
-    known = {f"{CONFIG}/{name}", *(name_in_backup(before, path) for path in files_of(config))}
-    for stored in configured.values():
-        if stored not in known:
-            raise DamagedError(f"the backup holds {stored}, which its configuration does not name")
+    config = parse(archive.read(own).decode("utf-8", "replace"), str(folder / facts.config))
+    known = {own, *(name_in_backup(before, path) for path in files_of(config))}
+    state = {name.removeprefix(f"{STATE}/"): name for name in facts.files if name.startswith(f"{STATE}/")}
+    configured = [name for name in facts.files if name not in state.values()]
+    foreign = [*(name for name in configured if name not in known), *filter(_is_foreign, state)]
+    if foreign:
+        raise DamagedError(f"the backup holds {foreign[0]}, which its configuration does not name")
     state_dir = folder / config.gateway.state_dir
     if to is not None:  # below that folder, whatever the configuration says
         state_dir = Path(os.path.normpath(state_dir))
         state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
-    backup.refuse_newer(state_dir, archive.manifest.state)
-    return _Place(config, folder / name, folder, state_dir, configured, state)
+    backup.refuse_newer(state_dir, facts.state)
+    places = {name.removeprefix(f"{CONFIG}/"): name for name in configured}
+    return _Place(config, folder / facts.config, folder, state_dir, places, state)
+
+
+def _is_foreign(name: str) -> bool:
+    return not backup.is_state_name(name)
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
@@ -217,38 +223,17 @@ def _restored(path: Path) -> Path:
     return path.with_name(path.name + RESTORED)
 
 
-def _places(archive: backup.Archive) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the files of the configuration's folder and of the state, each with its name in the backup."""
-    configured: dict[str, str] = {}
-    state: dict[str, str] = {}
-    for stored in archive.manifest.files:
-        first, _, rest = stored.partition("/")
-        path = PurePosixPath(rest)
-        is_inside = rest and not path.is_absolute() and ".." not in path.parts and str(path) == rest
-        if first == CONFIG and is_inside:
-            configured[rest] = stored
-        elif first == OUTSIDE and is_inside:
-            configured[f"{OUTSIDE}/{rest}"] = stored
-        elif first == STATE and backup.is_state_name(rest):
-            state[rest] = stored
-        else:
-            raise DamagedError(f"the backup holds {stored}, which no gateway has")
-    return configured, state
-
-
 def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
     config, folder = place.config, place.folder
     print(f"gateway {config.gateway.name}, backup of {facts.made} by version {facts.version}")
     print(f"configuration: {len(place.configured)} files in {folder}")
     print(f"state: {len(place.state)} files in {place.state_dir}")
+    moved = files_of(config) if folder != Path(facts.folder) else ()
+    elsewhere = [str(each) for each in moved if (folder / each).is_relative_to(facts.folder)]
     if folder / config.gateway.state_dir != place.state_dir:
-        print(f"the configuration names another state_dir, {config.gateway.state_dir}: change it")
-    before = Path(facts.folder)
-    for each in files_of(config) if before != folder else ():
-        name = name_in_backup(before, each)
-        if each.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
-            now = folder / name.removeprefix(f"{CONFIG}/")
-            print(f"the configuration names {each}, which is {now} now: change it")
+        elsewhere.append(str(config.gateway.state_dir))
+    if elsewhere:
+        print(f"the configuration names places that are others now: change {', '.join(elsewhere)}")
     if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
     if missing := missing_in(facts):

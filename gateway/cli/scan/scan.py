@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import json
 import os
 import re
 from collections.abc import Iterable, Sequence
@@ -15,7 +16,7 @@ from typing import get_args
 
 from gateway.app import io
 from gateway.app.capacity import check_watchdogs
-from gateway.cli.command import Progress, flag, whole_number
+from gateway.cli.command import Progress, flag
 from gateway.cli.scan.search import (
     ADDRESSES,
     BAUDS,
@@ -44,13 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " communication watchdog of a starter that has one, and the end of the scan lets it act."
     )
     parser.add_argument("port", metavar="PORT", help="/dev/... or socket://host:port; no gateway may hold it")
-    parser.add_argument("--baud", metavar="N,..", help=f"rates to try, else {_list(BAUDS)}")
-    parser.add_argument("--framing", metavar="F,..", help=f"framings to try, else {_list(FRAMINGS)}")
+    for option, metavar, what, known in (
+        ("--baud", "N,..", "rates", BAUDS),
+        ("--framing", "F,..", "framings", FRAMINGS),
+    ):
+        about = f"{what} to try, else {_list(known)}"
+        parser.add_argument(option, metavar=metavar, default=_list(known), help=about)
     parser.add_argument("--address", metavar="N-N,..", default="1-247", help="addresses to try, else 1-247")
     parser.add_argument(
         "--reply-within", metavar="S", type=float, default=0.05, help="what a unit may take to answer (0.05)"
     )
-    flag(parser, "--thorough", about="ask each address with four requests, not one")
     flag(parser, "--all", about="try every setting; else the first one with a find is the last")
 
 
@@ -83,7 +87,7 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
     text = config_text(port, found)
     if not text:
         what = "no starter was found" if not found else "nothing that was found can be configured"
-        progress.say(f"{what} (is Data+ on Data+? is another master on the line? try --thorough)")
+        progress.say(f"{what} (is Data+ on Data+? is another master on the line?)")
         return 1
     print(text, end="")
     return 0
@@ -91,21 +95,17 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
 
 def settings_of_search(args: argparse.Namespace) -> SearchSettings:
     """Return what to search; UsageError for what cannot be."""
-    bauds = [whole_number(each, "--baud", low=1, high=10_000_000) for each in _split(args.baud)] or BAUDS
-    for baud in bauds:
-        if baud not in get_args(Baud):
-            raise UsageError(f"--baud {baud} is no rate of a line (one of {_list(get_args(Baud))})")
-    framings = [each.upper() for each in _split(args.framing)] or FRAMINGS
-    for framing in framings:
-        if framing not in get_args(FramingText):
-            raise UsageError(f"--framing {framing!r} is no framing (one of {_list(get_args(FramingText))})")
+    rates, formats = {str(each): each for each in get_args(Baud)}, get_args(FramingText)
+    bauds, framings = _split(args.baud), _split(args.framing.upper())
+    for option, texts, known in (("--baud", bauds, rates), ("--framing", framings, formats)):
+        if wrong := next((each for each in texts if each not in known), None):
+            raise UsageError(f"{option} {wrong!r} is none of a line (one of {_list(known)})")
     if not 0.005 <= args.reply_within <= 10:
         raise UsageError(f"--reply-within {args.reply_within} is out of range (0.005..10)")
     return SearchSettings(
-        timings=timings_in_order(bauds, framings),
+        timings=timings_in_order([rates[each] for each in bauds], framings),
         addresses=addresses_in(args.address),
         response_time_s=args.reply_within,
-        is_thorough=args.thorough,
         goes_on=args.all,
     )
 
@@ -132,8 +132,8 @@ def stable_name(port: str, by_id: Path = BY_ID) -> str:
     return next((str(each) for each in sorted(by_id.iterdir()) if each.resolve() == real), port)
 
 
-def _split(text: str | None) -> list[str]:
-    return [part.strip() for part in (text or "").split(",") if part.strip()]
+def _split(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _list(values: Iterable[object]) -> str:
@@ -152,7 +152,7 @@ url = "mqtt://127.0.0.1:1883"
 
 [[line]]
 name = "line-1"
-port = "{port}"
+port = {port}
 baud = {baud}
 framing = "{framing}"
 """
@@ -163,32 +163,28 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     usable = [find for find in found if find.profile is not None and not find.why_not]
     if not usable:
         return ""
-    timing = usable[0].timing
-    here = sorted((find for find in usable if find.timing == timing), key=lambda find: find.address)
-    rest = [find for find in found if find not in here]
-    text = _text(port, timing, here, rest, with_watchdogs=True)
+    text = _text(port, usable[0].timing, found, with_watchdogs=True)
     try:
         parse(text, "scan", check=check_watchdogs)
     except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
-        text = _text(port, timing, here, rest, with_watchdogs=False)
+        text = _text(port, usable[0].timing, found, with_watchdogs=False)
     return text
 
 
-def _text(
-    port: str, timing: LineTiming, here: Sequence[Find], rest: Sequence[Find], *, with_watchdogs: bool
-) -> str:
-    quoted = port.replace("\\", "\\\\").replace('"', '\\"')
-    parts = [_HEAD.format(port=quoted, baud=timing.baud, framing=timing.framing)]
-    for find in here:
-        family = find.profile.family if find.profile else ""
+def _text(port: str, timing: LineTiming, found: Sequence[Find], *, with_watchdogs: bool) -> str:
+    """Return a line of the starters at this timing; the other finds are comments at its end."""
+    parts, others = [_HEAD.format(port=json.dumps(port), baud=timing.baud, framing=timing.framing)], []
+    for find in sorted(found, key=lambda find: find.address):
+        if find.profile is None or find.why_not or find.timing != timing:
+            why = f" ({find.why_not})" if find.why_not else ""
+            where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
+            others += [f"{where}: {find.described}{why}", ""]
+            continue
+        family = find.profile.family
         parts += [f"[[line.starter]] # {find.described}", f'name = "{family}-{find.address}"']
         parts += [f"address = {find.address}", f'family = "{family}"']
         for first in find.watchdogs[:1]:
             key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
             parts.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
         parts.append("")
-    for find in rest:
-        why = f" ({find.why_not})" if find.why_not else ""
-        where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
-        parts += [f"{where}: {find.described}{why}", ""]
-    return "\n".join(parts)
+    return "\n".join([*parts, *others])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.cli.command import Progress
@@ -17,9 +17,8 @@ from gateway.contract import CommandError
 from gateway.errors import PortError
 from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
 from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey, silent_cost_s
-from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.starters import Ask, read_in_bulk
 
@@ -30,13 +29,7 @@ LIKELY_ADDRESSES = range(1, 17)  # tried at every setting before the others
 ADDRESSES = range(1, 248)
 
 # VB01 of SSW-06 and SSW-07; others answer it with an exception, and an exception is an answer.
-_PROBE = ReadHoldingRegisters(5001, 1)
-PROBES: tuple[Request, ...] = (
-    _PROBE,
-    ReadDeviceIdentification(read_code=1, object_id=0),
-    ReadInputRegisters(0, 1),
-    ReadHoldingRegisters(5000, 1),
-)
+PROBE = ReadHoldingRegisters(5001, 1)
 _SLOWEST_REPLY_S = 0.1  # of a unit that is there
 _WATCHDOG_SHARE = 1 / 3  # of its time, after which a unit is asked again
 # Between attempts to open the port again: a serial server that takes one connection at a time, or an adapter
@@ -82,7 +75,6 @@ class SearchSettings:
     timings: tuple[LineTiming, ...]
     addresses: tuple[int, ...]
     response_time_s: float = 0.05
-    is_thorough: bool = False  # ask every address with every request
     goes_on: bool = False  # to the other settings although something was found
 
 
@@ -100,11 +92,9 @@ class Search:
     def __init__(
         self, settings: SearchSettings, open_with: Callable[[LineTiming], PortOpener], progress: Progress
     ) -> None:
-        self._response_time_s = settings.response_time_s
-        self._goes_on = settings.goes_on
+        self._settings = settings
         self._open_with = open_with
         self._progress = progress
-        self._probes = PROBES if settings.is_thorough else PROBES[:1]
         self._left = deque(  # the likely addresses of all settings first
             (timing, address)
             for is_likely in (True, False)
@@ -112,29 +102,28 @@ class Search:
             for address in settings.addresses
             if (address in LIKELY_ADDRESSES) is is_likely
         )
-        self._costs_s = {timing: self._cost_s(timing) for timing in settings.timings}
-        self._spent_s, self._left_s = 0.0, sum(self._costs_s[timing] for timing, _ in self._left)
-        self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
+        self._costs_s = {  # of an address without a device
+            timing: silent_cost_s(PROBE, timing, response_time_s=settings.response_time_s)
+            for timing in settings.timings
+        }
+        self._spent_s = 0.0
+        self._waits_s: Iterator[float] = iter(())  # a port that has never been open is not waited for
+        self._due: dict[tuple[LineTiming, int], tuple[float, float]] = {}  # when to ask again, and how often
 
     async def run(self) -> list[Find]:
         """Return what answers; a port that is lost meanwhile is opened again. PortError without one."""
-        found, before, was_open = list[Find](), None, False
-        waits_s = iter(_REOPEN_AFTER_S)
+        found = list[Find]()
         while self._left:
             timing = self._left[0][0]
-            if timing != before:
-                self._due.clear()
-            before = timing
             try:
                 async with Survey(self._open_with(timing), timing) as survey:
-                    was_open = True
                     while self._left and self._left[0][0] == timing:
-                        find = await self._step(survey)
-                        waits_s = iter(_REOPEN_AFTER_S)
-                        found += [] if find is None else [find]
+                        self._waits_s = iter(_REOPEN_AFTER_S)
+                        if (find := await self._step(survey)) is not None:
+                            found.append(find)
             except PortError:
-                wait_s = next(waits_s, None)
-                if wait_s is None or not was_open:
+                wait_s = next(self._waits_s, None)
+                if wait_s is None:
                     raise
                 await asyncio.sleep(wait_s)
         return found
@@ -142,9 +131,9 @@ class Search:
     async def _step(self, survey: Survey) -> Find | None:
         """Look at one address; after the first starter only this setting is left: a line has one."""
         timing, address = self._left[0]
-        what = f"{timing.baud} {timing.framing} address {address}"
-        share = self._spent_s / (self._spent_s + self._left_s)
-        self._progress.show(share, what, left_s=self._left_s)
+        left_s = sum(self._costs_s[each] for each, _ in self._left)
+        share = self._spent_s / (self._spent_s + left_s)
+        self._progress.show(share, f"{timing.baud} {timing.framing} address {address}", left_s=left_s)
         await self._keep_quiet(survey)
         find = await self._look(survey, address)
         self._left.popleft()
@@ -153,32 +142,21 @@ class Search:
             self._progress.say(f"address {address} at {timing.baud} {timing.framing}: {find.described}")
             for watchdog in find.watchdogs[:1]:
                 every_s = watchdog.after_s * _WATCHDOG_SHARE
-                self._due[address] = asyncio.get_running_loop().time() + every_s, every_s
-            if find.profile is not None and not find.why_not and not self._goes_on:
+                self._due[timing, address] = asyncio.get_running_loop().time() + every_s, every_s
+            if find.profile is not None and not find.why_not and not self._settings.goes_on:
                 self._left = deque(step for step in self._left if step[0] == timing)
-                self._left_s = self._costs_s[timing] * (len(self._left) + 1)
-        self._left_s -= self._costs_s[timing]
         return find
 
-    def _cost_s(self, timing: LineTiming) -> float:
-        """Return the time that an address without a device takes."""
-        return sum(
-            silent_cost_s(each, timing, response_time_s=self._response_time_s) for each in self._probes
-        )
-
     async def _look(self, survey: Survey, address: int) -> Find | None:
-        garbled = ""
-        for probe in self._probes:
-            outcome = await survey.ask(address, probe, response_time_s=self._response_time_s)
-            if isinstance(outcome, Garbled):  # once more
-                outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
-            if isinstance(outcome, Garbled):
-                garbled = outcome.reason
-            elif not isinstance(outcome, Silent):
-                return await self._identify(survey, address)
-        if not garbled:
+        outcome = await survey.ask(address, PROBE, response_time_s=self._settings.response_time_s)
+        if isinstance(outcome, Garbled):  # once more
+            outcome = await survey.ask(address, PROBE, response_time_s=_SLOWEST_REPLY_S)
+        if isinstance(outcome, Silent):
             return None
-        reason = f"something answers, but not in Modbus ({garbled}): two units, or another rate or framing"
+        if not isinstance(outcome, Garbled):
+            return await self._identify(survey, address)
+        what = f"something answers, but not in Modbus ({outcome.reason})"
+        reason = f"{what}: two units, or another rate or framing"
         return Find(address, survey.timing, None, Identity(reason=reason))
 
     async def _identify(self, survey: Survey, address: int) -> Find:
@@ -187,7 +165,7 @@ class Search:
 
         async def ask(request: Request) -> Outcome:
             if not isinstance(asked.get(request), Answered):
-                within_s = max(self._response_time_s, _SLOWEST_REPLY_S)
+                within_s = max(self._settings.response_time_s, _SLOWEST_REPLY_S)
                 asked[request] = await survey.ask(address, request, response_time_s=within_s)
             return asked[request]
 
@@ -215,8 +193,8 @@ class Search:
 
     async def _keep_quiet(self, survey: Survey) -> None:
         """Ask those units again whose watchdog would act before the search is over."""
-        for address, (due_s, every_s) in tuple(self._due.items()):
-            now_s = asyncio.get_running_loop().time()
-            if now_s >= due_s:
-                self._due[address] = (now_s + every_s, every_s)
-                await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
+        now_s = asyncio.get_running_loop().time()
+        for (timing, address), (due_s, every_s) in tuple(self._due.items()):
+            if timing == survey.timing and now_s >= due_s:
+                self._due[timing, address] = (now_s + every_s, every_s)
+                await survey.ask(address, PROBE, response_time_s=_SLOWEST_REPLY_S)

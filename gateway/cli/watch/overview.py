@@ -7,9 +7,11 @@ counts, by that gateway's clock, so that the clock of this machine does not matt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from gateway.cli.command import coded
 from gateway.contract import (
@@ -26,43 +28,41 @@ from gateway.contract import (
 )
 
 LIVE_WITHIN_S = 3.0  # without a new token for longer, a gateway is not live
-TOPICS = (
-    "gateway/status",
-    "gateway/fresh",
-    "starter/+/availability",
-    "starter/+/state",
-    "starter/+/alarm/+",
-    "starter/+/value/current",
-    "starter/+/value/current_pct",
-    "result/+/+",
-)
+KINDS = (StatusRecord, FreshRecord, AvailabilityRecord, StateRecord, AlarmRecord, ValueRecord, ResultRecord)
+POINTS = ("current", "current_pct")
 HINDRANCES = {  # of a motor at rest, by the flag of its state that is false then
     "configured": "not configured",
     "power_present": "no power",
     "general_enabled": "not enabled",
     "ready_to_start": "not ready to start",
 }
-KINDS: Mapping[str, type[Record]] = {
-    "state": StateRecord,
-    "availability": AvailabilityRecord,
-    "value": ValueRecord,
-    "alarm": AlarmRecord,
-}
 MOVING = ("starting", "running", "stopping")
 SIGNALS = ("F", "C", "S", "")  # of NAMUR NE 107: failure, check (somebody works at it), out of specification
 UNKNOWN = StateRecord(starter="", state="unknown", quality=Quality.BAD, time_s=None, seq=0)
 ONLINE = AvailabilityRecord(starter="", state="online", since_s=0.0, reason=None)
 
+R = TypeVar("R", bound=Record)
+
+_PATTERNS = {kind: re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^/]+)", kind.TOPIC)) for kind in KINDS}
+
+
+def filters() -> Iterator[str]:
+    """Yield the topics to subscribe to, below the base of the gateways."""
+    for kind in KINDS:
+        points = POINTS if kind is ValueRecord else ("+",)
+        yield from (re.sub(r"{\w+}", "+", kind.TOPIC.replace("{point}", point)) for point in points)
+
 
 @dataclass(slots=True)
 class GatewayLine:
-    """A gateway, and the difference of its clock to ours."""
+    """A gateway with its starters, and the difference of its clock to ours."""
 
     name: str
     status: StatusRecord | None = None
     token: str = ""
     live_at_s: float | None = None  # when the token last changed; None: not yet seen to change
     ahead_s: float = 0.0  # of the wall time that the caller gives
+    starters: dict[str, StarterRow] = field(default_factory=dict)
 
     def is_live(self, now_s: float) -> bool:
         """Return whether it has shown a new token lately, and has not ended."""
@@ -76,16 +76,17 @@ class StarterRow:
 
     gateway: GatewayLine
     name: str
-    state: StateRecord = UNKNOWN
-    availability: AvailabilityRecord = ONLINE
-    value: dict[str, ValueRecord] = field(default_factory=dict)  # by point
-    alarm: dict[str, AlarmRecord] = field(default_factory=dict)  # by code
-    result: ResultRecord | None = None  # of the last command
+    records: dict[str, Record] = field(default_factory=dict)  # by topic, the newest last
 
     @property
-    def alarms(self) -> Sequence[AlarmRecord]:
+    def state(self) -> StateRecord:
+        """The state."""
+        return next(self._all(StateRecord), UNKNOWN)
+
+    @property
+    def alarms(self) -> list[AlarmRecord]:
         """The active alarms and faults."""
-        return [alarm for _, alarm in sorted(self.alarm.items()) if alarm.is_active]
+        return sorted((each for each in self._all(AlarmRecord) if each.is_active), key=lambda each: each.code)
 
     @property
     def is_good(self) -> bool:
@@ -95,19 +96,23 @@ class StarterRow:
     @property
     def signal(self) -> str:
         """The most important of `SIGNALS`."""
-        presence, is_local = self.availability.state, self.state.flags.get("remote") is False
+        state, presence = self.state, next(self._all(AvailabilityRecord), ONLINE).state
         severities = {alarm.severity for alarm in self.alarms}
-        if self.state.state == "fault" or presence == "offline" or "fault" in severities:
+        if state.state == "fault" or presence == "offline" or "fault" in severities:
             return "F"
-        if self.state.lock or is_local or presence == "disabled":
+        if state.lock or state.flags.get("remote") is False or presence == "disabled":
             return "C"
         return "" if self.is_good and presence == "online" and not severities else "S"
 
-    def troubles(self) -> Iterator[str]:
-        """Yield in words what is wrong, the most important first."""
-        state, presence, why = self.state, self.availability.state, self.availability.reason
-        if presence != "online":
-            yield f"{presence}: {why}" if why else presence
+    def value(self, point: str) -> ValueRecord | None:
+        """Return the newest value of a point."""
+        return next((each for each in self._all(ValueRecord) if each.point == point), None)
+
+    def texts(self) -> Iterator[str]:
+        """Yield in words what is wrong, the most important first, then the last command."""
+        state, presence = self.state, next(self._all(AvailabilityRecord), ONLINE)
+        if presence.state != "online":
+            yield f"{presence.state}: {presence.reason}" if presence.reason else presence.state
         yield from (coded(alarm.code, alarm.text) for alarm in self.alarms)
         if state.reason:
             yield state.reason
@@ -118,20 +123,20 @@ class StarterRow:
             yield f"locked by {state.lock.by}: {state.lock.reason}"
         if state.flags.get("remote") is False:
             yield "local"
-
-    def commanded(self) -> Iterator[str]:
-        """Yield the last command in words, if there was one."""
-        if self.result is not None:
-            code, phase = self.result.code, self.result.phase
-            why = "" if code in ("", "ok", phase) else f" ({code})"
-            yield f"{self.result.client} {self.result.verb}: {phase}{why}"
+        for result in list(self._all(ResultRecord))[-1:]:
+            why = "" if result.code in ("", "ok", result.phase) else f" ({result.code})"
+            yield f"{result.client} {result.verb}: {result.phase}{why}"
 
     def silent_s(self, now_s: float) -> float | None:
         """Return how long ago the last good reply came: 0 while it answers; None: it never did."""
         if self.is_good and self.gateway.is_live(now_s):
             return 0.0
-        times = [time_s for time_s in (self.state.time_s, *(v.time_s for v in self.value.values())) if time_s]
+        seen = (self.state.time_s, *(each.time_s for each in self._all(ValueRecord)))
+        times = [time_s for time_s in seen if time_s]
         return max(now_s + self.gateway.ahead_s - max(times), 0.0) if times else None
+
+    def _all(self, kind: type[R]) -> Iterator[R]:
+        return (record for record in self.records.values() if isinstance(record, kind))
 
 
 class Overview:
@@ -143,37 +148,17 @@ class Overview:
     def __init__(self, base: str) -> None:
         self.gateways: dict[str, GatewayLine] = {}
         self._depth = base.count("/") + 1
-        self._rows: dict[tuple[str, str], StarterRow] = {}
 
     def take(self, topic: str, payload: bytes, now_s: float) -> None:
         """Apply one message that came at `now_s` (seconds since 1970)."""
         levels = topic.split("/")
-        name, rest = "/".join(levels[: self._depth]), levels[self._depth :]
-        gateway = self.gateways.setdefault(name, GatewayLine(name))
-        with suppress(ValueError):  # somebody else publishes below this base
-            match rest:
-                case ["gateway", "status"]:
-                    gateway.status = read_record(StatusRecord, payload)
-                case ["gateway", "fresh"]:
-                    fresh = read_record(FreshRecord, payload)
-                    if gateway.token not in ("", fresh.token):  # the first may have been retained for days
-                        gateway.live_at_s, gateway.ahead_s = now_s, fresh.time_s - now_s
-                    gateway.token = fresh.token
-                case ["starter", starter, "state" | "availability"] if not payload:
-                    self._rows.pop((name, starter), None)  # its gateway has it no longer
-                case ["starter", starter, "state" | "availability" as kind]:
-                    record = _read(kind, payload, starter)
-                    setattr(self._row(gateway, starter), kind, record)
-                case ["starter", starter, "value" | "alarm" as kind, leaf] if not payload:
-                    if (name, starter) in self._rows:  # the gateway has had it forgotten
-                        getattr(self._rows[name, starter], kind).pop(leaf, None)
-                case ["starter", starter, "value" | "alarm" as kind, leaf]:
-                    record = _read(kind, payload, starter, leaf)
-                    getattr(self._row(gateway, starter), kind)[leaf] = record
-                case ["result", starter, client] if (name, starter) in self._rows:
-                    result = read_record(ResultRecord, payload, starter=starter, client=client)
-                    row = self._rows[name, starter]
-                    row.result = row.result if result.is_duplicate else result
+        base, rest = "/".join(levels[: self._depth]), "/".join(levels[self._depth :])
+        gateway = self.gateways.setdefault(base, GatewayLine(base))
+        for kind, pattern in _PATTERNS.items():
+            if names := pattern.fullmatch(rest):
+                with suppress(ValueError):  # somebody else publishes below this base
+                    record = read_record(kind, payload, **names.groupdict()) if payload else None
+                    self._put(gateway, rest, names.groupdict().get("starter", ""), record, now_s)
 
     def rows(self) -> Sequence[StarterRow]:
         """Return the starters, those first that somebody must look at."""
@@ -181,11 +166,27 @@ class Overview:
         def order(row: StarterRow) -> tuple[int, bool, str, str]:
             return SIGNALS.index(row.signal), row.state.state not in MOVING, row.gateway.name, row.name
 
-        return sorted(self._rows.values(), key=order)
+        rows = [row for gateway in self.gateways.values() for row in gateway.starters.values()]
+        return sorted(rows, key=order)
 
-    def _row(self, gateway: GatewayLine, starter: str) -> StarterRow:
-        return self._rows.setdefault((gateway.name, starter), StarterRow(gateway, starter))
-
-
-def _read(kind: str, payload: bytes, starter: str, leaf: str = "") -> Record:
-    return read_record(KINDS[kind], payload, starter=starter, point=leaf, code=leaf)
+    def _put(
+        self, gateway: GatewayLine, topic: str, starter: str, record: Record | None, now_s: float
+    ) -> None:
+        """Put a record in its place; None: the gateway has had the broker forget it."""
+        match record:
+            case None if topic.endswith(("/state", "/availability")):
+                gateway.starters.pop(starter, None)
+            case None if starter in gateway.starters:
+                gateway.starters[starter].records.pop(topic, None)
+            case StatusRecord():
+                gateway.status = record
+            case FreshRecord():
+                if gateway.token not in ("", record.token):  # the first may have been retained for days
+                    gateway.live_at_s, gateway.ahead_s = now_s, record.time_s - now_s
+                gateway.token = record.token
+            case ResultRecord() if record.is_duplicate or starter not in gateway.starters:
+                pass
+            case Record():
+                records = gateway.starters.setdefault(starter, StarterRow(gateway, starter)).records
+                records.pop(topic, None)
+                records[topic] = record

@@ -1,33 +1,47 @@
-"""An overview as a table of `rich`, at 80 columns too."""
+"""An overview as lines of `rich`: one of each starter, and another one for a text that does not fit there."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from textwrap import wrap
+
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from gateway.cli.command import counted, in_words
 from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRow
 from gateway.contract import Quality, ValueRecord, shortened
 
-COLUMNS = ("", "starter", "state", "current", "last reply", "fault, reason, command")
+COLUMNS = ("", "starter", "state", "current", "last reply")
+RIGHT = range(3, 5)  # columns of numbers
 STYLES = dict(zip(SIGNALS, ("bold white on red", "black on dark_orange", "black on yellow", ""), strict=True))
 GREY = "bright_black"  # what is not known to be so now
+INDENT = "     "  # of a second line
 
 
-def render(overview: Overview, now_s: float) -> Group:
-    """Return the table at `now_s` (seconds since 1970); a terminal shows its beginning."""
+def render(overview: Overview, now_s: float, width: int) -> Group:
+    """Return the lines at `now_s` (seconds since 1970); a terminal shows their beginning."""
     rows, gateways = overview.rows(), [gateway for _, gateway in sorted(overview.gateways.items())]
     heads = [_head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for gateway in gateways]
-    table = Table(*COLUMNS[:-1], box=None, expand=True, pad_edge=False, header_style="bold underline")
-    for column in table.columns:
-        column.no_wrap, column.min_width = True, 9 if column.header else 1
-        column.justify = "right" if column.header in ("current", "last reply") else "left"
-    table.add_column(COLUMNS[-1], ratio=1, overflow="fold")
-    for row in rows:
-        name = row.name if len(gateways) == 1 else f"{row.gateway.name} {row.name}"
-        table.add_row(*_cells(row, name, now_s), style="" if row.gateway.is_live(now_s) else GREY)
-    return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), table)
+    cells = [[Text(title, style="bold underline") for title in COLUMNS]]
+    cells += [_cells(row, now_s, has_gateway=len(gateways) > 1) for row in rows]
+    widths = [max(cell.cell_len for cell in column) for column in zip(*cells, strict=True)]
+    texts = ["", *("; ".join(row.texts()) for row in rows)]
+    lines = [line for pair in zip(cells, texts, strict=True) for line in _lines(*pair, widths, width)]
+    return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), *lines)
+
+
+def _lines(cells: Sequence[Text], text: str, widths: Sequence[int], width: int) -> Iterator[Text]:
+    """Yield the line of a starter, and where its text does not fit behind it that on lines of its own."""
+    for column, cell in enumerate(cells):
+        pad = cell.pad_left if column in RIGHT else cell.pad_right
+        pad(widths[column] - cell.cell_len)
+    line, text = Text("  ").join(cells), shortened(text, 500)
+    if line.cell_len + 2 + len(text) <= width:
+        yield line.append(f"  {text}" if text else "")
+    else:
+        yield line
+        yield from (Text(part) for part in wrap(text, width, initial_indent=INDENT, subsequent_indent=INDENT))
 
 
 def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
@@ -44,16 +58,16 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
     return head.append(f"  NOT LIVE {since}", style=STYLES["F"])
 
 
-def _cells(row: StarterRow, name: str, now_s: float) -> list[Text]:
-    silent_s, style = row.silent_s(now_s), "" if row.is_good else GREY
-    current, load = (_number(row.value.get(point)) for point in ("current", "current_pct"))
+def _cells(row: StarterRow, now_s: float, *, has_gateway: bool) -> list[Text]:
+    silent_s, style = row.silent_s(now_s), "" if row.is_good and row.gateway.is_live(now_s) else GREY
+    name = f"{row.gateway.name} {row.name}" if has_gateway else row.name
+    current, load = (_number(row.value(point)) for point in ("current", "current_pct"))
     return [
         Text(row.signal, style=STYLES[row.signal]),
-        _text(name, "bold"),
-        _text(row.state.state.replace("_", " ") + ("" if row.is_good else "?"), style),
+        Text(shortened(name, 80), style=f"bold {style}".strip()),
+        Text(row.state.state.replace("_", " ") + ("" if row.is_good else "?"), style=style),
         Text(" ").join([current, load]) if load else current,
         Text("never" if silent_s is None else "now" if silent_s == 0 else in_words(silent_s), style=style),
-        _text("; ".join([*row.troubles(), *row.commanded()])),
     ]
 
 
@@ -64,8 +78,3 @@ def _number(value: ValueRecord | None) -> Text:
     digits = 0 if value.unit == "%" else 1
     text = f"{value.value:.{digits}f} {shortened(value.unit)}"
     return Text(text, style="" if value.quality is Quality.GOOD else GREY)
-
-
-def _text(text: str, style: str = "") -> Text:
-    """Return somebody else's text, fit for a terminal."""
-    return Text(shortened(text, 200), style=style)

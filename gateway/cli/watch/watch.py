@@ -9,8 +9,8 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from gateway.cli.broker import add_login, password_of, settings_of
 from gateway.cli.command import flag
-from gateway.cli.operator_login import add_login, password_of, settings_of
 from gateway.client import broker_at
 from gateway.config.load import load
 from gateway.config.values import is_loopback

@@ -15,14 +15,13 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from gateway.cli.watch.overview import TOPICS, Overview
+from gateway.cli.broker import Subscription
+from gateway.cli.watch.overview import Overview, filters
 from gateway.cli.watch.table import STYLES, render
-from gateway.errors import BrokerError
-from gateway.mqtt import BrokerSettings, Incoming, connected
+from gateway.mqtt import BrokerSettings, Incoming
 
 DRAWN_EVERY_S = 0.25
 SETTLED_S = 2.5  # retained messages have come by then, and two tokens
-AGAIN_S = 2.0
 
 
 class Watching:
@@ -30,19 +29,18 @@ class Watching:
 
     def __init__(self, console: Console, settings: BrokerSettings, base: str) -> None:
         self._console = console
-        self._settings = settings
-        self._base = base
         self._overview = Overview(base)
-        self._trouble = ""
+        self._subscription = Subscription(settings, (f"{base}/{each}" for each in filters()), self._take)
 
     async def show_once(self) -> None:
         """Print the table when all that is retained has come; BrokerError."""
-        await asyncio.wait([await self._connect()], timeout=SETTLED_S)
+        await asyncio.wait([await self._subscription.connect()], timeout=SETTLED_S)
         self._console.print(self._drawn())
 
     async def show(self, *, is_full_screen: bool = True) -> None:
         """Draw the table until cancelled, or on the full screen until q; BrokerError only at first."""
-        staying = asyncio.create_task(self._stay_connected(await self._connect()))
+        lost = await self._subscription.connect()
+        staying = asyncio.create_task(self._subscription.stay(lost))
         quitting = asyncio.Event()
         has_keys = is_full_screen and sys.stdin.isatty()
         try:
@@ -58,31 +56,9 @@ class Watching:
             staying.cancel()
 
     def _drawn(self) -> Group:
-        table = render(self._overview, time.time())
-        trouble = [Text(self._trouble, style=STYLES["F"])] if self._trouble else []
-        return Group(*trouble, *table.renderables)
-
-    async def _stay_connected(self, lost: asyncio.Future[str]) -> None:
-        while True:
-            await asyncio.wait([lost])
-            self._trouble = f"the connection to {self._settings.address} is lost; trying again"
-            await asyncio.sleep(AGAIN_S)
-            try:
-                lost, self._trouble = await self._connect(), ""
-            except BrokerError as error:
-                self._trouble = str(error)
-
-    async def _connect(self) -> asyncio.Future[str]:
-        """Connect and subscribe; what is returned is done when the connection is lost."""
-        session, _ = await connected(self._settings, on_incoming=self._take)
-        for topic in (f"{self._base}/{each}" for each in TOPICS):
-            if not await session.subscribe(topic, with_retained=True):
-                session.abort()
-                raise BrokerError(
-                    f"broker {self._settings.address} does not let {topic} be read",
-                    "log in with --username, or look at its access list",
-                )
-        return session.lost
+        table = render(self._overview, time.time(), self._console.width)
+        trouble = self._subscription.trouble
+        return Group(*([Text(trouble, style=STYLES["F"])] if trouble else []), *table.renderables)
 
     def _take(self, message: Incoming) -> None:
         self._overview.take(message.topic, message.payload, time.time())

@@ -66,6 +66,10 @@ class Device:
     watchdog_rows: tuple[str, ...] = ()  # whether one is on, and after how long it acts
     watchdog_action = ""  # the one of these that only says what it does
 
+    # Telegrams received and sent, telegrams received with a wrong CRC, bytes received with other errors, as
+    # the starter itself counts them; cyclic.
+    counter_rows: tuple[str, ...] = ()
+
     def questions(self, profile: Profile) -> tuple[Question, ...]:
         """Return what to ask a unit that is configured as this family; any may stay without answer.
 

@@ -54,6 +54,7 @@ class Ssw900Device(Device):
     source_rows = ("C3.2", "C3.3")
     watchdog_rows = ("C8.2.5.1", "C8.2.5.2", "C8.2.5.3")
     watchdog_action = "C8.2.5.2"
+    counter_rows = ("S5.4.2", "S5.4.3", "S5.4.4", "S5.4.5")
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
         """The slots' contents, the firmware, S3.3.1 to S3.3.4 with C9.1.1 between them, and FC43.

@@ -35,10 +35,10 @@ class Site:
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self._folder, self._capsys = folder, capsys
 
-    def password(self, text: str, *, name: str = "password", mode: int = 0o600) -> str:
+    def password(self, text: str, *, name: str = "password") -> str:
         path = self._folder / name
         path.write_text(text, "utf-8")
-        path.chmod(mode)
+        path.chmod(0o600)
         return str(path)
 
     def doctor(self, port: int, *options: str) -> str:
@@ -53,38 +53,19 @@ def site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Site:
     return Site(tmp_path, capsys)
 
 
-def test_a_password_file_that_others_may_read_is_a_problem(site: Site) -> None:
-    site.password("secret\n", mode=0o644)
-
-    said = site.doctor(1)
-
-    assert "error   mqtt.password_file: " in said
-    assert "chmod 600" in said
-    assert "secret" not in said
-
-
 def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_problem(
     site: Site, start_mosquitto: StartMosquitto
 ) -> None:
-    port = start_mosquitto(users={"g": "right"}).port
+    port = start_mosquitto(users={"g": "right", "alice": "hers"}).port
+    alice = ("--username", "alice", "--password-file")
 
     site.password("right")
     assert f"ok      broker 127.0.0.1:{port}: takes the gateway's login, MQTT " in site.doctor(port)
-    site.password("wrong")
-    assert f"error   broker 127.0.0.1:{port}: the gateway's login: " in site.doctor(port)
-
-
-def test_the_doctor_logs_in_as_the_operator_that_is_named(
-    site: Site, start_mosquitto: StartMosquitto
-) -> None:
-    port = start_mosquitto(users={"g": "right", "alice": "hers"}).port
-    site.password("right")
-    alice = ("--username", "alice", "--password-file")
-
     said = site.doctor(port, *alice, site.password("hers", name="hers"))
-    refused = site.doctor(port, *alice, site.password("wrong", name="wrong"))
-
     assert "takes the login alice, MQTT " in said
     assert "the gateway's login" not in said  # which may be under way
+    refused = site.doctor(port, *alice, site.password("wrong", name="wrong"))
     assert "the login alice: " in refused
     assert "username and password" in refused
+    site.password("wrong")
+    assert f"error   broker 127.0.0.1:{port}: the gateway's login: " in site.doctor(port)

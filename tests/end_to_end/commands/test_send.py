@@ -23,9 +23,9 @@ Send = Callable[..., tuple[int, str, str]]
 def send(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Send:
     """Give a function that runs `send` with a site whose broker is at a port: exit code, stdout, stderr."""
 
-    def run(port: int, *words: str, changes: tuple[tuple[str, str], ...] = ()) -> tuple[int, str, str]:
+    def run(port: int, *words: str) -> tuple[int, str, str]:
         path = tmp_path / "site.toml"
-        path.write_text(changed(("mqtts://broker.plant:8883", f"mqtt://127.0.0.1:{port}"), *changes), "utf-8")
+        path.write_text(changed(("mqtts://broker.plant:8883", f"mqtt://127.0.0.1:{port}")), "utf-8")
         code = main(["send", str(path), *words])
         captured = capsys.readouterr()
         return code, captured.out, captured.err
@@ -49,19 +49,6 @@ def test_a_login_without_the_right_to_write_is_reported(
 
     assert code == 1
     assert f"does not let user alice write {TOPICS.command('pump-1', 'alice', 'start')}" in error
-
-
-def test_the_configurations_own_login_is_taken_when_no_other_is_given(
-    start_mosquitto: StartMosquitto, send: Send, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    broker = start_mosquitto(users={"mcc1": "m"})
-    monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "m")
-    monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.1)
-
-    code, _, error = send(broker.port, "pump-1", "start", changes=(("[mqtt]", '[mqtt]\nusername = "mcc1"'),))
-
-    assert code == 1
-    assert "no gateway has published its state" in error  # so it was let in
 
 
 def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environment(
