@@ -15,6 +15,7 @@ from gateway.cli.doctor.machine import (
     latency_finding,
     state_dir_finding,
     sync_s,
+    timers_finding,
     wear_findings,
 )
 from gateway.cli.doctor.starters import telegrams_finding
@@ -126,6 +127,8 @@ def test_the_disk_is_measured_where_something_can_be_stored_and_nothing_stays(tm
 @pytest.mark.parametrize(
     ("finding", "weight"),
     [
+        (timers_finding(0.0001, 0.002), None),
+        (timers_finding(0.004, 0.004), Weight.WARNING),
         (disk_finding(0.2), None),
         (disk_finding(0.5), Weight.WARNING),
         (disk_finding(1.5), Weight.ERROR),
@@ -136,7 +139,7 @@ def test_the_disk_is_measured_where_something_can_be_stored_and_nothing_stays(tm
         (telegrams_finding("mill", 3, 3, 10, 0), Weight.NOTE),  # as after 65,536 requests
     ],
 )
-def test_a_slow_disk_and_a_bad_cable_are_a_problem(finding: Finding, weight: Weight | None) -> None:
+def test_late_timers_slow_disks_and_bad_cables_are_problems(finding: Finding, weight: Weight | None) -> None:
     assert finding.weight is weight
 
 

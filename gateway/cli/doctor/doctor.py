@@ -27,7 +27,7 @@ OWN_NAME = "doctor"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description and arguments."""
     parser.description = (
-        "Look for problems: disk of this machine, ports, adapters, clock, state"
+        "Look for problems: timers and disk of this machine, ports, adapters, clock, state"
         " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
         " changed; exit code 1 when there is a problem. Run it as the gateway's user."
     )
@@ -51,6 +51,7 @@ async def _examine(
 ) -> None:
     state_dir = folder / config.gateway.state_dir
     findings.add(machine.clock_finding(), machine.dated_finding(config), machine.state_dir_finding(state_dir))
+    findings.add(machine.timers_finding(*await machine.lateness_s()))
     findings.add(machine.disk_finding(machine.sync_s(state_dir)), *machine.wear_findings(state_dir))
     settings = await _broker(config, folder, login, findings)
     for prospect in prospects_of(config):

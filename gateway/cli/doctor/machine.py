@@ -1,7 +1,8 @@
-"""Findings of the machine: disk, adapters, clock, the state directory and its contents."""
+"""Findings of the machine: timers, disk, adapters, clock, the state directory and its contents."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +19,8 @@ from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kerne
 
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
+WAITS, WAIT_S = 60, 0.004  # as long as those of a line
+LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
 SYNCS, SYNC_BYTES = 5, 4096
 SLOW_DISK_S = 0.25  # a start waits so long for the disk without a person noticing it
 
@@ -101,6 +104,25 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
             is_another = os.geteuid() == 0 and path.lstat().st_uid != owner
             if is_another or (path.exists() and not os.access(path, os.R_OK | os.W_OK)):
                 yield path
+
+
+async def lateness_s() -> tuple[float, float]:
+    """Return how late short waits end here, in the middle and at the worst; nothing may run beside it."""
+    late_s = []
+    for _ in range(WAITS):
+        due_s = time.perf_counter() + WAIT_S
+        await asyncio.sleep(WAIT_S)
+        late_s.append(max(time.perf_counter() - due_s, 0.0))
+    return sorted(late_s)[WAITS // 2], max(late_s)
+
+
+def timers_finding(late_s: float, worst_s: float) -> Finding:
+    """Return what waits cost that end so late, in the middle and at the worst."""
+    late = f"waits end {late_s * 1e3:.1f} ms late, at most {worst_s * 1e3:.1f} ms"
+    if late_s <= LATE_S:
+        return Finding("timers", late)
+    what = f"{late}: every transaction takes so much longer"
+    return Finding("timers", what, Weight.WARNING, "see what else runs")
 
 
 def disk_finding(sync_s: float | None) -> Finding | None:
