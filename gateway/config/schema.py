@@ -13,7 +13,13 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
+from gateway.config.integration_tables import (
+    HistoryTable,
+    HomeAssistantTable,
+    MetricsTable,
+    SparkplugTable,
+    WebTable,
+)
 from gateway.config.site_tables import (
     DEFAULT_EVERY_S,
     Family,
@@ -384,6 +390,7 @@ class Config(ConfigTable):
         default=(), alias="row", strict=False, description="Rows that the manuals here do not describe."
     )
     web: WebTable | None = Field(default=None, description="The status page; absent: none.")
+    history: HistoryTable | None = Field(default=None, description="Values over time; absent: not stored.")
     metrics: MetricsTable | None = Field(default=None, description="For Prometheus; absent: none.")
     home_assistant: HomeAssistantTable | None = Field(
         default=None, alias="homeassistant", description="Discovery by Home Assistant; absent: none."
@@ -391,6 +398,11 @@ class Config(ConfigTable):
     sparkplug: SparkplugTable | None = Field(
         default=None, description="The gateway as a Sparkplug edge node; absent: none."
     )
+
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Return the points whose values are stored over time."""
+        return () if self.history is None else self.history.values
 
     @model_validator(mode="after")
     def _extend(self) -> Self:

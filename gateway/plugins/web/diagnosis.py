@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ class Tools:
     def __init__(self) -> None:
         self._is_running = False
 
-    async def run(self, name: str, path: Path | None) -> dict[str, Any]:
+    async def run(self, name: str, path: Path | None, options: Sequence[str] = ()) -> dict[str, Any]:
         """Return exit code and output of a command on this configuration; WebError while one runs."""
         if self._is_running:
             raise busy("one runs already; wait for it", TOOL_RETRY_S)
@@ -73,15 +74,23 @@ class Tools:
             return {"code": 1, "output": "the configuration has no file here", "time": None, "took_s": 0.0}
         self._is_running = True
         try:
-            return await asyncio.to_thread(_run_tool, name, path)
+            return await asyncio.to_thread(_run_tool, name, path, options)
         finally:
             self._is_running = False
 
 
-def _run_tool(name: str, path: Path) -> dict[str, Any]:
+def _run_tool(name: str, path: Path, options: Sequence[str]) -> dict[str, Any]:
     path = path.resolve()
     nice = shutil.which("nice")
-    command = [*([nice, "-n", "19"] if nice else []), sys.executable, "-m", "gateway", name, str(path)]
+    command = [
+        *([nice, "-n", "19"] if nice else []),
+        sys.executable,
+        "-m",
+        "gateway",
+        name,
+        str(path),
+        *options,
+    ]
     began_s = time.monotonic()
     try:
         done = subprocess.run(

@@ -189,7 +189,7 @@ class Streams:
         if messages is None:
             return None
         topics = model.topics(scope, since.latest)
-        facts = model.facts_since(since.latest)
+        facts = model.facts_since(since)
         content = b""
         if topics or messages or facts:
             content = b'"topics":{' + b",".join(topic_pair(*each) for each in topics)
