@@ -16,6 +16,7 @@ from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     FreshRecord,
+    InfoRecord,
     Quality,
     Record,
     ResultRecord,
@@ -29,6 +30,7 @@ LIVE_WITHIN_S = 3.0  # without a new token for longer, a gateway is not live
 TOPICS = (
     "gateway/status",
     "gateway/fresh",
+    "starter/+/info",
     "starter/+/availability",
     "starter/+/state",
     "starter/+/alarm/+",
@@ -81,6 +83,7 @@ class StarterRow:
     value: dict[str, ValueRecord] = field(default_factory=dict)  # by point
     alarm: dict[str, AlarmRecord] = field(default_factory=dict)  # by code
     result: ResultRecord | None = None  # of the last command
+    title: str | None = None
 
     @property
     def alarms(self) -> Sequence[AlarmRecord]:
@@ -164,6 +167,9 @@ class Overview:
                 case ["starter", starter, "state" | "availability" as kind]:
                     record = _read(kind, payload, starter)
                     setattr(self._row(gateway, starter), kind, record)
+                case ["starter", starter, "info"] if payload:
+                    record = read_record(InfoRecord, payload, starter=starter)
+                    self._row(gateway, starter).title = record.title
                 case ["starter", starter, "value" | "alarm" as kind, leaf] if not payload:
                     if (name, starter) in self._rows:  # the gateway has had it forgotten
                         getattr(self._rows[name, starter], kind).pop(leaf, None)

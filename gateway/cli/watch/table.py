@@ -25,7 +25,8 @@ def render(overview: Overview, now_s: float) -> Group:
         column.justify = "right" if column.header in ("current", "last reply") else "left"
     table.add_column(COLUMNS[-1], ratio=1, overflow="fold")
     for row in rows:
-        name = row.name if len(gateways) == 1 else f"{row.gateway.name} {row.name}"
+        name = row.title or row.name
+        name = name if len(gateways) == 1 else f"{row.gateway.name} {name}"
         table.add_row(*_cells(row, name, now_s), style="" if row.gateway.is_live(now_s) else GREY)
     return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), table)
 
