@@ -106,9 +106,6 @@ class Traces(Protocol):
     def points(self, starter: str) -> list[str]:
         """Return the points that are known, the current first."""
 
-    def recent(self, starter: str) -> list[float | None]:
-        """Return the highest currents of the last ten minutes, each of 10 s; empty where none is known."""
-
     async def trace(self, starter: str, point: str, *, span_s: float, steps: int) -> Any:
         """Return the `least`, the `most` and the `last` of each step up to now; None where not known."""
 

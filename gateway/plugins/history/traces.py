@@ -12,9 +12,9 @@ from __future__ import annotations
 import asyncio
 import math
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.contract import Quality, RecordWriter, ValueRecord
 from gateway.errors import StoreError
@@ -27,7 +27,6 @@ MINUTE_S, MINUTES = 60.0, 540
 HOUR_S, PER_HOUR = 3600.0, 60
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
-RECENT_S, RECENT_STEPS = 10.0, 60
 NAN = math.nan
 
 
@@ -142,29 +141,24 @@ class Traces:
             (point for name, point in self._steps if name == starter), key=lambda p: (p != SHOWN[0], p)
         )
 
-    def recent(self, starter: str) -> list[float | None]:
-        """Return the highest currents of the last ten minutes, each of 10 s; empty where none is known."""
-        known, now_s = self._steps.get((starter, SHOWN[0])), self._records.clock.now_s()
-        if known is None:
-            return []
-        begin_s = now_s - RECENT_S * RECENT_STEPS
-        return gathered(known[0].samples(now_s), begin_s=begin_s, step_s=RECENT_S, steps=RECENT_STEPS).most
-
     async def trace(self, starter: str, point: str, *, span_s: float, steps: int) -> Trace:
         """Return a point over so long up to now; the last ten minutes are never read from the disk."""
         clock, now_s, rows = self._records.clock, self._records.clock.now_s(), list[HistoryRow]()
-        known = self._steps.get((starter, point))
         is_fine = span_s <= FINE_S * FINE_STEPS
+        width_s = FINE_S if is_fine else MINUTE_S
+        begin_s = clock.utc_s((now_s // width_s + 1) * width_s) - span_s
         if not is_fine and point in self._points:
             with suppress(StoreError):  # then only this run's are shown
                 rows = await self._store.rows(starter, (TRACE,))
-        found = [] if known is None else list(known[not is_fine].samples(now_s))
-        step_s, width_s = span_s / steps, FINE_S if is_fine else MINUTE_S
-        end_s = clock.utc_s((now_s // width_s + 1) * width_s)
-        in_memory = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in found]
-        begin_s = end_s - span_s
+        known = self._steps.get((starter, point))
+        samples = [] if known is None else [*known[not is_fine].samples(now_s)]
+        found = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in samples]
+        if not rows:
+            return gathered(found, begin_s=begin_s, step_s=span_s / steps, steps=steps)
         return await asyncio.to_thread(
-            lambda: gathered([*_stored(rows, point), *in_memory], begin_s=begin_s, step_s=step_s, steps=steps)
+            lambda: gathered(
+                [*_stored(rows, point), *found], begin_s=begin_s, step_s=span_s / steps, steps=steps
+            )
         )
 
     def _hour(self, starter: str, point: str, hour: int, now_s: float) -> list[list[float | None]]:
@@ -190,19 +184,13 @@ def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps:
 
 
 def _stored(rows: Sequence[HistoryRow], point: str) -> Iterator[Sample]:
-    """Yield what rows of hours say of a point."""
+    """Yield what rows of hours say of a point; what is no row is as good as missing."""
     for row in rows:
-        columns = _columns(row.data, point)
-        begin_s = row.data.get("begin")
-        if columns is not None and isinstance(begin_s, (int, float)):
+        with suppress(KeyError, TypeError, ValueError):
+            begin_s, columns = row.data["begin"], row.data["points"][point]
             for index, values in enumerate(zip(*columns, strict=False)):
                 known = (NAN if value is None else float(value) for value in values)
                 yield Sample(begin_s + (index + 0.5) * MINUTE_S, *known)
-
-
-def _columns(data: Mapping[str, Any], point: str) -> list[list[float | None]] | None:
-    points = data.get("points")
-    return points.get(point) if isinstance(points, dict) else None
 
 
 def _short(value: float) -> float | None:

@@ -61,6 +61,7 @@ METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
 MOST_STARTS = 50  # in an answer; of older ones those with samples
 MOST_TRIPS = 20
+SPARK_STEPS = 60
 SPANS = {"10min": (600.0, 300), "8h": (28_800.0, 480), "7d": (604_800.0, 672)}  # seconds, and steps in them
 _VERB = re.compile(r"[a-z_]{1,32}", re.ASCII)
 _COLUMNS = ("severity", "code", "text", "client", "verb", "decision", "id")
@@ -286,10 +287,11 @@ class WebApp:
         return _json(encoded({**about, "streams": len(self._streams)}))
 
     async def _sparks(self, _: Request) -> Response:
-        sparks = {}
+        sparks, span_s = {}, SPANS["10min"][0]
         async with self._one_at_a_time:
             for name in self._model.settings.starters:
-                sparks[name] = self._gateway.traces.recent(name)
+                trace = await self._gateway.traces.trace(name, "current", span_s=span_s, steps=SPARK_STEPS)
+                sparks[name] = trace.most
                 await asyncio.sleep(0)
         return _json(encoded({"starters": sparks}))
 
