@@ -11,10 +11,24 @@ from typing import Any
 import pytest
 
 from gateway.plugins.web import diagnosis
-from tests.rig import RigPlant, ScenarioRow, command, event, frames, msg, play, reload, results, row
+from tests.rig import RigPlant, ScenarioRow, command, event, frames, msg, play, reload, results, retained, row
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, LOGIN, METRICS, QUICK, SSW07, WEB, line, operator, starter, table
-from tests.scenarios.plugins.doors import SLOW, answer, log_in, phases, pressed
+from tests.rig.sites import (
+    ALICE,
+    FOUR,
+    HOME_ASSISTANT,
+    LOGIN,
+    METRICS,
+    QUICK,
+    SPARKPLUG,
+    SSW07,
+    WEB,
+    line,
+    operator,
+    starter,
+    table,
+)
+from tests.scenarios.plugins.doors import SLOW, answer, born, device, log_in, phases, pressed
 
 PAGE = SSW07 + ALICE + WEB + LOGIN
 LOOKER = SSW07 + operator("alice", ("stop", "read")) + WEB + LOGIN
@@ -284,6 +298,44 @@ REQUESTS = [
                     and rows["P003"]["why_not"]
                 )
                 else str([rows.get(code) for code in ("P314", "P003")])
+            )
+        },
+    ),
+    row(
+        "a title is the name for people: on the page, in Home Assistant, in Sparkplug, on a report",
+        given=line(title="Hall 2")
+        + starter("pump", 1, "ssw07", title="Cooling water 1")
+        + table("[group]", name="all", title="Everything", starters=["*"])
+        + WEB
+        + HOME_ASSISTANT
+        + SPARKPLUG,
+        then={
+            8.0: [
+                answer(
+                    "/api/v1/state",
+                    starters={"pump": {"title": "Cooling water 1", "kind": "WEG SSW-07/SSW-08"}},
+                    lines={"pumps": {"title": "Hall 2"}},
+                    groups={"all": {"title": "Everything", "starters": ["pump"]}},
+                ),
+                retained(device(), device={"name": "Cooling water 1"}),
+                msg(born("DBIRTH", "pump"), metrics={"Properties/Title": "Cooling water 1"}),
+                lambda plant: (
+                    ""
+                    if "Cooling water 1 (pump)" in (said := plant.cli("report", "CONFIG", "pump")).out
+                    else str(said)
+                ),
+            ]
+        },
+    ),
+    row(
+        "without titles names stand for them",
+        given=SSW07 + WEB + GROUP,
+        then={
+            5.0: answer(
+                "/api/v1/state",
+                starters={"pump": {"title": "pump"}},
+                lines={"pumps": {"title": "pumps"}},
+                groups={"hall": {"title": "hall"}},
             )
         },
     ),

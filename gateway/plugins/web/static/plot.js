@@ -48,7 +48,7 @@ async function draw(place, options, data, kind = "") {
   place.plot = new Plot({ width, height: HEIGHT, ...options }, data, place);
 }
 
-const MARK_COLOURS = { S: "--text", T: "--f", C: "--plot-b" };
+const MARKS = { S: ["--text", 11], T: ["--plot-f", 11], C: ["--plot-b", 23] }; // colour, and pixels from the top to the letter
 const MARK_APART_PX = 9; // letters nearer than this would cover one another
 
 /** Draws one point over time: its last values as a line in the band of the least and the most; `marks` are [milliseconds, letter]. */
@@ -81,16 +81,17 @@ function drawMarks(plot, marks) {
   for (const [at, letter] of marks) {
     const x = plot.valToPos(at / 1000, "x", true);
     if (!(x >= bbox.left && x <= bbox.left + bbox.width)) continue;
-    ctx.strokeStyle = ctx.fillStyle = colour(MARK_COLOURS[letter]);
+    const [name, top] = MARKS[letter];
+    ctx.strokeStyle = ctx.fillStyle = colour(name);
     ctx.lineWidth = ratio;
     ctx.beginPath();
-    ctx.moveTo(x, bbox.top + 14 * ratio);
+    ctx.moveTo(x, bbox.top + (top + 3) * ratio);
     ctx.lineTo(x, bbox.top + bbox.height);
     ctx.globalAlpha = 0.5;
     ctx.stroke();
     ctx.globalAlpha = 1;
     if (!(x - last[letter] < MARK_APART_PX * ratio)) {
-      ctx.fillText(letter, x, bbox.top + 11 * ratio);
+      ctx.fillText(letter, x, bbox.top + top * ratio);
       last[letter] = x;
     }
   }

@@ -103,7 +103,11 @@ export class History {
     const baseline = starts.find((start) => start.is_baseline);
     const over = (some) => [...new Set([...(baseline ? [baseline] : []), ...some])].filter((start) => start.samples);
     await plotStarts(this.starts, over(starts.slice(-OVERLAID)));
-    this.curveBox.hidden = !starts.at(-1).samples;
+    const isCurve = Boolean(starts.at(-1).samples);
+    if (this.curveBox.hidden === isCurve) {
+      this.curveBox.hidden = !isCurve;
+      this.loadValues(); // it has another width now
+    }
     await plotStarts(this.curve, over(starts.slice(-1)));
     const heads = ["time", "cause", "outcome", "acceleration", "peak", "mean", "I²t", "rate"];
     this.startTable.replaceChildren(table("Starts, newest first", heads, [...starts].reverse().map((start) => [

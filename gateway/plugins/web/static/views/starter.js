@@ -73,7 +73,7 @@ export class Starter {
     this.drawAlarms(starter);
     this.symbol.replaceChildren(signalSymbol(starter.signal, starter.state === "running"));
     setText(this.state, stateWords(starter));
-    setText(this.trouble, trouble({ ...starter, alarms: [] }) || SIGNALS[starter.signal]);
+    setText(this.trouble, trouble({ ...starter, alarms: [] }) || (starter.alarms.length ? "" : SIGNALS[starter.signal]));
     setText(this.current, starter.current ? number(starter.current.value, starter.current.unit) : "no current known");
     setClass(this.current, starter.current?.quality === "good" ? "big-current" : "big-current old");
     const load = loadOf(starter);
