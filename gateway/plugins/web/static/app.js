@@ -64,7 +64,7 @@ function head(isLive) {
   if (!veil.hidden) {
     const silence = store.silentS();
     const why = store.refusal || (silence === Infinity ? "nothing has come from the gateway yet" : `nothing from the gateway for ${age(silence)}`);
-    setText(veil, `NOT LIVE: ${why}. Values are old. STOP still tries.`);
+    setText(veil, `NOT LIVE: ${why}. Values are old.${view instanceof Wall ? "" : " STOP still tries."}`);
   }
   refreshAccount();
 }

@@ -48,7 +48,7 @@ async function draw(place, options, data, kind = "") {
   place.plot = new Plot({ width, height: HEIGHT, ...options }, data, place);
 }
 
-const MARKS = { S: ["--text", 11], T: ["--plot-f", 11], C: ["--plot-b", 23] }; // colour, and pixels from the top to the letter
+const MARKS = { S: ["--text", 11], T: ["--plot-f", 22], C: ["--plot-b", 33] }; // colour, and pixels from the top to the letter
 const MARK_APART_PX = 9; // letters nearer than this would cover one another
 
 /** Draws one point over time: its last values as a line in the band of the least and the most; `marks` are [milliseconds, letter]. */

@@ -2,7 +2,7 @@
 // motor is selected first, then held for a second, on the state that is shown.
 
 import { h, setText } from "../dom.js";
-import { clock } from "../format.js";
+import { actionWords, clock } from "../format.js";
 import { carryOut, notice } from "../results.js";
 import { elapsedMs, moment, store, titleOf } from "../store.js";
 import { stateWords, summary } from "./overview.js";
@@ -67,7 +67,7 @@ export class Faceplate {
   }
 
   row(action, isLive) {
-    const label = [action.verb.replaceAll("_", " "), ...Object.values(action.args ?? {}).map(String)].join(" ");
+    const label = actionWords(action.verb, action.args);
     const isPermitted = action.permitted && isLive;
     const why = isPermitted ? "" : isLive ? action.text : "the page is not live";
     const isOneClick = ONE_CLICK.includes(action.verb);

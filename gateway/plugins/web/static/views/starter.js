@@ -2,7 +2,7 @@
 
 import { get, post } from "../api.js";
 import { h, setClass, setText, table } from "../dom.js";
-import { SIGNALS, age, clock, dateTime, fill, number, signalSymbol, words } from "../format.js";
+import { SIGNALS, actionWords, age, clock, dateTime, fill, number, signalSymbol, words } from "../format.js";
 import { connect, store, titleOf } from "../store.js";
 import { notice } from "../results.js";
 import { Faceplate } from "./faceplate.js";
@@ -157,15 +157,16 @@ function pointName(point, about) {
   return h("span", { title: about?.meaning ?? "" }, name || point, name ? h("span", { class: "hint" }, ` ${point}`) : null);
 }
 
-/** The arguments as a person writes them; a selection names the command that it is for. */
-function argumentsOf({ verb, args = {} }) {
-  if (verb === "select") return words(`${args.verb ?? ""} ${argumentsOf({ args: args.args })}`.trim());
-  return Object.entries(args ?? {}).map(([key, value]) => `${key}=${value}`).join(" ");
+/** A command as a person writes it; a selection names the one that it is for. */
+function commandWords({ verb, args = {} }) {
+  if (verb === "select") return `select ${commandWords({ verb: args.verb ?? "", args: args.args })}`;
+  if (Object.keys(args ?? {}).join() === "value") return actionWords(verb, args);
+  return [words(verb), ...Object.entries(args ?? {}).map(([key, value]) => `${key}=${value}`)].join(" ");
 }
 
 function commandRow(command) {
   const phases = command.phases ?? [];
   const last = phases.at(-1) ?? {};
-  return [dateTime(phases[0]?.time ?? last.time), command.client, `${words(command.verb)} ${argumentsOf(command)}`.trim(),
+  return [dateTime(phases[0]?.time ?? last.time), command.client, commandWords(command),
     phases.map((phase) => `${phase.phase} ${clock(phase.time)}`).join(" → "), last.code && last.code !== "ok" ? `[${last.code}] ${last.text ?? ""}` : last.text ?? ""];
 }
