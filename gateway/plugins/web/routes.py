@@ -88,21 +88,19 @@ class WebApp:
         self._accounts = accounts
         self._streams = streams
         self._files = files
-        self._tools = diagnosis.Tools()
         self._one_at_a_time = asyncio.Lock()  # what takes long for many starters
+        self._tool_runs = asyncio.Lock()
         self._gets: Answers = {
             "/": partial(self._file, name=INDEX),
             "/static/(.+)": self._file,
             "/health": self._health,
             "/metrics": self._metrics,
-            f"{API}/session": self._session,
             f"{API}/state": self._state,
             f"{API}/events": self._events,
             f"{API}/starter/{NAME}": self._starter,
             f"{API}/starter/{NAME}/history": self._history,
             f"{API}/starter/{NAME}/values": self._values,
             f"{API}/starter/{NAME}/parameters": self._parameters,
-            f"{API}/gateway": self._about,
             f"{API}/sparks": self._sparks,
             rf"{API}/events\.csv": self._csv,
             rf"{API}/diagnostics\.json": self._diagnostics,
@@ -175,7 +173,7 @@ class WebApp:
         if file.etag in [each.strip() for each in caller.header("if-none-match").split(",")]:
             return Response(status_code=304, headers=headers)
         content = file.content
-        if file.compressed is not None and takes_gzip(caller.header("accept-encoding")):
+        if takes_gzip(caller.header("accept-encoding")):
             content = file.compressed
             headers["content-encoding"] = "gzip"
         return Response(content, media_type=file.media_type, headers=headers)
@@ -195,19 +193,13 @@ class WebApp:
             headers["content-encoding"] = "gzip"
         return Response(text, media_type=METRICS_TYPE, headers=headers)
 
-    async def _session(self, request: Request) -> Response:
-        return _json(encoded(self._accounts.as_data(self._accounts.session(_caller(request)))))
-
     async def _state(self, request: Request) -> Response:
         stream = self._new_stream(request)
-        etag = f'"{self._model.now.gen}"'
-        if _caller(request).header("if-none-match") == etag:
-            return Response(status_code=304, headers={"etag": etag})
         content = bytearray()
         async with self._one_at_a_time:
             async for piece in unhurried(self._streams.snapshot(stream)):
                 content += piece
-        return _json(bytes(content), {"etag": etag})
+        return _json(bytes(content))
 
     async def _events(self, request: Request) -> ASGIApp:
         stream = self._new_stream(request)
@@ -282,10 +274,6 @@ class WebApp:
         self._require_starter(name)
         return _json(encoded({"rows": await asyncio.to_thread(self._control.parameters, name)}))
 
-    async def _about(self, _: Request) -> Response:
-        about = diagnosis.about(self._model.settings, self._gateway)
-        return _json(encoded({**about, "streams": len(self._streams)}))
-
     async def _sparks(self, _: Request) -> Response:
         sparks, span_s = {}, SPANS["10min"][0]
         async with self._one_at_a_time:
@@ -356,8 +344,12 @@ class WebApp:
         return _json(encoded(self._model.facts(starter)["acknowledged"]))
 
     async def _tool(self, _: Request, _body: bytes, session: WebSession, *, name: str) -> Response:
+        if self._tool_runs.locked():
+            raise busy("one runs already; wait for it", BUSY_RETRY_S)
         who = ("--client", session.user.client) if name == "doctor" else ()
-        return _json(encoded(await self._tools.run(name, self._model.settings.path, who)))
+        async with self._tool_runs:
+            done = await asyncio.to_thread(diagnosis.run_tool, name, self._model.settings.path, who)
+        return _json(encoded(done))
 
     def _require_starter(self, name: str) -> None:
         if name not in self._model.settings.starters:
