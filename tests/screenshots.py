@@ -52,6 +52,7 @@ PICTURES = (
     Picture("page-starter", "#/starter/pump", {"viewport": {"width": 1280, "height": 1000}}),
     Picture("page-lines", "#/lines", DESK),
     Picture("page-gateway", "#/gateway", DESK),
+    Picture("page-wall", "#/wall", {"viewport": {"width": 1920, "height": 1080}}),
 )
 
 

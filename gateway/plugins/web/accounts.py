@@ -254,7 +254,8 @@ class Accounts:
     ) -> None:
         """Record what somebody did on the page, beside commands, or tried in vain; in the log too."""
         name, client = ("", "") if user is None else (user.name, user.client)
-        log.info("web %s: user=%s client=%s %s %s", verb, name or "unknown", client, args, code)
+        said = " ".join(f"{key}={value}" for key, value in args.items())
+        log.info("web %s: user=%s client=%s %s %s", verb, name or "unknown", client, said, code)
         self._records.put(
             AuditRecord(
                 starter=starter,

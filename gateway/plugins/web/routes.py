@@ -232,7 +232,10 @@ class WebApp:
         self._require_starter(name)
         asked, traces = request.query_params, self._gateway.traces
         points = traces.points(name)
-        point, span = asked.get("point", points[0] if points else ""), asked.get("span", next(iter(SPANS)))
+        point, span = (
+            asked.get("point", points[0] if points else "current"),
+            asked.get("span", next(iter(SPANS))),
+        )
         if span not in SPANS or (points and point not in points):
             raise WebError(404, "not_found", "there is no such point, or no such span")
         span_s, steps = SPANS[span]
@@ -279,7 +282,8 @@ class WebApp:
         async with self._one_at_a_time:
             for name in self._model.settings.starters:
                 trace = await self._gateway.traces.trace(name, "current", span_s=span_s, steps=SPARK_STEPS)
-                sparks[name] = trace.most
+                if any(value is not None for value in trace.most):
+                    sparks[name] = trace.most
                 await asyncio.sleep(0)
         return _json(encoded({"starters": sparks}))
 

@@ -140,17 +140,22 @@ class Row {
   }
 }
 
+const KINDS = { g: "groups", l: "lines" };
+
+/** What stands above the starters of a group ("g" and its name), of a line ("l" and its name), or of neither. */
+function headingOf(key) {
+  return KINDS[key[0]] ? titleOf(key.slice(1), KINDS[key[0]]) : key.slice(1);
+}
+
 /** The starters of a group or a line; of a group they can be stopped together. */
 class Group {
-  /** `key` is the name of a group or a line, after a sign that says which; empty: all starters. */
   constructor(key, sparks) {
-    const name = key.slice(1);
-    const isGroup = key[0] === "g" && store.groups[name] !== undefined;
-    const title = isGroup ? titleOf(name, "groups") : key[0] === "l" ? titleOf(name, "lines") : name;
-    this.stop = isGroup ? h("button", { type: "button", class: "stop", "aria-label": `Stop all of ${title}`, onclick: () => carryOut(name, "stop") }, "STOP") : null;
+    const title = headingOf(key);
+    this.heading = h("h2", {}, title);
+    this.stop = key[0] === "g" ? h("button", { type: "button", class: "stop", "aria-label": `Stop all of ${title}`, onclick: () => carryOut(key.slice(1), "stop") }, "STOP") : null;
     this.why = h("span", { class: "why" });
     this.list = h("ul", { class: "starters" });
-    this.element = h("section", { "aria-label": title || "Starters" }, title ? h("div", { class: "group-head" }, h("h2", {}, title), this.stop, this.why) : null, this.list);
+    this.element = h("section", { "aria-label": title || "Starters" }, title ? h("div", { class: "group-head" }, this.heading, this.stop, this.why) : null, this.list);
     this.rows = new KeyedList(this.list, (name) => {
       const row = new Row(name);
       row.drawSpark(sparks(name));
@@ -223,7 +228,8 @@ export class Overview {
     const groups = this.grouped(sorted);
     this.groups.update([...groups.keys()]);
     for (const [key, members] of groups) {
-      const { rows, stop, why } = this.groups.items.get(key);
+      const { rows, heading, stop, why } = this.groups.items.get(key);
+      setText(heading, headingOf(key));
       if (stop) {
         // As on a starter's page it stays to be pressed when the page is not live.
         stop.disabled = store.isLive() && !store.session.user;
