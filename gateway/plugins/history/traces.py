@@ -25,7 +25,7 @@ SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memo
 FINE_S, FINE_STEPS = 2.0, 300
 MINUTE_S, MINUTES = 60.0, 540
 HOUR_S, PER_HOUR = 3600.0, 60
-STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
+STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
 
@@ -70,13 +70,11 @@ class Steps:
             most[index] = value if is_first else max(most[index], value)
         last[index] = self._held = value
 
-    def samples(self, now_s: float, since_s: float = -math.inf) -> Iterator[Sample]:
-        """Yield the steps up to now, the oldest first, but those before `since_s`."""
+    def samples(self, now_s: float) -> Iterator[Sample]:
+        """Yield the steps up to now, the oldest first."""
         self._advance(now_s)
         newest = self._slot or 0
-        for slot in range(
-            max(newest - self._slots + 1, math.ceil(max(since_s, 0.0) / self.step_s)), newest + 1
-        ):
+        for slot in range(newest - self._slots + 1, newest + 1):
             values = (column[slot % self._slots] for column in self._columns)
             yield Sample((slot + 0.5) * self.step_s, *values)
 
@@ -99,13 +97,16 @@ class Traces:
         self._store = store
         self._points = tuple(points)
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
-        self._stored_s = records.clock.now_s()
+        self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
+        self._looked_s = records.clock.now_s()
+        self._due: list[str] = []  # starters whose turn it is
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
         """Go on with these starters, and store these points."""
         self._points = tuple(points)
         kept = set(starters)
         self._steps = {key: steps for key, steps in self._steps.items() if key[0] in kept}
+        self._due = []
 
     def put(self, record: ValueRecord) -> None:
         """Record a value, if it is a number of a point that is wanted."""
@@ -117,23 +118,37 @@ class Traces:
             self._steps[key] = Steps(FINE_S, FINE_STEPS), Steps(MINUTE_S, MINUTES)
         for steps in self._steps.get(key, ()):
             steps.put(float(value or 0.0) if is_known else NAN, now_s)
-        if now_s - self._stored_s >= STORE_EVERY_S:
-            self.write()
+        self._stored_s.setdefault(record.starter, now_s)
+        if now_s - self._looked_s >= STORE_EVERY_S:
+            self._looked_s, self._due = now_s, self._starters()
+            self._write_next()
 
     def write(self) -> None:
-        """Have the present hour stored, and the one before where it has not been stored to its end."""
+        """Have everything stored that is not yet."""
+        for starter in self._starters():
+            self._write(starter)
+
+    def _starters(self) -> list[str]:
+        return sorted({starter for starter, point in self._steps if point in self._points})
+
+    def _write_next(self) -> None:
+        """Have one starter after the other stored; between them whatever else waits on the loop is done."""
+        if self._due:
+            self._write(self._due.pop())
+            asyncio.get_running_loop().call_soon(self._write_next)
+
+    def _write(self, starter: str) -> None:
+        """Have a starter's present hour stored, and the ones before that are not stored to their end."""
         clock, now_s = self._records.clock, self._records.clock.now_s()
-        first, last = int(self._stored_s // HOUR_S), int(now_s // HOUR_S)
-        self._stored_s = now_s
-        starters = {starter for starter, point in self._steps if point in self._points}
+        first, last = int(self._stored_s[starter] // HOUR_S), int(now_s // HOUR_S)
+        self._stored_s[starter] = now_s
+        known = [point for point in self._points if (starter, point) in self._steps]
         for hour in range(max(first, last - MINUTES // PER_HOUR + 1), last + 1):
-            for starter in starters:
-                known = [point for point in self._points if (starter, point) in self._steps]
-                data = {
-                    "begin": clock.utc_s(hour * HOUR_S),
-                    "points": {point: self._hour(starter, point, hour, now_s) for point in known},
-                }
-                self._store.put(HistoryRow(starter, TRACE, f"{self._records.boot}-{hour}", data, ROWS))
+            data = {
+                "begin": clock.utc_s(hour * HOUR_S),
+                "points": {point: self._hour(starter, point, hour, now_s) for point in known},
+            }
+            self._store.put(HistoryRow(starter, TRACE, f"{self._records.boot}-{hour}", data, ROWS))
 
     def points(self, starter: str) -> list[str]:
         """Return the points of a starter that were a number in this run, the current first."""
@@ -164,7 +179,7 @@ class Traces:
     def _hour(self, starter: str, point: str, hour: int, now_s: float) -> list[list[float | None]]:
         """Return the least, the most and the last values of an hour's minutes up to now."""
         _, minutes = self._steps[starter, point]
-        samples = [each for each in minutes.samples(now_s, hour * HOUR_S) if each.at_s < (hour + 1) * HOUR_S]
+        samples = [each for each in minutes.samples(now_s) if each.at_s // HOUR_S == hour]
         return [[_short(each[column]) for each in samples] for column in (1, 2, 3)]
 
 

@@ -256,7 +256,7 @@ export class Overview {
     if (kind === "no groups") return new Map([["", starters]]);
     const groups = new Map();
     for (const starter of starters) {
-      const keys = kind === "by line" ? [`l${starter.facts.line}`] : starter.facts.groups?.length ? starter.facts.groups.map((name) => `g${name}`) : ["-in no group"];
+      const keys = kind === "by line" ? [`l${starter.facts.line}`] : starter.facts.groups?.length ? starter.facts.groups.map((name) => `g${name}`) : ["zin no group"]; // the last of all
       for (const key of keys) groups.set(key, [...(groups.get(key) ?? []), starter]);
     }
     return new Map([...groups].sort(([a], [b]) => a.localeCompare(b)));
