@@ -99,13 +99,13 @@ class Traces:
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
         self._looked_s = records.clock.now_s()
-        self._due: list[str] = []  # starters whose turn it is
+        self._due: list[str] = []  # starters that are to be stored next
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
         """Go on with these starters, and store these points."""
         self._points = tuple(points)
-        kept = set(starters)
-        self._steps = {key: steps for key, steps in self._steps.items() if key[0] in kept}
+        wanted = set(starters)
+        self._steps = {key: steps for key, steps in self._steps.items() if key[0] in wanted}
         self._due = []
 
     def put(self, record: ValueRecord) -> None:

@@ -252,7 +252,7 @@ class Accounts:
     def audit(
         self, verb: str, code: str, user: WebUser | None, args: Mapping[str, str], *, starter: str = ""
     ) -> None:
-        """Record what somebody did on the page, beside commands, or tried in vain; in the log too."""
+        """Record an act on the page that is no command, or a refused one, in the audit and the log."""
         name, client = ("", "") if user is None else (user.name, user.client)
         said = " ".join(f"{key}={value}" for key, value in args.items())
         log.info("web %s: user=%s client=%s %s %s", verb, name or "unknown", client, said, code)

@@ -1,6 +1,6 @@
 """Alarms that somebody has acknowledged: seen and taken on, never reset; until they clear or come again.
 
-Each is kept with the run and the time in which its alarm came. After a restart an alarm that stands counts as
+Each is stored with the run and the time in which its alarm came. After a restart an active alarm counts as
 the same one, unless the starter was seen without fault and alarm: then it may have cleared meanwhile.
 """
 
@@ -20,7 +20,7 @@ DOCUMENT = "acknowledged"
 
 @dataclass(frozen=True, slots=True)
 class Acknowledgement:
-    """Who has acknowledged an alarm, and which one."""
+    """Who has acknowledged which alarm."""
 
     by: str  # the login
     client: str
@@ -29,7 +29,7 @@ class Acknowledgement:
     boot: str  # of the run in which it came
 
     def is_of(self, alarm: Record | None) -> bool:
-        """Return whether this alarm stands, and is the same one."""
+        """Return whether this alarm is active, and the same one."""
         if not isinstance(alarm, AlarmRecord) or not alarm.is_active:
             return False
         return alarm.time_s == self.came_s if alarm.boot == self.boot else alarm.count == 1
@@ -39,7 +39,7 @@ ALL = TypeAdapter(dict[str, dict[str, Acknowledgement]])  # by starter and code
 
 
 class Acknowledged:
-    """All that are valid; kept over a restart. On the application's loop."""
+    """All that are valid; they outlive a restart. On the application's loop."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -55,7 +55,7 @@ class Acknowledged:
         }
 
     def add(self, starter: str, code: str, user: WebUser) -> bool:
-        """Acknowledge an alarm for a login, and say so by an event; return whether it stands."""
+        """Acknowledge an alarm for a login, and say so by an event; return whether it is active."""
         alarm, records = self._alarm(starter, code), self._gateway.records
         if not isinstance(alarm, AlarmRecord) or not alarm.is_active:
             return False

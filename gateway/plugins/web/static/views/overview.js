@@ -54,7 +54,7 @@ export function alarmName(code, alarm) {
   return code === alarm.severity ? "" : code.toUpperCase();
 }
 
-/** The order of starters: abnormal first, what nobody has acknowledged before all else. */
+/** The order of starters: abnormal first, and of these the ones that are not acknowledged. */
 export function byUrgency(a, b) {
   const isOpen = (starter) => (starter.alarms.some(([, alarm]) => !alarm.acknowledged) ? 0 : 1);
   const isActive = (starter) => (["running", "starting", "stopping"].includes(starter.state) ? 0 : 1);
