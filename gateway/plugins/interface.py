@@ -100,13 +100,13 @@ class Mqtt(Protocol):
         """Return what waits for the broker."""
 
 
-class Traces(Protocol):
+class ValueSeries(Protocol):
     """Values over time."""
 
     def points(self, starter: str) -> list[str]:
         """Return the points that are known, the current first."""
 
-    async def trace(self, starter: str, point: str, *, span_s: float, steps: int) -> Any:
+    async def over(self, starter: str, point: str, *, span_s: float, steps: int) -> Any:
         """Return the `least`, the `most` and the `last` of each step up to now; None where not known."""
 
 
@@ -132,7 +132,7 @@ class Gateway:
     progress: Callable[[], Mapping[str, int]]  # of the lines' loops
     loops: Mapping[str, LagMeter]
     stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]]  # of a starter's history
-    traces: Traces
+    series: ValueSeries
     plugin: Callable[[str], Plugin | None]  # another one that runs now, by its name
     make_web_server: Callable[..., Any] | None
     in_thread: InThread

@@ -34,8 +34,8 @@ from gateway.contract import (
 from gateway.errors import StoreError
 from gateway.plugins.history.counters import KIND as COUNTERS
 from gateway.plugins.history.delivery import Delivery, Part, Past, Rows, StoredRecords
+from gateway.plugins.history.series import AllSeries
 from gateway.plugins.history.starts import BASELINE, MONTH, START, MotorStarts
-from gateway.plugins.history.traces import Traces
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters import Policy, Readings, StarterSetup
@@ -75,7 +75,7 @@ class History:
         traced: Sequence[str] = (),
     ) -> None:
         """`traced` are the points whose values are stored over time."""
-        self.traces = Traces(records, store, traced)
+        self.series = AllSeries(records, store, traced)
         self._publish_event = publish_event
         self._policy = policy
         self._store = store
@@ -96,7 +96,7 @@ class History:
         reading.cancel()
         for name in self._motors:
             self._each(name, lambda part: part.close())
-        self.traces.write()
+        self.series.write()
         await self._delivery.settle()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
@@ -113,7 +113,7 @@ class History:
     def put(self, record: Record) -> None:
         """Record what was published of a starter."""
         if isinstance(record, ValueRecord):
-            self.traces.put(record)
+            self.series.put(record)
             return
         starter = getattr(record, "starter", "")
         if isinstance(record, self.takes):
@@ -139,7 +139,7 @@ class History:
     ) -> None:
         """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
-        self.traces.reconfigure(wanted, traced)
+        self.series.reconfigure(wanted, traced)
         for name in self._motors.keys() - wanted.keys():
             self._each(name, lambda part: part.close())
             del self._motors[name]

@@ -230,8 +230,8 @@ class WebApp:
     async def _values(self, request: Request, name: str) -> Response:
         """Answer with one point over one of `SPANS`."""
         self._require_starter(name)
-        asked, traces = request.query_params, self._gateway.traces
-        points = traces.points(name)
+        asked, series = request.query_params, self._gateway.series
+        points = series.points(name)
         point, span = (
             asked.get("point", points[0] if points else "current"),
             asked.get("span", next(iter(SPANS))),
@@ -240,7 +240,7 @@ class WebApp:
             raise WebError(404, "not_found", "there is no such point, or no such span")
         span_s, steps = SPANS[span]
         async with self._one_at_a_time:
-            trace = await traces.trace(name, point, span_s=span_s, steps=steps)
+            found = await series.over(name, point, span_s=span_s, steps=steps)
         about = {
             "end": rfc3339(self._gateway.clock.utc_s()),
             "step_s": span_s / steps,
@@ -249,7 +249,7 @@ class WebApp:
             "unit": self._model.unit(name, point),
             "is_stored": point in self._model.settings.config.traced,
         }
-        return _json(encoded({**about, **trace._asdict()}))
+        return _json(encoded({**about, **found._asdict()}))
 
     async def _history(self, _: Request, name: str) -> Response:
         """Answer with starts, the last of them with their samples, trips, and when all of both were.
@@ -281,9 +281,9 @@ class WebApp:
         sparks, span_s = {}, SPANS["10min"][0]
         async with self._one_at_a_time:
             for name in self._model.settings.starters:
-                trace = await self._gateway.traces.trace(name, "current", span_s=span_s, steps=SPARK_STEPS)
-                if any(value is not None for value in trace.most):
-                    sparks[name] = trace.most
+                found = await self._gateway.series.over(name, "current", span_s=span_s, steps=SPARK_STEPS)
+                if any(value is not None for value in found.most):
+                    sparks[name] = found.most
                 await asyncio.sleep(0)
         return _json(encoded({"starters": sparks}))
 

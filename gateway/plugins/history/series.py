@@ -4,7 +4,7 @@
    of the points in `[history]` are stored too: a row an hour, rewritten every ten minutes, for seven days.
 2. They are made of published values, so they are exact to the dead bands. A value holds until the next one;
    while it is not good there is a gap.
-3. Steps are counted on the steady clock; UTC is computed when a row is written or a trace is asked for.
+3. Steps are counted on the steady clock; UTC is computed when a row is written or a series is asked for.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.contract import Quality, RecordWriter, ValueRecord
 from gateway.errors import StoreError
 from gateway.store import HistoryRow, HistoryStore
 
-TRACE = "trace"  # kind of the rows
+SERIES = "series"  # kind of the rows
 SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memory in any case
 FINE_S, FINE_STEPS = 2.0, 300
 MINUTE_S, MINUTES = 60.0, 540
@@ -39,7 +39,7 @@ class Sample(NamedTuple):
     last: float
 
 
-class Trace(NamedTuple):
+class Series(NamedTuple):
     """A point over time, in steps of equal length up to now; None where it was not known."""
 
     least: list[float | None]
@@ -88,8 +88,8 @@ class Steps:
         self._slot = max(before, slot)
 
 
-class Traces:
-    """The values of all motors; all calls on the app's loop. Only `trace` waits for the disk."""
+class AllSeries:
+    """The values of all motors; all calls on the app's loop. Only `over` waits for the disk."""
 
     def __init__(self, records: RecordWriter, store: HistoryStore, points: Iterable[str]) -> None:
         """`points` are stored; none: nothing is."""
@@ -148,7 +148,7 @@ class Traces:
                 "begin": clock.utc_s(hour * HOUR_S),
                 "points": {point: self._hour(starter, point, hour, now_s) for point in known},
             }
-            self._store.put(HistoryRow(starter, TRACE, f"{self._records.boot}-{hour}", data, ROWS))
+            self._store.put(HistoryRow(starter, SERIES, f"{self._records.boot}-{hour}", data, ROWS))
 
     def points(self, starter: str) -> list[str]:
         """Return the points of a starter that were a number in this run, the current first."""
@@ -156,7 +156,7 @@ class Traces:
             (point for name, point in self._steps if name == starter), key=lambda p: (p != SHOWN[0], p)
         )
 
-    async def trace(self, starter: str, point: str, *, span_s: float, steps: int) -> Trace:
+    async def over(self, starter: str, point: str, *, span_s: float, steps: int) -> Series:
         """Return a point over so long up to now; the last ten minutes are never read from the disk."""
         clock, now_s, rows = self._records.clock, self._records.clock.now_s(), list[HistoryRow]()
         is_fine = span_s <= FINE_S * FINE_STEPS
@@ -164,7 +164,7 @@ class Traces:
         begin_s = clock.utc_s((now_s // width_s + 1) * width_s) - span_s
         if not is_fine and point in self._points:
             with suppress(StoreError):  # then only this run's are shown
-                rows = await self._store.rows(starter, (TRACE,))
+                rows = await self._store.rows(starter, (SERIES,))
         known = self._steps.get((starter, point))
         samples = [] if known is None else [*known[not is_fine].samples(now_s)]
         found = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in samples]
@@ -183,7 +183,7 @@ class Traces:
         return [[_short(each[column]) for each in samples] for column in (1, 2, 3)]
 
 
-def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps: int) -> Trace:
+def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps: int) -> Series:
     """Return samples in steps of another length: the least and the most of all in a step, and the last."""
     columns = [[NAN] * steps for _ in range(3)]
     for at_s, least, most, last in samples:
@@ -195,7 +195,7 @@ def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps:
             lows[index] = lows[index] if lows[index] < least else least  # also where it was not known yet
             highs[index] = highs[index] if highs[index] > most else most
         lasts[index] = last
-    return Trace(*([_short(value) for value in column] for column in columns))
+    return Series(*([_short(value) for value in column] for column in columns))
 
 
 def _stored(rows: Sequence[HistoryRow], point: str) -> Iterator[Sample]:

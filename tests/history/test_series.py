@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.plugins.history.traces import FINE_S, NAN, Sample, Steps, gathered
+from gateway.plugins.history.series import FINE_S, NAN, Sample, Steps, gathered
 
 
 def shown(steps: Steps, now_s: float) -> list[tuple[float, float, float]]:
@@ -43,6 +43,6 @@ def test_longer_steps_have_the_extremes_of_those_in_them_and_what_lies_outside_i
     samples = [Sample(at_s, at_s - 1, at_s + 1, at_s) for at_s in (-1.0, 0.5, 1.5, 2.5, 3.5, 9.0)]
     samples.insert(4, Sample(3.2, NAN, NAN, NAN))
 
-    trace = gathered(samples, begin_s=0.0, step_s=2.0, steps=3)
+    series = gathered(samples, begin_s=0.0, step_s=2.0, steps=3)
 
-    assert trace == ([-0.5, 1.5, None], [2.5, 4.5, None], [1.5, 3.5, None])
+    assert series == ([-0.5, 1.5, None], [2.5, 4.5, None], [1.5, 3.5, None])
