@@ -14,6 +14,8 @@ import math
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 from gateway.contract import Quality, RecordWriter, ValueRecord
@@ -168,13 +170,8 @@ class AllSeries:
         known = self._steps.get((starter, point))
         samples = [] if known is None else [*known[not is_fine].samples(now_s)]
         found = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in samples]
-        if not rows:
-            return gathered(found, begin_s=begin_s, step_s=span_s / steps, steps=steps)
-        return await asyncio.to_thread(
-            lambda: gathered(
-                [*_stored(rows, point), *found], begin_s=begin_s, step_s=span_s / steps, steps=steps
-            )
-        )
+        gather = partial(gathered, begin_s=begin_s, step_s=span_s / steps, steps=steps)
+        return await asyncio.to_thread(gather, chain(_stored(rows, point), found)) if rows else gather(found)
 
     def _hour(self, starter: str, point: str, hour: int, now_s: float) -> list[list[float | None]]:
         """Return the least, the most and the last values of an hour's minutes up to now."""
