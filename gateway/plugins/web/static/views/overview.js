@@ -58,7 +58,7 @@ export function alarmName(code, alarm) {
 export function byUrgency(a, b) {
   const isOpen = (starter) => (starter.alarms.some(([, alarm]) => !alarm.acknowledged) ? 0 : 1);
   const isActive = (starter) => (["running", "starting", "stopping"].includes(starter.state) ? 0 : 1);
-  return RANK[a.signal] - RANK[b.signal] || isOpen(a) - isOpen(b) || isActive(a) - isActive(b) || a.title.localeCompare(b.title);
+  return RANK[a.signal] - RANK[b.signal] || isOpen(a) - isOpen(b) || isActive(a) - isActive(b) || a.title.localeCompare(b.title, undefined, { numeric: true });
 }
 
 /** What is wrong, or nothing. */

@@ -7,7 +7,7 @@ import { COUNTERS, byUrgency, stateWords, summary, trouble } from "./overview.js
 
 const LETTERS = 25; // lines of text on the height of the screen at most: read from five times its height
 const WIDTH_EM = 9; // of a tile
-const HEIGHT_EM = 4.2;
+const HEIGHT_EM = 4.9;
 
 class Tile {
   constructor() {
