@@ -52,6 +52,7 @@ PICTURES = (
     Picture("page-starter", "#/starter/pump", {"viewport": {"width": 1280, "height": 1000}}),
     Picture("page-lines", "#/lines", DESK),
     Picture("page-gateway", "#/gateway", DESK),
+    Picture("page-wall", "#/wall", {"viewport": {"width": 1920, "height": 1080}}),
 )
 
 
@@ -85,14 +86,16 @@ async def take(minutes: float) -> None:
                 "1", timeout=TRIP_WITHIN_S * 1000
             )
         for picture in PICTURES:
-            async with visitor(chromium, found[0] + picture.view, picture.options) as page:
+            async with visitor(chromium, found[0], picture.options, view=picture.view) as page:
                 write(FOLDER / f"{picture.name}.png", await page.screenshot())
         await chromium.close()
 
 
 @asynccontextmanager
-async def visitor(chromium: Browser, url: str, options: dict[str, Any]) -> AsyncIterator[Page]:
-    """Open a page, log in, and wait until it shows what it loads."""
+async def visitor(
+    chromium: Browser, url: str, options: dict[str, Any], *, view: str = "#/"
+) -> AsyncIterator[Page]:
+    """Open a page, log in, go to a view, and wait until it shows what it loads."""
     context = await chromium.new_context(**options)
     page = await context.new_page()
     await page.goto(url)
@@ -101,6 +104,7 @@ async def visitor(chromium: Browser, url: str, options: dict[str, Any]) -> Async
     await page.fill("input[name=password]", PASSWORD)
     await page.click("#login-form button[type=submit]")
     await page.get_by_role("button", name="log out").wait_for()
+    await page.goto(url + view)
     await page.wait_for_timeout(1000.0)
     yield page
     await context.close()

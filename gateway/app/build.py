@@ -89,6 +89,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         records=records,
         publish_event=publish_event,
         policy=policy,
+        traced=config.traced,
     )
     uplink.disk_sync.on_recalled = history.note_left
 
@@ -167,6 +168,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         progress=host.progress,
         loops={"gateway": health.lag, "lines": host.lag},
         stored=history.stored,
+        series=history.series,
         plugin=plugin_of,
         make_web_server=io.make_web_server,
         in_thread=asyncio.to_thread,

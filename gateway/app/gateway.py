@@ -157,7 +157,7 @@ class App:
         parts.uplink.reconfigure(config)
         for name in parts.policy.apply(policy_of(config), rights=rights):
             parts.plant.starters[name].republish_state()
-        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone)
+        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
         watch_lines(parts.health, parts.plant, site)
         parts.dispatcher.apply_rights(rights)
         parts.capture.lines = tuple(parts.plant.lines)

@@ -1,4 +1,4 @@
-"""The tables of the integrations: `[web]`, `[metrics]`, `[homeassistant]`, `[sparkplug]`."""
+"""The tables of the plugins: `[web]`, `[history]`, `[metrics]`, `[homeassistant]`, `[sparkplug]`."""
 
 from __future__ import annotations
 
@@ -62,6 +62,18 @@ class WebTable(ConfigTable):
     )
     users: tuple[WebUserTable, ...] = Field(
         default=(), alias="user", strict=False, description="Who may log in; none: the page is read-only."
+    )
+
+
+class HistoryTable(ConfigTable):
+    """`[history]`: stores values over time for seven days; starts and trips are recorded without it."""
+
+    values: tuple[Name, ...] = Field(
+        default=("current",),
+        strict=False,
+        min_length=1,
+        max_length=8,
+        description="The points, of every starter that has them.",
     )
 
 

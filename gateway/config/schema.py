@@ -13,7 +13,13 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
+from gateway.config.integration_tables import (
+    HistoryTable,
+    HomeAssistantTable,
+    MetricsTable,
+    SparkplugTable,
+    WebTable,
+)
 from gateway.config.site_tables import (
     DEFAULT_EVERY_S,
     Family,
@@ -34,6 +40,7 @@ from gateway.config.values import (
     Port,
     RowPattern,
     Text,
+    Title,
 )
 from gateway.contract import OWN_VERBS
 from gateway.families import ENGLISH, Profile, extension, load_profile
@@ -173,6 +180,7 @@ class GroupTable(ConfigTable):
     """`[[group]]`: starters that can be stopped by one command; no other verb works on a group."""
 
     name: Name = Field(description="Stands where a starter's name stands in command and result topics.")
+    title: Title | None = Field(default=None, description="Its name for people; absent: its name.")
     starters: tuple[Glob, ...] = Field(
         strict=False, min_length=1, description="Its members: names, with * and ? as in a shell."
     )
@@ -249,6 +257,9 @@ class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
     name: Name = Field(description="The starter's name: a level in its topics.")
+    title: Title | None = Field(
+        default=None, description='Its name for people, e.g. "Cooling water 1"; absent: its name.'
+    )
     address: int = Field(
         ge=1, le=247, description="Its Modbus address, as set in the starter."
     )  # [SERIAL 2.2]
@@ -310,6 +321,7 @@ class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
     name: Name = Field(description="The line's name: a level in the topic of its statistics.")
+    title: Title | None = Field(default=None, description="Its name for people; absent: its name.")
     port: Port = Field(description="The adapter: an absolute path, or socket://host:port.")
     baud: Baud = Field(description="Rate, the same in all starters of the line.")
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
@@ -378,6 +390,7 @@ class Config(ConfigTable):
         default=(), alias="row", strict=False, description="Rows that the manuals here do not describe."
     )
     web: WebTable | None = Field(default=None, description="The status page; absent: none.")
+    history: HistoryTable | None = Field(default=None, description="Values over time; absent: not stored.")
     metrics: MetricsTable | None = Field(default=None, description="For Prometheus; absent: none.")
     home_assistant: HomeAssistantTable | None = Field(
         default=None, alias="homeassistant", description="Discovery by Home Assistant; absent: none."
@@ -385,6 +398,11 @@ class Config(ConfigTable):
     sparkplug: SparkplugTable | None = Field(
         default=None, description="The gateway as a Sparkplug edge node; absent: none."
     )
+
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Return the points whose values are stored over time."""
+        return () if self.history is None else self.history.values
 
     @model_validator(mode="after")
     def _extend(self) -> Self:

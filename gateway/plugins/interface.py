@@ -100,6 +100,16 @@ class Mqtt(Protocol):
         """Return what waits for the broker."""
 
 
+class ValueSeries(Protocol):
+    """Values over time."""
+
+    def points(self, starter: str) -> list[str]:
+        """Return the points that are known, the current first."""
+
+    async def over(self, starter: str, point: str, *, span_s: float, steps: int) -> Any:
+        """Return the `least`, the `most` and the `last` of each step up to now; None where not known."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gateway:
     """The gateway as its plugins see it; on the app's loop."""
@@ -122,6 +132,7 @@ class Gateway:
     progress: Callable[[], Mapping[str, int]]  # of the lines' loops
     loops: Mapping[str, LagMeter]
     stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]]  # of a starter's history
+    series: ValueSeries
     plugin: Callable[[str], Plugin | None]  # another one that runs now, by its name
     make_web_server: Callable[..., Any] | None
     in_thread: InThread

@@ -14,6 +14,7 @@ from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     FreshRecord,
+    InfoRecord,
     LockRecord,
     Phase,
     Quality,
@@ -81,6 +82,18 @@ def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
 
 
 CURRENT = made(ValueRecord, point="current", value=61.5, unit="A")
+TITLED = made(
+    InfoRecord,
+    family="ssw07",
+    model=None,
+    firmware=None,
+    serial=None,
+    line="l",
+    address=1,
+    points={},
+    commands=(),
+    title="Raw pump",
+)
 PUMP = (state("running"), CURRENT, made(ValueRecord, point="current_pct", value=72.0, unit="%"))
 
 
@@ -88,6 +101,7 @@ PUMP = (state("running"), CURRENT, made(ValueRecord, point="current_pct", value=
     ("records", "line"),
     [
         (PUMP, "pump running 61.5 A 72 % now"),
+        ([*PUMP, TITLED], "Raw pump running 61.5 A 72 % now"),
         ([*PUMP, result(Phase.CONFIRMED)], "pump running 61.5 A 72 % now alice start: confirmed"),
         (
             [

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.plugins.history.ring import ReadingRing
+from gateway.plugins.history.trip_recorder import ReadingRing
 
 
 def filled(every_s: float, until_s: float, **points: object) -> ReadingRing:

@@ -21,11 +21,13 @@ from gateway.contract import (
 )
 from gateway.errors import StoreError
 from gateway.plugins.web.accounts import Accounts, WebSession
+from gateway.plugins.web.acknowledged import Acknowledged
 from gateway.plugins.web.plugin import WebSettings, WebUser
 from gateway.plugins.web.routes import WebApp
 from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import StaticFile
 from gateway.plugins.web.streams import Streams
+from gateway.store import Documents
 from gateway.system.clock_steps import ClockReading
 from tests.config.sites import site
 
@@ -36,7 +38,7 @@ def web_settings(*starters: str, **fields: Any) -> WebSettings:
     """Return settings of a page that shows these starters; Anna may log in."""
     names = starters or ("pump-1", "pump-2")
     facts = {
-        name: {"line": "pumps", "address": place, "family": "ssw07", "title": "WEG", "enabled": True}
+        name: {"line": "pumps", "address": place, "family": "ssw07", "title": name, "enabled": True}
         for place, name in enumerate(names, 1)
     }
     lines = {"pumps": {"port": "/dev/x", "baud": 19200, "framing": "8E1", "starters": list(names)}}
@@ -102,6 +104,7 @@ class FakeGateway:
         self.dispatcher = SimpleNamespace(stopped_s=lambda: 0.0)
         self.tokens = SimpleNamespace(issue=lambda _: "token-0", made_s=lambda _: 0.0)
         self.starters: dict[str, Any] = {}
+        self.documents = Documents()
 
     def put(self, record: Record) -> None:
         self.published.append(record)
@@ -146,7 +149,7 @@ class PageRig:
         self.clock = clock or HandClock()
         self.gateway = cast("Any", FakeGateway(self.clock))
         self.control = cast("Any", FakeControl())
-        self.model = SiteModel(settings, self.gateway.latest)
+        self.model = SiteModel(settings, self.gateway.latest, Acknowledged(self.gateway))
         self.accounts = Accounts(settings, self.gateway.records, check=self._check)
         self.streams = Streams(self.model, self.control, self.accounts, self.clock, answered_s=lambda _: None)
         self.page = WebApp(self.gateway, self.model, self.control, self.accounts, self.streams, files or {})
@@ -154,7 +157,7 @@ class PageRig:
     def publish(self, record: Record) -> None:
         """Publish a record as the gateway does."""
         self.gateway.put(record)
-        self.model.put(record, self.clock.now_s())
+        self.model.put(record)
         self.streams.note_change()
 
     def value(self, starter: str, point: str, value: float, quality: Quality = Quality.GOOD) -> None:

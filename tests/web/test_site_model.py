@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
@@ -21,7 +22,9 @@ from gateway.contract import (
     StartRecord,
     ValueRecord,
 )
+from gateway.plugins.web.acknowledged import Acknowledged
 from gateway.plugins.web.site_model import MOST_COMMANDS, MOST_MESSAGES, SiteModel
+from gateway.store import Documents
 from tests.contract.examples import START
 from tests.web.support import web_settings
 
@@ -30,12 +33,13 @@ class Shown(SiteModel):
     """A model with its own `Latest`, fed as the gateway feeds both."""
 
     def __init__(self) -> None:
-        super().__init__(web_settings(), Latest())
+        gateway = cast("Any", SimpleNamespace(latest=Latest(), documents=Documents()))
+        super().__init__(web_settings(), gateway.latest, Acknowledged(gateway))
 
     def take(self, *records: Record) -> None:
         for record in records:
             self.latest.put(record)
-            self.put(record, 0.0)
+            self.put(record)
 
 
 def value(point: str, number: float = 1.0, starter: str = "pump-1") -> ValueRecord:
@@ -155,17 +159,16 @@ def test_the_latest_commands_are_shown_until_a_reload_takes_their_starter_away()
     assert model.commands("pump-1")[0]["id"] == "3"
     model.reconfigure(web_settings("pump-2"))
     assert model.commands("pump-1") == []
-    assert model.plots("pump-1") is None
 
 
 def test_facts_are_those_of_the_configuration_with_what_the_starter_says_of_itself() -> None:
     model = Shown()
-    seen = model.now.latest
+    seen = model.now
     named: Any = {"starter": "pump-1", "family": "ssw07", "line": "pumps", "address": 1}
     model.take(InfoRecord(**named, model="SSW-07 85.0A", firmware=None, serial=None, points={}, commands=()))
 
     assert model.facts("pump-1")["model"] == "SSW-07 85.0A"
     assert "firmware" not in model.facts("pump-1")
     assert model.facts_since(seen) == {"pump-1": model.facts("pump-1")}
-    assert model.facts_since(model.now.latest) == {}
-    assert model.facts("gone") == {"groups": []}
+    assert model.facts_since(model.now) == {}
+    assert model.facts("gone") == {"groups": [], "acknowledged": {}}

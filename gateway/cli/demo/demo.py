@@ -40,6 +40,9 @@ listen = "127.0.0.1:{port}"
 name = "{user}"
 password = "{line}"
 operator = "demo"
+
+[history]
+values = ["current"]
 """
 METRICS = """
 [metrics]

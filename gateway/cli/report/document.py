@@ -105,7 +105,9 @@ def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str
     )
     return ReportDocument(
         title=t("Health report"),
-        starter=facts.starter.name,
+        starter=f"{facts.starter.title} ({facts.starter.name})"
+        if facts.starter.title
+        else facts.starter.name,
         subtitle=f"{t('gateway')} {gateway}, {t('made')} {_minute(rfc3339(made_s))} UTC",
         verdict=t("Attention") if warnings else t("Nothing unusual"),
         warnings=FactTable(warnings),

@@ -18,6 +18,7 @@ from gateway.contract import (
     AlarmRecord,
     AvailabilityRecord,
     FreshRecord,
+    InfoRecord,
     Quality,
     Record,
     ResultRecord,
@@ -28,7 +29,16 @@ from gateway.contract import (
 )
 
 LIVE_WITHIN_S = 3.0  # without a new token for longer, a gateway is not live
-KINDS = (StatusRecord, FreshRecord, AvailabilityRecord, StateRecord, AlarmRecord, ValueRecord, ResultRecord)
+KINDS = (
+    StatusRecord,
+    FreshRecord,
+    InfoRecord,
+    AvailabilityRecord,
+    StateRecord,
+    AlarmRecord,
+    ValueRecord,
+    ResultRecord,
+)
 POINTS = ("current", "current_pct")
 HINDRANCES = {  # of a motor at rest, by the flag of its state that is false then
     "configured": "not configured",
@@ -82,6 +92,11 @@ class StarterRow:
     def state(self) -> StateRecord:
         """The state."""
         return next(self._all(StateRecord), UNKNOWN)
+
+    @property
+    def title(self) -> str:
+        """The title that its configuration gives it, else its name."""
+        return next((each.title for each in self._all(InfoRecord) if each.title), self.name)
 
     @property
     def alarms(self) -> list[AlarmRecord]:

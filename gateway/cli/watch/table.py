@@ -60,7 +60,7 @@ def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
 
 def _cells(row: StarterRow, now_s: float, *, has_gateway: bool) -> list[Text]:
     silent_s, style = row.silent_s(now_s), "" if row.is_good and row.gateway.is_live(now_s) else GREY
-    name = f"{row.gateway.name} {row.name}" if has_gateway else row.name
+    name = f"{row.gateway.name} {row.title}" if has_gateway else row.title
     current, load = (_number(row.value(point)) for point in ("current", "current_pct"))
     return [
         Text(row.signal, style=STYLES[row.signal]),

@@ -28,11 +28,13 @@ from gateway.contract import (
     StartRecord,
     StateRecord,
     TripRecord,
+    ValueRecord,
     rfc3339,
 )
 from gateway.errors import StoreError
 from gateway.plugins.history.counters import KIND as COUNTERS
 from gateway.plugins.history.delivery import Delivery, Part, Past, Rows, StoredRecords
+from gateway.plugins.history.series import AllSeries
 from gateway.plugins.history.starts import BASELINE, MONTH, START, MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
@@ -59,7 +61,7 @@ class MotorParts(NamedTuple):
 class History:
     """A plugin that is always there; all calls on the app's loop."""
 
-    takes = (StateRecord, InfoRecord, EventRecord, ResultRecord)
+    takes = (StateRecord, InfoRecord, EventRecord, ResultRecord, ValueRecord)
 
     def __init__(
         self,
@@ -70,7 +72,10 @@ class History:
         records: RecordWriter,
         publish_event: PublishEvent,
         policy: Policy,
+        traced: Sequence[str] = (),
     ) -> None:
+        """`traced` are the points whose values are stored over time."""
+        self.series = AllSeries(records, store, traced)
         self._publish_event = publish_event
         self._policy = policy
         self._store = store
@@ -91,6 +96,7 @@ class History:
         reading.cancel()
         for name in self._motors:
             self._each(name, lambda part: part.close())
+        self.series.write()
         await self._delivery.settle()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
@@ -106,6 +112,9 @@ class History:
 
     def put(self, record: Record) -> None:
         """Record what was published of a starter."""
+        if isinstance(record, ValueRecord):
+            self.series.put(record)
+            return
         starter = getattr(record, "starter", "")
         if isinstance(record, self.takes):
             self._each(starter, lambda part: part.put(record))
@@ -129,9 +138,12 @@ class History:
         """Record what a starter has counted itself, and its settings; by code, just read."""
         self._each(starter, lambda part: part.note_own_rows(rows))
 
-    def reconfigure(self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = ()) -> None:
+    def reconfigure(
+        self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = (), traced: Sequence[str] = ()
+    ) -> None:
         """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
+        self.series.reconfigure(wanted, traced)
         for name in self._motors.keys() - wanted.keys():
             self._each(name, lambda part: part.close())
             del self._motors[name]

@@ -26,7 +26,7 @@ def starter_message(facts: SiteFacts, info: InfoRecord) -> Message:
     maker, _, kind = load_profile(info.family).title.partition(" ")
     device = {
         "identifiers": [facts.object_id(starter)],
-        "name": starter,
+        "name": info.title or starter,
         "manufacturer": maker,
         "model": info.model or kind,
         "serial_number": info.serial,

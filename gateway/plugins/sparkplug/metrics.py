@@ -112,6 +112,8 @@ def facts_of(record: Record | None) -> Iterator[MetricFact]:
             yield MetricFact("Properties/FW", record.firmware or "")
             yield MetricFact("Properties/Serial", record.serial or "")
             yield MetricFact("Properties/Line", record.line)
+            if record.title:
+                yield MetricFact("Properties/Title", record.title)
             yield MetricFact("Properties/Address", record.address)
         case ResultRecord():
             said = (record.verb, record.id, str(record.phase), record.code, record.text)

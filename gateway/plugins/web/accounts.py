@@ -199,19 +199,19 @@ class Accounts:
         is_right = await self._checked(str(password) if is_text else "-", line)
         is_same = self._settings.users.get(name) == known  # else a reload has changed the user meanwhile
         if not is_right or not is_text or known is None or not is_same:
-            self._note("login", "wrong_login", known, caller)
+            self.audit("login", "wrong_login", known, {"address": caller.address})
             raise WebError(401, "wrong_login", "the user or the password is wrong")
         self._limiter.succeeded(*tried)
         opened = self._sessions.open(
             known, is_idle_limited=self._may_start(known.client), now_s=self._clock.now_s()
         )
-        self._note("login", "ok", known, caller)
+        self.audit("login", "ok", known, {"address": caller.address})
         return opened
 
     def log_out(self, session: WebSession, caller: Caller) -> None:
         """End a session."""
         self._sessions.end(session.key)
-        self._note("logout", "ok", session.user, caller)
+        self.audit("logout", "ok", session.user, {"address": caller.address})
 
     def cookie(self, caller: Caller, secret: str) -> str:
         """Return the Set-Cookie header of a login, or of its end."""
@@ -249,18 +249,20 @@ class Accounts:
             for verb in ("start", "jog")
         )
 
-    def _note(self, verb: str, code: str, user: WebUser | None, caller: Caller) -> None:
-        """Record a login, a refused one, or a logout in the audit and the log."""
+    def audit(
+        self, verb: str, code: str, user: WebUser | None, args: Mapping[str, str], *, starter: str = ""
+    ) -> None:
+        """Record an act on the page that is no command, or a refused one, in the audit and the log."""
         name, client = ("", "") if user is None else (user.name, user.client)
-        address = caller.address
-        log.info("web %s: user=%s client=%s address=%s %s", verb, name or "unknown", client, address, code)
+        said = " ".join(f"{key}={value}" for key, value in args.items())
+        log.info("web %s: user=%s client=%s %s %s", verb, name or "unknown", client, said, code)
         self._records.put(
             AuditRecord(
-                starter="",
+                starter=starter,
                 client=client,
                 operator=name or None,
                 verb=verb,
-                args={"address": address},
+                args=args,
                 decision="confirmed" if code == "ok" else "rejected",
                 code=code,
                 time_s=self._clock.utc_s(),

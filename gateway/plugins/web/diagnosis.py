@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,24 +16,11 @@ from gateway import __version__
 from gateway.contract import StatusRecord, rfc3339
 from gateway.plugins.interface import Gateway
 from gateway.plugins.web.plugin import WebSettings
-from gateway.plugins.web.requests import busy
 
 MOVES_WITHIN_S = 3.0  # a line that has nothing to ask looks at its port once a second
 MOVE_LOOK_S = 0.05
 TOOL_WITHIN_S = 120.0
-TOOL_RETRY_S = 5
 MOST_OUTPUT = 200_000  # characters
-
-
-def about(settings: WebSettings, gateway: Gateway) -> dict[str, Any]:
-    """Return how clock and broker are."""
-    mqtt, is_connected = settings.config.mqtt, gateway.mqtt.is_connected()
-    return {
-        "clock": {"time": rfc3339(gateway.clock.utc_s()), "doubt": gateway.clock_doubt()},
-        "broker": {"host": mqtt.host, "port": mqtt.port, "tls": mqtt.is_tls, "connected": is_connected},
-        "version": __version__,
-        "python": platform.python_version(),
-    }
 
 
 async def health(gateway: Gateway) -> tuple[bool, dict[str, Any]]:
@@ -55,33 +43,32 @@ def diagnostics(settings: WebSettings, gateway: Gateway) -> dict[str, Any]:
     config = settings.config.model_dump(mode="json", by_alias=True)
     for user in (config.get("web") or {}).get("user", ()):
         user["password"] = "(left out)"
-    more = {"system": platform.platform(), "config": config, "computed": dict(settings.computed)}
-    return {**about(settings, gateway), **more}
+    return {
+        "clock": {"time": rfc3339(gateway.clock.utc_s()), "doubt": gateway.clock_doubt()},
+        "broker": {"connected": gateway.mqtt.is_connected()},
+        "version": __version__,
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "config": config,
+        "computed": dict(settings.computed),
+    }
 
 
-class Tools:
-    """Runs one command at a time, in a process that yields to all others; on the application's loop."""
-
-    def __init__(self) -> None:
-        self._is_running = False
-
-    async def run(self, name: str, path: Path | None) -> dict[str, Any]:
-        """Return exit code and output of a command on this configuration; WebError while one runs."""
-        if self._is_running:
-            raise busy("one runs already; wait for it", TOOL_RETRY_S)
-        if path is None:
-            return {"code": 1, "output": "the configuration has no file here", "time": None, "took_s": 0.0}
-        self._is_running = True
-        try:
-            return await asyncio.to_thread(_run_tool, name, path)
-        finally:
-            self._is_running = False
-
-
-def _run_tool(name: str, path: Path) -> dict[str, Any]:
+def run_tool(name: str, path: Path | None, options: Sequence[str]) -> dict[str, Any]:
+    """Return exit code and output of a command on this configuration, in a process that yields to others."""
+    if path is None:
+        return {"code": 1, "output": "the configuration has no file here", "time": None, "took_s": 0.0}
     path = path.resolve()
     nice = shutil.which("nice")
-    command = [*([nice, "-n", "19"] if nice else []), sys.executable, "-m", "gateway", name, str(path)]
+    command = [
+        *([nice, "-n", "19"] if nice else []),
+        sys.executable,
+        "-m",
+        "gateway",
+        name,
+        str(path),
+        *options,
+    ]
     began_s = time.monotonic()
     try:
         done = subprocess.run(

@@ -8,6 +8,7 @@ import logging
 from gateway.contract import EventCode, Record
 from gateway.plugins.interface import Gateway
 from gateway.plugins.web.accounts import Accounts
+from gateway.plugins.web.acknowledged import Acknowledged
 from gateway.plugins.web.control import Control
 from gateway.plugins.web.plugin import WebSettings
 from gateway.plugins.web.routes import WebApp
@@ -29,14 +30,14 @@ class Page:
         self._gateway = gateway
         self._settings = settings
         self._changed = asyncio.Event()  # the settings
-        self._model = SiteModel(settings, gateway.latest)
+        self._model = SiteModel(settings, gateway.latest, Acknowledged(gateway))
         self._accounts = Accounts(settings, gateway.records)
         self._control = Control(gateway)
         self._streams = Streams(
             self._model, self._control, self._accounts, gateway.clock, answered_s=self._answered_s
         )
         for record in gateway.latest.records():
-            self._model.put(record, gateway.clock.now_s())
+            self._model.put(record)
 
     @property
     def streams(self) -> int:
@@ -49,7 +50,7 @@ class Page:
 
     def put(self, record: Record) -> None:
         """Take a record."""
-        self._model.put(record, self._gateway.clock.now_s())
+        self._model.put(record)
         self._streams.note_change()
 
     def reconfigure(self, settings: WebSettings) -> None:

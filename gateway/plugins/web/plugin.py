@@ -46,7 +46,7 @@ class WebSettings:
     users: Mapping[str, WebUser] = field(default_factory=dict)
     starters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     lines: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    groups: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     config: Config
     path: Path | None = None  # of the configuration's file
     computed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by line, for a bug report
@@ -74,6 +74,7 @@ def settings_of(site: PluginSite) -> WebSettings | None:
     if web is None:
         return None
     host, port = split_listen(web.listen) or ("127.0.0.1", 0)
+    members = policy_of(config).groups
     cert, key = (None if name is None else str(site.folder / name) for name in (web.cert_file, web.key_file))
     return WebSettings(
         host=host,
@@ -90,7 +91,8 @@ def settings_of(site: PluginSite) -> WebSettings | None:
                 "line": line.name,
                 "address": starter.address,
                 "family": starter.family,
-                "title": load_profile(starter.family).title,
+                "kind": load_profile(starter.family).title,
+                "title": starter.title or starter.name,
                 "enabled": starter.enabled,
             }
             for line in config.lines
@@ -98,6 +100,7 @@ def settings_of(site: PluginSite) -> WebSettings | None:
         },
         lines={
             line.name: {
+                "title": line.title or line.name,
                 "port": line.port,
                 "baud": line.baud,
                 "framing": line.framing,
@@ -105,7 +108,10 @@ def settings_of(site: PluginSite) -> WebSettings | None:
             }
             for line in config.lines
         },
-        groups=policy_of(config).groups,
+        groups={
+            group.name: {"title": group.title or group.name, "starters": members[group.name]}
+            for group in config.groups
+        },
         config=config,
         path=site.path,
         computed=site.computed,

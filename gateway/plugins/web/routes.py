@@ -8,7 +8,7 @@ import gzip
 import io
 import logging
 import re
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -31,7 +31,6 @@ from gateway.plugins.interface import Gateway
 from gateway.plugins.web import diagnosis
 from gateway.plugins.web.accounts import Accounts, WebSession
 from gateway.plugins.web.control import Control
-from gateway.plugins.web.plots import HOUR_STEP_S, SPARK_SLOTS, SPARK_STEP_S, numbers, thinned
 from gateway.plugins.web.requests import (
     Caller,
     WebError,
@@ -62,6 +61,8 @@ METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
 MOST_STARTS = 50  # in an answer; of older ones those with samples
 MOST_TRIPS = 20
+SPARK_STEPS = 60
+SPANS = {"10min": (600.0, 300), "8h": (28_800.0, 480), "7d": (604_800.0, 672)}  # seconds, and steps in them
 _VERB = re.compile(r"[a-z_]{1,32}", re.ASCII)
 _COLUMNS = ("severity", "code", "text", "client", "verb", "decision", "id")
 
@@ -87,20 +88,19 @@ class WebApp:
         self._accounts = accounts
         self._streams = streams
         self._files = files
-        self._tools = diagnosis.Tools()
         self._one_at_a_time = asyncio.Lock()  # what takes long for many starters
+        self._tool_runs = asyncio.Lock()
         self._gets: Answers = {
             "/": partial(self._file, name=INDEX),
             "/static/(.+)": self._file,
             "/health": self._health,
             "/metrics": self._metrics,
-            f"{API}/session": self._session,
             f"{API}/state": self._state,
             f"{API}/events": self._events,
             f"{API}/starter/{NAME}": self._starter,
             f"{API}/starter/{NAME}/history": self._history,
+            f"{API}/starter/{NAME}/values": self._values,
             f"{API}/starter/{NAME}/parameters": self._parameters,
-            f"{API}/gateway": self._about,
             f"{API}/sparks": self._sparks,
             rf"{API}/events\.csv": self._csv,
             rf"{API}/diagnostics\.json": self._diagnostics,
@@ -109,8 +109,9 @@ class WebApp:
             LOGIN: self._login,
             f"{API}/logout": self._logout,
             f"{API}/command/{NAME}/{NAME}": self._command,
-            f"{API}/check": self._tool,
-            f"{API}/doctor": self._tool,
+            f"{API}/acknowledge/{NAME}/{NAME}": self._acknowledge,
+            f"{API}/check": partial(self._tool, name="check"),
+            f"{API}/doctor": partial(self._tool, name="doctor"),
         }
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -172,7 +173,7 @@ class WebApp:
         if file.etag in [each.strip() for each in caller.header("if-none-match").split(",")]:
             return Response(status_code=304, headers=headers)
         content = file.content
-        if file.compressed is not None and takes_gzip(caller.header("accept-encoding")):
+        if takes_gzip(caller.header("accept-encoding")):
             content = file.compressed
             headers["content-encoding"] = "gzip"
         return Response(content, media_type=file.media_type, headers=headers)
@@ -192,19 +193,13 @@ class WebApp:
             headers["content-encoding"] = "gzip"
         return Response(text, media_type=METRICS_TYPE, headers=headers)
 
-    async def _session(self, request: Request) -> Response:
-        return _json(encoded(self._accounts.as_data(self._accounts.session(_caller(request)))))
-
     async def _state(self, request: Request) -> Response:
         stream = self._new_stream(request)
-        etag = f'"{self._model.now.gen}"'
-        if _caller(request).header("if-none-match") == etag:
-            return Response(status_code=304, headers={"etag": etag})
         content = bytearray()
         async with self._one_at_a_time:
             async for piece in unhurried(self._streams.snapshot(stream)):
                 content += piece
-        return _json(bytes(content), {"etag": etag})
+        return _json(bytes(content))
 
     async def _events(self, request: Request) -> ASGIApp:
         stream = self._new_stream(request)
@@ -232,61 +227,65 @@ class WebApp:
         topics = self._model.topics(name)
         return _json(_with_topics(about, [each for each in topics if each[0].startswith(f"starter/{name}/")]))
 
-    async def _history(self, _: Request, name: str) -> Response:
+    async def _values(self, request: Request, name: str) -> Response:
+        """Answer with one point over one of `SPANS`."""
         self._require_starter(name)
-        starts, trips = await self._stored(name)
-        lists = b'"starts":[' + b",".join(starts) + b'],"trips":[' + b",".join(trips) + b"]"
-        return _json(b'{"plots":' + encoded(self._plots(name)) + b"," + lists + b"}")
+        asked, series = request.query_params, self._gateway.series
+        points = series.points(name)
+        point, span = (
+            asked.get("point", points[0] if points else "current"),
+            asked.get("span", next(iter(SPANS))),
+        )
+        if span not in SPANS or (points and point not in points):
+            raise WebError(404, "not_found", "there is no such point, or no such span")
+        span_s, steps = SPANS[span]
+        async with self._one_at_a_time:
+            found = await series.over(name, point, span_s=span_s, steps=steps)
+        about = {
+            "end": rfc3339(self._gateway.clock.utc_s()),
+            "step_s": span_s / steps,
+            "point": point,
+            "points": points,
+            "unit": self._model.unit(name, point),
+            "is_stored": point in self._model.settings.config.traced,
+        }
+        return _json(encoded({**about, **found._asdict()}))
 
-    async def _stored(self, name: str) -> tuple[list[bytes], list[bytes]]:
-        """Return a starter's starts, the last of them with their samples, and its trips, each as JSON.
+    async def _history(self, _: Request, name: str) -> Response:
+        """Answer with starts, the last of them with their samples, trips, and when all of both were.
 
         Where the store cannot be read these are the latest of this run.
         """
+        self._require_starter(name)
+        begun: Sequence[Mapping[str, Any]]
+        trips: Sequence[Mapping[str, Any]]
         try:
-            rows = await self._gateway.stored(name, (*CURVES, "start", "trip"))
+            rows = with_curves(await self._gateway.stored(name, (*CURVES, "start", "trip")))
+            begun, trips = ([row.data for row in rows if row.kind == kind] for kind in ("start", "trip"))
         except StoreError:
             of_run = (self._model.records(name, kind) for kind in (StartRecord, TripRecord))
-            starts, trips = ([each.payload() for each in records] for records in of_run)
-            return starts, trips
-        begun = [row.data for row in with_curves(rows) if row.kind == "start"]
-        shown = [start for start in begun[:-MOST_STARTS] if "samples" in start] + begun[-MOST_STARTS:]
-        return [*map(encoded, shown)], [encoded(row.data) for row in rows if row.kind == "trip"][-MOST_TRIPS:]
-
-    def _plots(self, name: str) -> dict[str, Any]:
-        plots, now_s = self._model.plots(name), self._gateway.clock.now_s()
-        point = self._model.voltage_point(name)
-        return {
-            "end": rfc3339(self._gateway.clock.utc_s()),
-            "step_s": HOUR_STEP_S,
-            "current": numbers(plots.current.values(now_s)) if plots else [],
-            "voltage": numbers(plots.voltage.values(now_s)) if plots else [],
-            "current_unit": self._model.unit(name, "current") or "",
-            "voltage_unit": (point and self._model.unit(name, point)) or "",
-            "voltage_point": point,
+            begun, trips = ([record.fields() for record in records] for records in of_run)
+        late = len(begun) - MOST_STARTS
+        starts = [each for place, each in enumerate(begun) if place >= late or "samples" in each]
+        times = {
+            "started": [each.get("time") for each in begun],
+            "tripped": [each.get("time") for each in trips],
         }
+        return _json(encoded({"starts": starts, "trips": trips[-MOST_TRIPS:], **times}))
 
     async def _parameters(self, _: Request, name: str) -> Response:
         self._require_starter(name)
         return _json(encoded({"rows": await asyncio.to_thread(self._control.parameters, name)}))
 
-    async def _about(self, _: Request) -> Response:
-        about = diagnosis.about(self._model.settings, self._gateway)
-        return _json(encoded({**about, "streams": len(self._streams)}))
-
-    async def _sparks(self, request: Request) -> Response:
-        asked = request.query_params.get("points", "60")
-        points = int(asked) if asked.isascii() and asked.isdigit() and len(asked) < 4 else 60
-        points = min(max(points, 1), SPARK_SLOTS)
-        now_s, end, sparks = self._gateway.clock.now_s(), rfc3339(self._gateway.clock.utc_s()), {}
+    async def _sparks(self, _: Request) -> Response:
+        sparks, span_s = {}, SPANS["10min"][0]
         async with self._one_at_a_time:
             for name in self._model.settings.starters:
-                plots = self._model.plots(name)
-                if plots is not None:
-                    sparks[name] = numbers(thinned(plots.spark.values(now_s), points))
-                    await asyncio.sleep(0)
-        step_s = SPARK_STEP_S * -(-SPARK_SLOTS // points)
-        return _json(encoded({"end": end, "step_s": step_s, "starters": sparks}))
+                found = await self._gateway.series.over(name, "current", span_s=span_s, steps=SPARK_STEPS)
+                if any(value is not None for value in found.most):
+                    sparks[name] = found.most
+                await asyncio.sleep(0)
+        return _json(encoded({"starters": sparks}))
 
     async def _csv(self, _: Request) -> Response:
         text = io.StringIO()
@@ -339,9 +338,22 @@ class WebApp:
                 is_final = True
         return _json(b'{"final":' + encoded(is_final) + b',"phases":[' + b",".join(phases) + b"]}")
 
-    async def _tool(self, request: Request, _: bytes, _session: WebSession) -> Response:
-        name = request.url.path.rpartition("/")[2]
-        return _json(encoded(await self._tools.run(name, self._model.settings.path)))
+    async def _acknowledge(
+        self, _: Request, _body: bytes, session: WebSession, starter: str, alarm: str
+    ) -> Response:
+        self._require_starter(starter)
+        if not self._model.acknowledged.add(starter, alarm, session.user):
+            raise WebError(409, "not_active", "this alarm is not active")
+        self._accounts.audit("acknowledge", "ok", session.user, {"alarm": alarm}, starter=starter)
+        return _json(encoded(self._model.facts(starter)["acknowledged"]))
+
+    async def _tool(self, _: Request, _body: bytes, session: WebSession, *, name: str) -> Response:
+        if self._tool_runs.locked():
+            raise busy("one runs already; wait for it", BUSY_RETRY_S)
+        who = ("--client", session.user.client) if name == "doctor" else ()
+        async with self._tool_runs:
+            done = await asyncio.to_thread(diagnosis.run_tool, name, self._model.settings.path, who)
+        return _json(encoded(done))
 
     def _require_starter(self, name: str) -> None:
         if name not in self._model.settings.starters:

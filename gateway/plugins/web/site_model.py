@@ -11,12 +11,13 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from gateway.contract import (
+    AlarmRecord,
     AuditRecord,
+    EventCode,
     EventRecord,
     InfoRecord,
     Latest,
     Phase,
-    Quality,
     Record,
     ResultRecord,
     StartRecord,
@@ -24,7 +25,7 @@ from gateway.contract import (
     ValueRecord,
     rfc3339,
 )
-from gateway.plugins.web.plots import NAN, StarterPlots
+from gateway.plugins.web.acknowledged import Acknowledged
 from gateway.plugins.web.plugin import WebSettings
 
 MOST_MESSAGES = 200  # events and audit entries; as many results
@@ -34,7 +35,6 @@ MOST_RECORDS = 64  # starts and trips of all starters, each some 20 KB
 
 _OVERVIEW = frozenset({"state", "availability", "alarm"})
 _OVERVIEW_VALUES = frozenset({"current", "current_pct"})
-_VOLTAGES = ("line_voltage", "output_voltage")
 _FACTS = ("model", "firmware", "serial", "rated_current_a", "rating")  # of a starter's info
 
 
@@ -60,14 +60,14 @@ class SiteMessage(NamedTuple):
 class SiteModel:
     """Takes records; on the application's loop."""
 
-    def __init__(self, settings: WebSettings, latest: Latest) -> None:
+    def __init__(self, settings: WebSettings, latest: Latest, acknowledged: Acknowledged) -> None:
         self.settings = settings
+        self.acknowledged = acknowledged
         self.latest = latest
         self._happened = 1
         self._events: deque[SiteMessage] = deque(maxlen=MOST_MESSAGES)  # and audit entries
         self._results: deque[SiteMessage] = deque(maxlen=MOST_MESSAGES)
         self._records: deque[SiteMessage] = deque(maxlen=MOST_RECORDS)  # starts and trips
-        self._plots: dict[str, StarterPlots] = {}
         self._commands: dict[str, deque[dict[str, Any]]] = {}  # as for JSON
 
     @property
@@ -79,16 +79,13 @@ class SiteModel:
         """Show another configuration; what it does not name is forgotten."""
         self.settings = settings
         self._happened += 1
-        tables: tuple[dict[str, Any], ...] = (self._plots, self._commands)
-        for table in tables:
-            for name in [name for name in table if not self.is_target(name)]:
-                del table[name]
+        for name in [name for name in self._commands if not self.is_target(name)]:
+            del self._commands[name]
 
-    def put(self, record: Record, now_s: float) -> None:
+    def put(self, record: Record) -> None:
         """Take a record; `Latest` has those that are retained."""
+        self.acknowledged.put(record)
         match record:
-            case ValueRecord():
-                self._plot(record, now_s)
             case ResultRecord():
                 self._note(record, self._results)
                 self._note_result(record)
@@ -129,33 +126,26 @@ class SiteModel:
 
     def facts(self, starter: str) -> dict[str, Any]:
         """Return what is known of a starter besides its readings; a reload may just have removed it."""
-        groups = [name for name, members in self.settings.groups.items() if starter in members]
+        groups = [name for name, group in self.settings.groups.items() if starter in group["starters"]]
         info = self.latest.find(InfoRecord.topic_of(starter=starter))
         said = {name: getattr(info, name, None) for name in _FACTS}
         known = {name: value for name, value in said.items() if value is not None}
-        return {**self.settings.starters.get(starter, {}), "groups": groups, **known}
+        facts = {**self.settings.starters.get(starter, {}), "groups": groups, **known}
+        return {**facts, "acknowledged": self.acknowledged.of(starter)}
 
-    def facts_since(self, since: int) -> dict[str, dict[str, Any]]:
-        """Return the facts of starters that have changed since a number."""
-        changed = (record for _, record in self.latest.newer_than(since) if isinstance(record, InfoRecord))
-        return {
-            record.starter: self.facts(record.starter)
-            for record in changed
-            if record.starter in self.settings.starters
-        }
-
-    def plots(self, starter: str) -> StarterPlots | None:
-        """Return a starter's plots; None while none of its quantities was read."""
-        return self._plots.get(starter)
+    def facts_since(self, since: Seen) -> dict[str, dict[str, Any]]:
+        """Return the facts of starters that may have changed since then."""
+        records = [record for _, record in self.latest.newer_than(since.latest)]
+        changed = {each.starter for each in records if isinstance(each, InfoRecord | AlarmRecord)}
+        for number, record in self._events:
+            if number > since.happened and isinstance(record, EventRecord):
+                changed.add(record.starter if record.code == EventCode.ALARM_ACKNOWLEDGED else "")
+        return {name: self.facts(name) for name in self.settings.starters if name in changed}
 
     def unit(self, starter: str, point: str) -> str | None:
         """Return the unit of a point; None while the starter has not given it."""
         record = self.latest.find(ValueRecord.topic_of(starter=starter, point=point))
         return record.unit if isinstance(record, ValueRecord) else None
-
-    def voltage_point(self, starter: str) -> str:
-        """Return which voltage is plotted; empty when it has none."""
-        return next((point for point in _VOLTAGES if self.unit(starter, point) is not None), "")
 
     def is_target(self, name: str) -> bool:
         """Return whether a command may name it: a starter, or a group."""
@@ -173,20 +163,6 @@ class SiteModel:
     def _note(self, record: Record, ring: deque[SiteMessage]) -> None:
         self._happened += 1
         ring.append(SiteMessage(self._happened, record))
-
-    def _plot(self, record: ValueRecord, now_s: float) -> None:
-        is_current = record.point == "current"
-        if not is_current and (
-            record.point not in _VOLTAGES or record.point != self.voltage_point(record.starter)
-        ):
-            return
-        plots = self._plots.setdefault(record.starter, StarterPlots())
-        is_known = record.quality is Quality.GOOD and isinstance(record.value, (int, float))
-        value = float(record.value or 0.0) if is_known else NAN
-        if is_current:
-            plots.put_current(value, now_s)
-        else:
-            plots.voltage.put(value, now_s)
 
     def _note_decision(self, record: AuditRecord) -> None:
         """Add to a command what its results do not say; a rejected one without id is no command shown."""

@@ -15,17 +15,9 @@ MOST_BYTES = 1_000_000  # of one file
 _TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
-    ".mjs": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
-    ".png": "image/png",
-    ".ico": "image/x-icon",
-    ".json": "application/json",
-    ".txt": "text/plain; charset=utf-8",
-    ".woff2": "font/woff2",
-    ".webmanifest": "application/manifest+json",
 }
-_IS_SMALL_ALREADY = frozenset({".png", ".ico", ".woff2"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +25,7 @@ class StaticFile:
     """One file as it is sent."""
 
     content: bytes
-    compressed: bytes | None  # by gzip, where that is smaller
+    compressed: bytes  # by gzip
     media_type: str
     etag: str
 
@@ -49,8 +41,6 @@ def read_files(folder: Path = FOLDER) -> Mapping[str, StaticFile]:
 
 def _read(path: Path) -> StaticFile:
     content = path.read_bytes()
-    compressed = None if path.suffix in _IS_SMALL_ALREADY else gzip.compress(content, 9, mtime=0)
-    if compressed is not None and len(compressed) >= len(content):
-        compressed = None
+    compressed = gzip.compress(content, 9, mtime=0)
     etag = f'"{hashlib.sha256(content).hexdigest()[:24]}"'
     return StaticFile(content, compressed, _TYPES[path.suffix], etag)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,9 +25,7 @@ from gateway.system.supervised import until_first
 
 EVERY_S = 0.25  # between two batches
 AT_ONCE_S = 0.02  # after a quiet time: what changes together goes together
-BEAT_S = 1.0  # a page that has had none for 3 s says that it is not live
-AGES_S = 1.0
-ACTIONS_S = 1.0  # between two looks at what is permitted
+BEAT_S = 1.0  # a page that has had none for 3 s says that it is not live; ages and actions as often
 RETRY_MS = 2000
 MOST_STREAMS = 48  # of the server's connections; the others are for requests
 PIECE_BYTES = 32_768  # of a snapshot; the next is made when the client has taken most of the last
@@ -42,7 +41,6 @@ class Stream:
     session: WebSession | None = None
     seen: Seen | None = None  # sent so far; None: a snapshot is due
     actions: bytes = b""  # as sent last
-    actions_now: bytes = b""  # as looked at last
     actions_due_s: float = 0.0
     sent_s: float = 0.0  # when something was sent last
     ages_due_s: float = 0.0
@@ -151,7 +149,7 @@ class Streams:
         is_new = actions != stream.actions
         stream.actions = actions
         is_beat, now_s = not changed and not is_new, self._clock.now_s()
-        if is_beat and now_s - stream.sent_s < BEAT_S - ACTIONS_S / 2:
+        if is_beat and now_s - stream.sent_s < BEAT_S / 2:
             return
         stream.sent_s = now_s
         head = self._head(stream)
@@ -168,7 +166,7 @@ class Streams:
         gen = 0 if stream.seen is None else stream.seen.gen
         head: dict[str, Any] = {"gen": gen, "time": rfc3339(utc_s), "token": self._control.token()}
         if now_s >= stream.ages_due_s:
-            stream.ages_due_s = now_s + AGES_S - EVERY_S / 2
+            stream.ages_due_s = now_s + BEAT_S - EVERY_S / 2
             head["ages"] = [self._age_s(name, utc_s) for name in self._model.settings.starters]
         return encoded(head)[1:-1]
 
@@ -189,7 +187,7 @@ class Streams:
         if messages is None:
             return None
         topics = model.topics(scope, since.latest)
-        facts = model.facts_since(since.latest)
+        facts = model.facts_since(since)
         content = b""
         if topics or messages or facts:
             content = b'"topics":{' + b",".join(topic_pair(*each) for each in topics)
@@ -201,11 +199,11 @@ class Streams:
     def _actions(self, stream: Stream) -> bytes:
         """Return what is permitted, looked at once in a while; empty where no starter is in scope."""
         now_s = self._clock.now_s()
-        if stream.scope is not None and (now_s >= stream.actions_due_s or not stream.actions_now):
-            stream.actions_due_s = now_s + ACTIONS_S
-            client = stream.session.user.client if stream.session else None
-            stream.actions_now = encoded(self._control.actions(stream.scope, client))
-        return stream.actions_now
+        if stream.scope is None or (stream.actions and now_s < stream.actions_due_s):
+            return stream.actions
+        stream.actions_due_s = now_s + BEAT_S
+        client = stream.session.user.client if stream.session else None
+        return encoded(self._control.actions(stream.scope, client))
 
     def _tick(self) -> None:
         self._timer = None
@@ -229,19 +227,11 @@ class Streams:
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 
     async def _wait(self, stream: Stream) -> None:
-        """Wait until the stream is woken, or something has changed for it; for a beat at most."""
-        waits_s = BEAT_S if stream.scope is None else ACTIONS_S
-        for _ in range(round(BEAT_S / waits_s)):
-            try:
-                async with asyncio.timeout(waits_s):
-                    await stream.wake.wait()
-            except TimeoutError:
-                is_changed = stream.seen != self._model.now or self._actions(stream) != stream.actions
-                if is_changed or self._is_logged_out(stream):
-                    return
-            else:
-                stream.wake.clear()
-                return
+        """Wait until the stream is woken; for a beat at most."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(BEAT_S):
+                await stream.wake.wait()
+            stream.wake.clear()
 
     def _is_logged_out(self, stream: Stream) -> bool:
         """Return whether the login that a stream was opened with has ended."""

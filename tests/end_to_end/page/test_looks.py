@@ -17,7 +17,7 @@ from tests.rig.sites import ALICE, starter
 pytestmark = [pytest.mark.long]
 
 AXE = Path(AXE_FILE_PATH).read_text("utf-8")
-PAGES = ("", "#/starter/pump", "#/lines", "#/events", "#/gateway")
+PAGES = ("", "#/starter/pump", "#/starter/mill", "#/lines", "#/events", "#/gateway", "#/wall")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
 

@@ -34,7 +34,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def is_well(port: int) -> bool:
-    return (await exchange(port, request("GET", "/api/v1/session", port=port))).status == 200
+    return (await exchange(port, request("GET", "/api/v1/state", port=port))).status == 200
 
 
 def malformed(chance: random.Random) -> bytes:
@@ -209,7 +209,7 @@ async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
 async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() -> None:
     async with served() as (_, _, port):
         upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Key": "x"}
-        plain = await exchange(port, request("GET", "/api/v1/session", port=port, headers=upgrade))
+        plain = await exchange(port, request("GET", "/api/v1/state", port=port, headers=upgrade))
         old = await exchange(port, b"GET /api/v1/state HTTP/1.0\r\n\r\n")
 
         assert plain.status == 200, "an upgrade that is not offered is passed over [RFC 9110 7.8]"
@@ -219,7 +219,7 @@ async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() 
 async def test_several_requests_go_over_one_connection_in_order() -> None:
     async with served() as (_, _, port):
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        one = request("GET", "/api/v1/session", port=port)
+        one = request("GET", "/api/v1/state", port=port)
         writer.write(one + request("GET", "/nothing", port=port) + one)
         answers: list[RawAnswer] = [await read_answer(reader) for _ in range(3)]
         writer.close()
@@ -250,7 +250,7 @@ async def test_the_end_of_the_server_cuts_off_a_client_that_never_answers_the_en
         client = trusting.wrap_socket(
             socket.create_connection(("127.0.0.1", port)), server_hostname="localhost"
         )
-        client.sendall(request("GET", "/api/v1/session", port=port, headers={"Connection": "close"}))
+        client.sendall(request("GET", "/api/v1/state", port=port, headers={"Connection": "close"}))
         assert client.recv(1) == b"H"
         return client
 

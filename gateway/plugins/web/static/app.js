@@ -2,15 +2,16 @@
 
 import { setClass, setText } from "./dom.js";
 import { age, clock } from "./format.js";
-import { connect, onChange, store } from "./store.js";
+import { connect, onChange, store, titleOf } from "./store.js";
 import { Events } from "./views/events.js";
 import { GatewayPage } from "./views/gateway.js";
 import { Lines } from "./views/lines.js";
 import { refreshAccount } from "./views/login.js";
 import { Overview, failures } from "./views/overview.js";
 import { Starter } from "./views/starter.js";
+import { Wall } from "./views/wall.js";
 
-const VIEWS = { "": Overview, lines: Lines, events: Events, gateway: GatewayPage };
+const VIEWS = { "": Overview, lines: Lines, events: Events, gateway: GatewayPage, wall: Wall };
 const YOUNG_MS = 2500; // after the page was opened, silence is not yet a fault
 
 const main = document.getElementById("main");
@@ -28,6 +29,7 @@ function route() {
   } catch {
     view = new Overview(); // an address that cannot be read
   }
+  document.body.classList.toggle("wall", view instanceof Wall);
   main.replaceChildren(view.element);
   refresh(null, [], true);
   window.scrollTo(0, 0);
@@ -62,7 +64,7 @@ function head(isLive) {
   if (!veil.hidden) {
     const silence = store.silentS();
     const why = store.refusal || (silence === Infinity ? "nothing has come from the gateway yet" : `nothing from the gateway for ${age(silence)}`);
-    setText(veil, `NOT LIVE: ${why}. Values are old. STOP still tries.`);
+    setText(veil, `NOT LIVE: ${why}. Values are old.${view instanceof Wall ? "" : " STOP still tries."}`);
   }
   refreshAccount();
 }
@@ -73,7 +75,7 @@ function brokerText(status) {
 
 function announce(messages) {
   for (const { topic, payload } of messages) {
-    if (payload.severity === "error") setText(alarms, `${topic.split("/")[1]}: ${payload.text}`);
+    if (payload.severity === "error") setText(alarms, `${titleOf(topic.split("/")[1])}: ${payload.text}`);
   }
 }
 

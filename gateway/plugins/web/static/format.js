@@ -26,6 +26,17 @@ export function words(code) {
   return code.replaceAll("_", " ");
 }
 
+const ACTIONS = {
+  "local_remote local": "switch to local", "local_remote remote": "switch to remote", "general_enable true": "general enable on", "general_enable false": "general enable off",
+  "jog true": "jog", "jog false": "end jog",
+};
+
+/** A command that has a button, as words. */
+export function actionWords(verb, args) {
+  const said = [verb, ...Object.values(args ?? {}).map(String)].join(" ");
+  return ACTIONS[said] ?? words(said);
+}
+
 export function clock(time) {
   return time ? new Date(time).toLocaleTimeString([], { hour12: false }) : "";
 }

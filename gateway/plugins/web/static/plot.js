@@ -17,26 +17,27 @@ function uPlot() {
 }
 
 const HEIGHT = 200;
+const DAY = new Intl.DateTimeFormat([], { day: "2-digit", month: "2-digit" });
 const HOUR = new Intl.DateTimeFormat([], { hour: "2-digit", minute: "2-digit", hour12: false });
 
 function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
-function axes(units, isTime) {
+function axes(units, time = null) {
   const stroke = colour("--text");
   const grid = { stroke: colour("--line"), width: 1 };
-  return [{ stroke, grid, ...(isTime ? { values: (_, times) => times.map((time) => HOUR.format(time * 1000)) } : {}) }, ...units.map((unit, index) => ({ stroke, grid: index ? { show: false } : grid, scale: unit, side: index ? 1 : 3, label: unit, labelSize: 20, size: 55 }))];
+  return [{ stroke, grid, ...(time ? { values: (_, times) => times.map((at) => time.format(at * 1000)) } : {}) }, ...units.map((unit, index) => ({ stroke, grid: index ? { show: false } : grid, scale: unit, side: index ? 1 : 3, label: unit, labelSize: 20, size: 55 }))];
 }
 
-async function draw(place, options, data) {
+async function draw(place, options, data, kind = "") {
   const Plot = await uPlot();
   if (!Plot) {
     place.replaceChildren(h("p", { class: "hint" }, "No plots: run make web in this gateway's checkout."));
     return;
   }
   const width = Math.max(place.clientWidth, 200);
-  const shape = JSON.stringify([options.series.map((series) => series.label), width]);
+  const shape = JSON.stringify([options.series.map((series) => series.label), width, kind]);
   if (place.plot && place.shape === shape) {
     place.plot.setData(data);
     return;
@@ -47,29 +48,54 @@ async function draw(place, options, data) {
   place.plot = new Plot({ width, height: HEIGHT, ...options }, data, place);
 }
 
-/** Draws current and voltage of the last hour. */
-export async function plotTime(place, plots) {
-  const end = Date.parse(plots.end) / 1000;
-  const count = Math.max(plots.current?.length ?? 0, plots.voltage?.length ?? 0);
-  const times = Array.from({ length: count }, (_, index) => end - (count - 1 - index) * plots.step_s);
-  const series = [{ label: "time", value: (_, time) => (time === null ? "" : HOUR.format(time * 1000)) }];
-  const data = [times];
-  const units = [];
-  for (const [name, dash] of [["current", undefined], ["voltage", [6, 4]]]) {
-    const values = plots[name];
-    if (!values?.some((value) => value !== null)) continue;
-    const unit = plots[`${name}_unit`] || " ";
-    if (!units.includes(unit)) units.push(unit);
-    series.push({ label: `${name}, ${unit}`, scale: unit, stroke: colour(name === "current" ? "--text" : "--plot-b"), width: 1.5, dash, spanGaps: false });
-    data.push(values);
-  }
-  if (data.length === 1) {
+const MARKS = { S: ["--text", 11], T: ["--plot-f", 22], C: ["--plot-b", 33] }; // colour, and pixels from the top to the letter
+const MARK_APART_PX = 9; // letters nearer than this would cover one another
+
+/** Draws one point over time: its last values as a line in the band of the least and the most; `marks` are [milliseconds, letter]. */
+export async function plotTrace(place, trace, isDays, marks) {
+  place.marks = marks;
+  const end = Date.parse(trace.end) / 1000;
+  const times = trace.last.map((_, index) => end - (trace.last.length - 1 - index) * trace.step_s);
+  if (!trace.most.some((value) => value !== null)) {
     place.plot?.destroy();
     place.plot = null;
-    place.replaceChildren(h("p", { class: "hint" }, "Nothing has been read in the last hour."));
+    place.replaceChildren(h("p", { class: "hint" }, "Nothing is known of this time."));
     return;
   }
-  await draw(place, { series, axes: axes(units, true), scales: { x: { time: true } } }, data);
+  const unit = trace.unit || " ";
+  const time = isDays ? DAY : HOUR;
+  const line = (label, width) => ({ label, scale: unit, width, stroke: colour("--plot-b"), spanGaps: false });
+  const series = [{ label: "time", value: (_, at) => (at === null ? "" : `${isDays ? `${DAY.format(at * 1000)} ` : ""}${HOUR.format(at * 1000)}`) },
+    line(`least, ${unit}`, 0.5), line(`most, ${unit}`, 0.5), { ...line(`${trace.point.replaceAll("_", " ")}, ${unit}`, 2), stroke: colour("--text") }];
+  const bands = [{ series: [2, 1], fill: `color-mix(in srgb, ${colour("--plot-b")} 30%, transparent)` }];
+  await draw(place, { series, bands, axes: axes([unit], time), scales: { x: { time: true } }, hooks: { draw: [(plot) => drawMarks(plot, place.marks)] } }, [times, trace.least, trace.most, trace.last], isDays);
+}
+
+function drawMarks(plot, marks) {
+  const { ctx, bbox } = plot;
+  const ratio = window.devicePixelRatio;
+  const last = {};
+  ctx.save();
+  ctx.font = `700 ${11 * ratio}px system-ui, sans-serif`;
+  ctx.textAlign = "center";
+  for (const [at, letter] of marks) {
+    const x = plot.valToPos(at / 1000, "x", true);
+    if (!(x >= bbox.left && x <= bbox.left + bbox.width)) continue;
+    const [name, top] = MARKS[letter];
+    ctx.strokeStyle = ctx.fillStyle = colour(name);
+    ctx.lineWidth = ratio;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top + (top + 3) * ratio);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.globalAlpha = 0.5;
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+    if (!(x - last[letter] < MARK_APART_PX * ratio)) {
+      ctx.fillText(letter, x, bbox.top + top * ratio);
+      last[letter] = x;
+    }
+  }
+  ctx.restore();
 }
 
 const TRIP_COLOURS = ["--text", "--plot-b", "--muted", "--c"];
@@ -86,7 +112,7 @@ export async function plotTrip(place, { t_s: times = [], points = {} }, units) {
   const series = [{ label: "seconds", value: (_, time) => (time === null ? "" : time.toFixed(1)) }];
   drawn.forEach(([name], index) => series.push({ label: units[name] ? `${name}, ${units[name]}` : name, scale: name, spanGaps: true, width: 1.5,
     stroke: colour(TRIP_COLOURS[index]), dash: index ? [2 + 3 * index, 3] : undefined }));
-  const shownAxes = axes(drawn.slice(0, 2).map(([name]) => name), false);
+  const shownAxes = axes(drawn.slice(0, 2).map(([name]) => name));
   await draw(place, { series, axes: shownAxes, scales: { x: { time: false } } }, [times, ...drawn.map(([, values]) => values.map((value) => (typeof value === "number" ? value : undefined)))]);
 }
 
@@ -113,5 +139,5 @@ export async function plotStarts(place, starts) {
     series.push({ label: name, scale: "A", spanGaps: true, width: isLast ? 2.5 : 1.5,
       stroke: colour(isLast ? "--text" : start.is_baseline ? "--plot-b" : "--muted"), dash: isLast || !start.is_baseline ? undefined : [6, 4] });
   });
-  await draw(place, { series, axes: axes(["A"], false), scales: { x: { time: false } } }, data);
+  await draw(place, { series, axes: axes(["A"]), scales: { x: { time: false } } }, data);
 }

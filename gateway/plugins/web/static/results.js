@@ -2,6 +2,7 @@
 
 import { command } from "./api.js";
 import { h } from "./dom.js";
+import { store, titleOf } from "./store.js";
 
 const SHOWN_MS = { good: 8000, other: 30000 };
 const MOST = 5;
@@ -41,7 +42,7 @@ const KINDS = { confirmed: "good", rejected: "refused", failed: "bad", unconfirm
 
 /** Gives a command, shows its end (`isQuiet`: only a bad one), and returns the final phase; null when it is not known. */
 export async function carryOut(starter, verb, { isQuiet = false, ...options } = {}) {
-  const end = show(`${verb.replaceAll("_", " ")} ${starter}`, isQuiet);
+  const end = show(`${verb.replaceAll("_", " ")} ${titleOf(starter, store.groups[starter] ? "groups" : "starters")}`, isQuiet);
   try {
     const { phases, final } = await command(starter, verb, options);
     if (!final) {
@@ -51,7 +52,8 @@ export async function carryOut(starter, verb, { isQuiet = false, ...options } = 
     const ladder = phases.map((phase) => phase.phase).join(" → ");
     const code = final.code && final.code !== "ok" && final.code !== final.phase ? ` [${final.code}]` : "";
     const kind = KINDS[final.phase] ?? "";
-    end(`${ladder}${code}: ${final.text ?? ""}`, isQuiet && kind === "good" ? "quiet" : kind);
+    const members = Object.entries(final.members ?? {}).map(([name, each]) => `\n${titleOf(name)}: ${each.phase}${each.code === "ok" ? "" : ` [${each.code}]`}`);
+    end(`${ladder}${code}: ${final.text ?? ""}${members.join("")}`, isQuiet && kind === "good" ? "quiet" : kind);
     return final;
   } catch (error) {
     const isUnknown = error.isUnknown || error.name === "TimeoutError" || error.name === "TypeError";

@@ -54,6 +54,11 @@ export const store = {
   },
 };
 
+/** What people call a starter, a line or a group. */
+export function titleOf(name, kind = "starters") {
+  return store[kind][name]?.title ?? name;
+}
+
 /** A moment, for `elapsedMs`. */
 export function moment() {
   return { wall: Date.now(), steady: performance.now() };

@@ -2,9 +2,9 @@
 // motor is selected first, then held for a second, on the state that is shown.
 
 import { h, setText } from "../dom.js";
-import { clock } from "../format.js";
+import { actionWords, clock } from "../format.js";
 import { carryOut, notice } from "../results.js";
-import { elapsedMs, moment, store } from "../store.js";
+import { elapsedMs, moment, store, titleOf } from "../store.js";
 import { stateWords, summary } from "./overview.js";
 
 const HOLD_MS = 1000;
@@ -24,8 +24,9 @@ export class Faceplate {
     this.stopWhy = h("span", { class: "why" });
     this.stopState = h("span", { class: "stop-state" });
     this.stop = h("button", { type: "button", class: "stop", onclick: () => this.stopNow() }, "STOP");
+    this.stopName = h("strong", {}, titleOf(name));
     this.stopPlace = h("div", { class: "stop-place", role: "group", "aria-label": `Stop ${name}` },
-      this.stop, h("strong", {}, name), this.stopState, this.stopWhy);
+      this.stop, this.stopName, this.stopState, this.stopWhy);
     this.others = h("div", { class: "actions" });
     this.hold = new Hold(name, () => this.refresh());
     this.lock = new Lock(name);
@@ -44,6 +45,7 @@ export class Faceplate {
     // It stays to be pressed when the page is not live: then it tries, and says whether it arrived.
     const isForbidden = Boolean(stop && !stop.permitted && store.isLive());
     this.stop.disabled = isForbidden;
+    setText(this.stopName, titleOf(this.name));
     setText(this.stopWhy, isForbidden ? stop.text : "");
     const isLive = store.isLive();
     const starter = summary(this.name);
@@ -65,7 +67,7 @@ export class Faceplate {
   }
 
   row(action, isLive) {
-    const label = [action.verb.replaceAll("_", " "), ...Object.values(action.args ?? {}).map(String)].join(" ");
+    const label = actionWords(action.verb, action.args);
     const isPermitted = action.permitted && isLive;
     const why = isPermitted ? "" : isLive ? action.text : "the page is not live";
     const isOneClick = ONE_CLICK.includes(action.verb);
@@ -159,7 +161,7 @@ class Hold {
     }
     this.selected = { action, label, token: final.select, state: state.state, user: store.session.user,
       since: asked, validMs: Math.min((final.valid_s ?? 30) * 1000, SELECTED_MS) };
-    setText(this.seen, `${label} ${this.name}: permitted in the state “${state.state}”, reported at ${clock(state.time)}.`);
+    setText(this.seen, `${label} ${titleOf(this.name)}: permitted in the state “${state.state}”, reported at ${clock(state.time)}.`);
     setText(this.text, `Hold for a second to ${label}`);
     const isElsewhere = document.activeElement?.matches("input, select, textarea"); // an operator who types keeps the focus
     this.element.hidden = false;

@@ -1,19 +1,29 @@
-// The last hour, the last starts over the baseline, and what came before each trip.
+// Values over time, the last starts over the baseline, and what came before each trip.
 
 import { get } from "../api.js";
-import { h, table } from "../dom.js";
-import { dateTime, number } from "../format.js";
-import { plotStarts, plotTime, plotTrip } from "../plot.js";
+import { h, setText, table } from "../dom.js";
+import { dateTime, number, words } from "../format.js";
+import { plotStarts, plotTrace, plotTrip } from "../plot.js";
 import { store } from "../store.js";
 
-const EVERY_MS = 10000;
+const SPANS = { "10min": ["10 min", 5000], "8h": ["8 h", 30000], "7d": ["7 d", 60000] }; // and how often each is loaded
 const OVERLAID = 5; // starts beside the baseline
+const UNMARKED = ["select", "cancel", "read"]; // commands that change nothing
 
 export class History {
   constructor(name) {
     this.name = name;
+    this.span = "10min";
+    this.marks = { started: [], tripped: [], commands: [] }; // times
     this.plot = h("div", { class: "plot" });
-    this.hour = h("section", { class: "hour" }, h("h2", {}, "Last hour"), this.plot); // stands beside the state
+    this.spans = Object.entries(SPANS).map(([span, [text]]) => h("button", { type: "button", "aria-pressed": String(span === this.span), "data-span": span, onclick: () => this.show(span) }, text));
+    this.point = h("select", { "aria-label": "Point", hidden: true, onchange: () => this.loadValues() });
+    this.hint = h("p", { class: "hint" });
+    this.curve = h("div", { class: "plot" });
+    this.curveBox = h("section", { hidden: true }, h("h2", {}, "Last start over its baseline"), this.curve);
+    this.now = h("div", { class: "now" }, // stands below the state
+      h("section", {}, h("h2", {}, "Values over time"), h("div", { class: "tools", role: "group", "aria-label": "Time shown" }, this.spans, this.point), this.plot, this.hint),
+      this.curveBox);
     this.starts = h("div", { class: "plot" });
     this.startTable = h("div");
     this.trips = h("div");
@@ -22,8 +32,41 @@ export class History {
       h("section", {}, h("h2", {}, "Trips"), this.trips));
     this.startsShown = "";
     this.tripsShown = "";
-    this.timer = setInterval(() => document.hidden || this.load(), EVERY_MS);
+    this.show(this.span);
     this.load();
+  }
+
+  show(span) {
+    this.span = span;
+    for (const button of this.spans) button.setAttribute("aria-pressed", String(button.dataset.span === span));
+    clearInterval(this.timer);
+    this.timer = setInterval(() => document.hidden || this.loadValues(), SPANS[span][1]);
+    this.loadValues();
+  }
+
+  async loadValues() {
+    const asked = new URLSearchParams({ span: this.span, ...(this.point.value ? { point: this.point.value } : {}) });
+    let trace;
+    try {
+      trace = await get(`api/v1/starter/${encodeURIComponent(this.name)}/values?${asked}`);
+    } catch {
+      return; // the head of the page says that nothing comes
+    }
+    if (asked.get("span") !== this.span) return; // another one was chosen meanwhile
+    if (trace.points.length !== this.point.options.length) {
+      this.point.replaceChildren(...trace.points.map((point) => h("option", { value: point, selected: point === trace.point }, words(point))));
+      this.point.hidden = trace.points.length < 2;
+    }
+    const marks = Object.entries({ S: this.marks.started, T: this.marks.tripped, C: this.marks.commands })
+      .flatMap(([letter, times]) => times.map((time) => [Date.parse(time), letter])).sort((a, b) => a[0] - b[0]);
+    const isShort = this.span === "7d" && !trace.is_stored;
+    setText(this.hint, `S start, T trip, C command. The band reaches from the least to the most.${isShort ? " Nothing older than 9 h is stored: see [history] in the configuration." : ""}`);
+    await plotTrace(this.plot, trace, this.span === "7d", marks);
+  }
+
+  /** Marks the commands that the starter's page knows. */
+  mark(commands) {
+    this.marks.commands = commands.filter(({ verb }) => !UNMARKED.includes(verb)).map(({ phases }) => phases?.[0]?.time).filter(Boolean);
   }
 
   close() {
@@ -41,8 +84,8 @@ export class History {
     } finally {
       this.isLoading = false;
     }
-    const { plots, starts = [], trips = [] } = data;
-    if (plots) await plotTime(this.plot, plots);
+    const { starts = [], trips = [], started, tripped } = data;
+    Object.assign(this.marks, { started, tripped });
     const startIds = starts.map((start) => start.id).join();
     if (startIds !== this.startsShown || !this.startTable.firstChild) await this.drawStarts(starts);
     this.startsShown = startIds;
@@ -58,8 +101,14 @@ export class History {
       return;
     }
     const baseline = starts.find((start) => start.is_baseline);
-    const curves = [...new Set([...(baseline ? [baseline] : []), ...starts.slice(-OVERLAID)])].filter((start) => start.samples);
-    await plotStarts(this.starts, curves);
+    const over = (some) => [...new Set([...(baseline ? [baseline] : []), ...some])].filter((start) => start.samples);
+    await plotStarts(this.starts, over(starts.slice(-OVERLAID)));
+    const isCurve = Boolean(starts.at(-1).samples);
+    if (this.curveBox.hidden === isCurve) {
+      this.curveBox.hidden = !isCurve;
+      this.loadValues(); // it has another width now
+    }
+    await plotStarts(this.curve, over(starts.slice(-1)));
     const heads = ["time", "cause", "outcome", "acceleration", "peak", "mean", "I²t", "rate"];
     this.startTable.replaceChildren(table("Starts, newest first", heads, [...starts].reverse().map((start) => [
       dateTime(start.time) + (start.is_baseline ? " (baseline)" : ""), causeOf(start), start.outcome?.replaceAll("_", " "),

@@ -2,7 +2,7 @@
 
 import { h, table } from "../dom.js";
 import { milliseconds, number, percent } from "../format.js";
-import { store } from "../store.js";
+import { store, titleOf } from "../store.js";
 
 export class Lines {
   constructor() {
@@ -24,21 +24,21 @@ export class Lines {
 
   line(name, line) {
     const facts = store.lines[name];
-    const title = h("h2", {}, name);
+    const title = h("h2", {}, titleOf(name, "lines"));
     const where = h("p", { class: "fact" }, `${facts.port}, ${facts.baud} baud, ${facts.framing}`);
     if (!line) return h("section", {}, title, where, h("p", {}, "Nothing is known of it yet."));
     const byAddress = new Map(facts.starters.map((starter) => [String(store.starters[starter]?.address), starter]));
     return h("section", {}, title, where,
       line.is_open === false ? h("p", { class: "wrong" }, "The port is not open.") : null,
       utilisation(line), promises(line), health(line),
-      table(`Starters on ${name}`, ["address", "starter", "asked", "answered", "silent", "garbled", "refused", "p50", "p99", "state"],
+      table(`Starters on ${facts.title}`, ["address", "starter", "asked", "answered", "silent", "garbled", "refused", "p50", "p99", "state"],
         Object.entries(line.units ?? {}).map(([unit, counts]) => [unit, starterLink(byAddress.get(unit)), counts.asked, counts.answered, counts.silent,
           counts.garbled, counts.refused, milliseconds(counts.response_time_s?.p50), milliseconds(counts.response_time_s?.p99), counts.state ?? ""])));
   }
 }
 
 function starterLink(name) {
-  return name ? h("a", { href: `#/starter/${encodeURIComponent(name)}` }, name) : "";
+  return name ? h("a", { href: `#/starter/${encodeURIComponent(name)}` }, titleOf(name)) : "";
 }
 
 function utilisation(line) {

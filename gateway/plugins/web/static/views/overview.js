@@ -3,7 +3,8 @@
 import { get } from "../api.js";
 import { KeyedList, h, setClass, setText } from "../dom.js";
 import { RANK, SIGNALS, age, fill, number, signalSymbol, sparkline } from "../format.js";
-import { store } from "../store.js";
+import { carryOut } from "../results.js";
+import { store, titleOf } from "../store.js";
 
 const SPARKS_EVERY_MS = 10000;
 const CALM_MS = 1500; // no row moves while someone points at the list, and this long after
@@ -12,9 +13,12 @@ const CALM_MS = 1500; // no row moves while someone points at the list, and this
 export function summary(name) {
   const state = store.topic(`starter/${name}/state`) ?? {};
   const availability = store.topic(`starter/${name}/availability`) ?? {};
-  const alarms = store.below(name, "alarm/").filter(([, alarm]) => alarm.active);
+  const facts = store.starters[name] ?? {};
+  const alarms = store.below(name, "alarm/").filter(([, alarm]) => alarm.active)
+    .map(([code, alarm]) => [code, { ...alarm, acknowledged: facts.acknowledged?.[code] }]);
   const found = {
     name,
+    title: titleOf(name),
     state: state.state ?? "unknown",
     isGood: state.quality === "good",
     time: state.time,
@@ -25,7 +29,7 @@ export function summary(name) {
     alarms,
     current: store.topic(`starter/${name}/value/current`),
     currentPct: store.topic(`starter/${name}/value/current_pct`),
-    facts: store.starters[name] ?? {},
+    facts,
   };
   found.signal = signalOf(found);
   return found;
@@ -45,9 +49,21 @@ export function stateWords(starter) {
   return starter.isGood ? words : `${words} (old)`;
 }
 
+/** The code of an alarm; nothing where it has none of its own. */
+export function alarmName(code, alarm) {
+  return code === alarm.severity ? "" : code.toUpperCase();
+}
+
+/** The order of starters: abnormal first, and of these the ones that are not acknowledged. */
+export function byUrgency(a, b) {
+  const isOpen = (starter) => (starter.alarms.some(([, alarm]) => !alarm.acknowledged) ? 0 : 1);
+  const isActive = (starter) => (["running", "starting", "stopping"].includes(starter.state) ? 0 : 1);
+  return RANK[a.signal] - RANK[b.signal] || isOpen(a) - isOpen(b) || isActive(a) - isActive(b) || a.title.localeCompare(b.title, undefined, { numeric: true });
+}
+
 /** What is wrong, or nothing. */
 export function trouble(starter) {
-  const parts = starter.alarms.map(([code, alarm]) => `${code.toUpperCase()} ${alarm.text}`);
+  const parts = starter.alarms.map(([code, alarm]) => `${alarmName(code, alarm)} ${alarm.text}${alarm.acknowledged ? ` (acknowledged by ${alarm.acknowledged.by})` : ""}`);
   if (!["online", "unknown"].includes(starter.availability)) parts.unshift(starter.availability + (starter.reason ? `: ${starter.reason}` : ""));
   else if (starter.reason) parts.unshift(starter.reason);
   else if (!starter.isGood) parts.unshift(starter.time ? "not read lately" : "not read yet");
@@ -67,7 +83,7 @@ export function isOverloaded(starter, load) {
   return load > 1 && starter.state === "running";
 }
 
-const COUNTERS = {
+export const COUNTERS = {
   all: () => true,
   running: (starter) => starter.state === "running",
   ready: (starter) => starter.state === "ready",
@@ -91,8 +107,9 @@ class Row {
     this.where = h("span", { class: "where" });
     this.trouble = h("span", { class: "trouble" });
     this.age = h("span", { class: "age" });
+    this.title = h("span", { class: "name" });
     this.link = h("a", { href: `#/starter/${encodeURIComponent(name)}` },
-      this.symbol, h("span", { class: "name" }, name), this.state, this.current,
+      this.symbol, this.title, this.state, this.current,
       this.barBox, this.spark, this.where, this.trouble, this.age);
     this.element = h("li", { "data-starter": name }, this.link);
   }
@@ -104,6 +121,7 @@ class Row {
       this.symbol.replaceChildren(signalSymbol(starter.signal, isRunning));
       this.shownSymbol = symbol;
     }
+    setText(this.title, starter.title);
     setText(this.state, stateWords(starter));
     setText(this.current, starter.current ? number(starter.current.value, starter.current.unit) : "–");
     setClass(this.current, starter.current?.quality === "good" ? "current" : "current old");
@@ -122,11 +140,22 @@ class Row {
   }
 }
 
+const KINDS = { g: "groups", l: "lines" };
+
+/** What stands above the starters of a group ("g" and its name), of a line ("l" and its name), or of neither. */
+function headingOf(key) {
+  return KINDS[key[0]] ? titleOf(key.slice(1), KINDS[key[0]]) : key.slice(1);
+}
+
+/** The starters of a group or a line; of a group they can be stopped together. */
 class Group {
-  constructor(title, sparks) {
-    this.title = h("h2", {}, title);
+  constructor(key, sparks) {
+    const title = headingOf(key);
+    this.heading = h("h2", {}, title);
+    this.stop = key[0] === "g" ? h("button", { type: "button", class: "stop", "aria-label": `Stop all of ${title}`, onclick: () => carryOut(key.slice(1), "stop") }, "STOP") : null;
+    this.why = h("span", { class: "why" });
     this.list = h("ul", { class: "starters" });
-    this.element = h("section", { "aria-label": title || "Starters" }, title ? this.title : null, this.list);
+    this.element = h("section", { "aria-label": title || "Starters" }, title ? h("div", { class: "group-head" }, this.heading, this.stop, this.why) : null, this.list);
     this.rows = new KeyedList(this.list, (name) => {
       const row = new Row(name);
       row.drawSpark(sparks(name));
@@ -148,15 +177,17 @@ export class Overview {
     this.calmUntil = 0;
     this.buttons = new Map(Object.keys(COUNTERS).map((name) => [name, this.counter(name)]));
     this.search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search starters", oninput: () => this.refresh(true) });
-    this.grouping = h("select", { "aria-label": "Group by", onchange: () => this.refresh(true) },
-      ["no groups", "by line", "by group"].map((text) => h("option", { value: text }, text)));
+    this.grouping = h("select", { "aria-label": "Group by", onchange: () => {
+      localStorage.setItem("grouping", this.grouping.value);
+      this.refresh(true);
+    } }, ["no groups", "by line", "by group"].map((text) => h("option", { value: text, selected: text === localStorage.getItem("grouping") }, text)));
     this.shape = h("button", { type: "button", class: "plain", "aria-pressed": "false", onclick: () => this.toggleTiles() }, "Tiles");
     this.list = h("div", { class: "groups" });
     for (const event of ["pointermove", "pointerdown", "focusin"]) {
       this.list.addEventListener(event, () => { this.calmUntil = Date.now() + CALM_MS; });
     }
     this.empty = h("p", { class: "empty", hidden: true }, "No starter fits.");
-    this.groups = new KeyedList(this.list, (title) => new Group(title, (name) => this.sparks[name] ?? []));
+    this.groups = new KeyedList(this.list, (key) => new Group(key, (name) => this.sparks[name] ?? []));
     this.element = h("div", { class: "overview" }, h("h1", { class: "sr" }, "Overview"),
       h("div", { class: "counters", role: "group", "aria-label": "Show only" }, [...this.buttons.values()].map((each) => each.button)),
       h("div", { class: "tools" }, this.search, this.grouping, this.shape), this.list, this.empty);
@@ -196,8 +227,14 @@ export class Overview {
     const sorted = this.sorted(shown, isNow);
     const groups = this.grouped(sorted);
     this.groups.update([...groups.keys()]);
-    for (const [title, members] of groups) {
-      const { rows } = this.groups.items.get(title);
+    for (const [key, members] of groups) {
+      const { rows, heading, stop, why } = this.groups.items.get(key);
+      setText(heading, headingOf(key));
+      if (stop) {
+        // As on a starter's page it stays to be pressed when the page is not live.
+        stop.disabled = store.isLive() && !store.session.user;
+        setText(why, stop.disabled ? "log in to operate" : "");
+      }
       rows.update(members.map((starter) => starter.name));
       for (const starter of members) rows.items.get(starter.name).update(starter);
     }
@@ -209,10 +246,7 @@ export class Overview {
     const byName = new Map(starters.map((starter) => [starter.name, starter]));
     const isSame = this.order.length === starters.length && this.order.every((name) => byName.has(name));
     if (isNow || !isSame || Date.now() >= this.calmUntil) {
-      const isActive = (starter) => (["running", "starting", "stopping"].includes(starter.state) ? 0 : 1);
-      this.order = [...starters]
-        .sort((a, b) => RANK[a.signal] - RANK[b.signal] || isActive(a) - isActive(b) || a.name.localeCompare(b.name))
-        .map((starter) => starter.name);
+      this.order = [...starters].sort(byUrgency).map((starter) => starter.name);
     }
     return this.order.map((name) => byName.get(name));
   }
@@ -222,8 +256,8 @@ export class Overview {
     if (kind === "no groups") return new Map([["", starters]]);
     const groups = new Map();
     for (const starter of starters) {
-      const titles = kind === "by line" ? [starter.facts.line] : starter.facts.groups?.length ? starter.facts.groups : ["in no group"];
-      for (const title of titles) groups.set(title, [...(groups.get(title) ?? []), starter]);
+      const keys = kind === "by line" ? [`l${starter.facts.line}`] : starter.facts.groups?.length ? starter.facts.groups.map((name) => `g${name}`) : ["zin no group"]; // the last of all
+      for (const key of keys) groups.set(key, [...(groups.get(key) ?? []), starter]);
     }
     return new Map([...groups].sort(([a], [b]) => a.localeCompare(b)));
   }
@@ -247,6 +281,6 @@ export class Overview {
 function fits(starter, words) {
   if (!words) return true;
   const facts = starter.facts;
-  const text = [starter.name, starter.state, facts.line, facts.model, facts.title, ...(facts.groups ?? []), trouble(starter), SIGNALS[starter.signal]].join(" ");
+  const text = [starter.name, starter.title, starter.state, facts.line, facts.model, facts.kind, ...(facts.groups ?? []), trouble(starter), SIGNALS[starter.signal]].join(" ");
   return words.split(/\s+/).every((word) => text.toLowerCase().includes(word));
 }
