@@ -1,6 +1,6 @@
 """Builds the Debian packages: `python -m deploy.deb.build [--distribution NAME] ..`.
 
-Each package holds the program with all that it needs but Python, from the wheels that requirements.lock names
+Each package holds the program with all that it needs but Python, from the wheels that deploy/requirements.lock names
 by their hashes. The same commit gives the same bytes.
 """
 
@@ -23,7 +23,7 @@ from deploy.deb.targets import ARCHITECTURES, DISTRIBUTIONS, Distribution, packa
 from deploy.wheel import TOP, build_wheel, builders_environ, commit_time, project_version
 
 HERE = Path(__file__).parent
-LOCK = HERE / "requirements.lock"
+LOCK = TOP / "deploy" / "requirements.lock"
 OUT = TOP / "dist"
 LIBRARY = Path("usr/lib/starter-gateway")
 SHARE = Path("usr/share/doc/starter-gateway")
