@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-dep
 DEMO := $(if $(wildcard $(STAMP)),$(STAMP),$(STAMP)-demo)
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel image deb apt-repo debian programs test-deb test-root late-replies
 
 # Each test of processes starts some, and compiles the program again where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -146,6 +146,9 @@ site: $(STAMP) ## build the documentation as a site, into the package: `starter-
 
 wheel: $(STAMP) web site ## build the wheel into dist/, with documentation, page and deploy kit
 	$(BIN)/python -m deploy.wheel
+
+image: ## build the container image, by Podman or Docker
+	$(shell command -v podman || echo docker) build --tag starter-gateway --file deploy/oci/Containerfile .
 
 $(STAMP)-deb: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[deb]'
