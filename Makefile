@@ -144,8 +144,9 @@ docs: $(STAMP) ## write the generated parts of the documents
 site: $(STAMP) ## build the documentation as a site, into the package: `starter-gateway docs` serves it
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-wheel: $(STAMP) web site ## build the wheel into dist/, with documentation, page and deploy kit
+wheel: $(STAMP)-deb web site ## build the wheel into dist/, with documentation, page and deploy kit, as PyPI takes it
 	$(BIN)/python -m deploy.wheel
+	$(BIN)/twine check --strict dist/*.whl
 
 image: ## build the container image, by Podman or Docker
 	$(shell command -v podman || echo docker) build --tag starter-gateway --file deploy/oci/Containerfile .
@@ -156,6 +157,10 @@ $(STAMP)-deb: $(STAMP)
 
 deb: $(STAMP)-deb web site ## build the Debian packages into dist/: all six, or DISTRIBUTION=deb12 and ARCHITECTURE=amd64
 	@$(BIN)/python -m deploy.deb.build $(if $(DISTRIBUTION),--distribution $(DISTRIBUTION)) $(if $(ARCHITECTURE),--architecture $(ARCHITECTURE))
+
+apt-repo: $(STAMP)-deb ## of the packages in dist/ a signed apt repository, dist/apt: GPG_KEY=fingerprint or address
+	@$(if $(GPG_KEY),,$(error GPG_KEY= names the key that signs, as gpg knows it))
+	@$(BIN)/python -m deploy.apt_repository --key '$(GPG_KEY)'
 
 debian:
 	@$(PACKAGES)/get-debian.sh

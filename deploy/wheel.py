@@ -18,7 +18,7 @@ UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.
 BACKEND = TOP / "deploy" / "backend"
 _LEFT_OUT = (  # what only builders need
     *("__pycache__", "backend", "deb", "get-*.sh", "npm", "oci", "progress.sh", "demo.lock"),
-    *("apt_repository.py", "licences.py", "wheel.py"),
+    *("apt_repository.py", "libraries.py", "licences", "wheel.py"),
 )
 
 

@@ -30,7 +30,7 @@ LAST_FRAME_S = 4.0
 SEND, KNOB = "starter-gateway send demo.toml", "mosquitto_pub -t simulator"
 SCENES = (  # what is typed, and for how long it is watched
     (f"{SEND} fan start --client demo", 5.0),
-    (f"{KNOB}/belt/power -m off   # one starter is dead: the others do not wait for it", 4.0),
+    (f"{KNOB}/belt/power -m off   # one starter is off: the others do not wait for it", 4.0),
     (f"{SEND} mill start --client demo", 4.0),
     (f"{KNOB}/pump/trip -m E05", 3.0),
     (f"{SEND} fan stop --client demo", 3.0),
@@ -130,7 +130,12 @@ async def acted(film: Film, typed: str, config: str, port: str) -> None:
     film.terminal += f"$ {typed}\n"
     words = shlex.split(typed, comments=True)
     if words[0] == "starter-gateway":
-        words = [sys.executable, "-m", "gateway", *(config if word == "demo.toml" else word for word in words[1:])]
+        words = [
+            sys.executable,
+            "-m",
+            "gateway",
+            *(config if word == "demo.toml" else word for word in words[1:]),
+        ]
     else:
         words[1:1] = ["-p", port]
     process = await asyncio.create_subprocess_exec(*words, stdout=asyncio.subprocess.PIPE)

@@ -28,9 +28,9 @@ def test_the_packages_unit_is_the_shipped_one_with_another_path() -> None:
 
 
 def test_a_later_distribution_has_the_later_version() -> None:
-    versions = [package_version("0.2.0", each) for each in DISTRIBUTIONS.values()]
+    versions = [package_version("0.3.0", each) for each in DISTRIBUTIONS.values()]
 
-    assert versions == ["0.2.0-1~deb12u1", "0.2.0-1~deb13u1"]
+    assert versions == ["0.3.0-1~deb12u1", "0.3.0-1~deb13u1"]
 
 
 def test_the_changelog_has_an_entry_for_each_release_in_debians_form() -> None:

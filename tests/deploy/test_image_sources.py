@@ -58,7 +58,9 @@ def test_the_image_does_not_run_as_root_and_says_how_it_is() -> None:
         ('[web]\nlisten = "192.0.2.7:8480"\nbase_path = "/mcc1/"', "http://192.0.2.7:8480/mcc1/health"),
     ],
 )
-def test_the_health_check_asks_where_the_page_listens(healthy: ModuleType, site: str, url: str | None) -> None:
+def test_the_health_check_asks_where_the_page_listens(
+    healthy: ModuleType, site: str, url: str | None
+) -> None:
     assert healthy.health_url(site) == url
 
 
@@ -73,7 +75,9 @@ def test_the_example_for_compose_mounts_what_exists_and_gives_the_gateway_little
 
     assert mounted
     assert [path for path in mounted if not (OCI / path).exists()] == []
-    assert (OCI / gateway["build"]["context"] / gateway["build"]["dockerfile"]).samefile(OCI / "Containerfile")
+    assert (OCI / gateway["build"]["context"] / gateway["build"]["dockerfile"]).samefile(
+        OCI / "Containerfile"
+    )
     assert (gateway["read_only"], gateway["cap_drop"]) == (True, ["ALL"])
     named = {volume.split(":")[0] for each in COMPOSE["services"].values() for volume in each["volumes"]}
     assert {name for name in named if not name.startswith(".")} == set(COMPOSE["volumes"])

@@ -38,7 +38,7 @@ def test_a_killed_upgrade_and_one_on_a_full_disk_leave_the_version_before_in_for
     distribution: str, system: Container, packages: Packages
 ) -> None:
     site = InstalledSite(system, packages, distribution)
-    site.install("0.2.0")
+    site.install("0.3.0")
     demo_shows_its_motors(site)
     with site.simulated() as tap:
         runs_with_an_encrypted_credential(site)
@@ -51,7 +51,7 @@ def test_an_upgrade_looks_at_the_unit_and_at_the_machine_as_they_are_and_purging
 ) -> None:
     before = files_of(system)
     site = InstalledSite(system, packages, distribution)
-    site.install("0.2.2", only_the_version)
+    site.install("0.3.2", only_the_version)
     with site.simulated() as tap:
         runs_with_an_encrypted_credential(site)
         a_configuration_elsewhere_is_checked_too(site, tap)
@@ -88,19 +88,19 @@ def runs_with_an_encrypted_credential(site: InstalledSite) -> None:
 
 
 def a_killed_upgrade_leaves_the_old_version_in_force(site: InstalledSite, tap: LineTap) -> None:
-    began_s, package = time.monotonic(), site.put("0.2.1", only_the_version)
+    began_s, package = time.monotonic(), site.put("0.3.1", only_the_version)
     for moment in MOMENTS:
         said = killed_install(site, package, moment)
         assert NEVER not in said, f"{moment}\n{said}"
         assert "restarting" not in said, f"{moment}\n{said}"
-        assert site.version_that_started_last() == "0.2.0", f"{moment}\n{said}"
-        assert "0.2.0" in site.system.run("starter-gateway", "--version")
+        assert site.version_that_started_last() == "0.3.0", f"{moment}\n{said}"
+        assert "0.3.0" in site.system.run("starter-gateway", "--version")
         restarted(site)
         assert_motor_was_left_alone(site, tap, began_s)
     site.system.run("dpkg", "--install", package)  # apt wants `dpkg --configure -a` before
     site.until("gateway/status", "online")
 
-    assert_version(site, running="0.2.1", installed="0.2.1")
+    assert_version(site, running="0.3.1", installed="0.3.1")
     assert_motor_was_left_alone(site, tap, began_s)
     assert site.system.run("dpkg", "--verify", "starter-gateway") == ""
 
@@ -126,7 +126,7 @@ def restarted(site: InstalledSite) -> None:
 
 
 def a_full_disk_refuses_an_upgrade(site: InstalledSite, tap: LineTap) -> None:
-    began_s, package = time.monotonic(), site.put("0.2.2", only_the_version)
+    began_s, package = time.monotonic(), site.put("0.3.2", only_the_version)
     site.shell(
         f"mkdir /root/small; mount -t tmpfs -o size=100m tmpfs /root/small; cp -a {TOP}/. /root/small/"
     )
@@ -135,13 +135,13 @@ def a_full_disk_refuses_an_upgrade(site: InstalledSite, tap: LineTap) -> None:
     said = site.shell(f"dpkg --install {package}")
 
     assert "No space left on device" in said
-    assert_version(site, running="0.2.1", installed="0.2.1")
+    assert_version(site, running="0.3.1", installed="0.3.1")
     restarted(site)
     assert_motor_was_left_alone(site, tap, began_s)
     site.system.run("rm", f"{TOP}/fill")
-    site.install("0.2.2", only_the_version)
+    site.install("0.3.2", only_the_version)
     site.until("gateway/status", "online")
-    assert_version(site, running="0.2.2", installed="0.2.2")
+    assert_version(site, running="0.3.2", installed="0.3.2")
     assert_motor_was_left_alone(site, tap, began_s)
 
 
@@ -150,7 +150,7 @@ def a_configuration_elsewhere_is_checked_too(site: InstalledSite, tap: LineTap) 
     site.drop_in("own", OWN_START)
     restarted(site)
     before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.3", without_spanish)
+    said = site.install("0.3.3", without_spanish)
 
     assert "THE NEW VERSION DOES NOT RUN" in said
     assert "language" in said
@@ -164,35 +164,35 @@ def a_configuration_elsewhere_is_checked_too(site: InstalledSite, tap: LineTap) 
     site.shell("mv /etc/starter-gateway/gone /etc/starter-gateway/site.toml")
     site.shell("rm /etc/systemd/system/starter-gateway.service.d/own.conf; systemctl daemon-reload")
     restarted(site)
-    assert_version(site, running="0.2.2", installed="0.2.3")
+    assert_version(site, running="0.3.2", installed="0.3.3")
 
 
 def a_policy_against_restarts_is_said(site: InstalledSite, tap: LineTap) -> None:
     site.system.write("/usr/sbin/policy-rc.d", "#!/bin/sh\nexit 101\n", mode=0o755)
     before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.4", only_the_version)
+    said = site.install("0.3.4", only_the_version)
 
     assert "policy-rc.d" in said.partition("THE NEW VERSION DOES NOT RUN")[2]
     assert site.pid() == before
-    assert_version(site, running="0.2.2", installed="0.2.4")
+    assert_version(site, running="0.3.2", installed="0.3.4")
     assert_motor_was_left_alone(site, tap, began_s)
     site.system.run(f"{TOP}/activate", "--restart")
     site.until("gateway/status", "online")
-    assert_version(site, running="0.2.4", installed="0.2.4")
+    assert_version(site, running="0.3.4", installed="0.3.4")
     assert_motor_was_left_alone(site, tap, began_s)
     site.system.run("rm", "/usr/sbin/policy-rc.d")
 
 
 def a_version_before_that_cannot_start_again_is_said(site: InstalledSite) -> None:
     """As after the distribution's own upgrade, when Python has become another one."""
-    assert "CANNOT BE STARTED AGAIN" not in site.install("0.2.3", without_spanish)
+    assert "CANNOT BE STARTED AGAIN" not in site.install("0.3.3", without_spanish)
     site.shell(f"rm {TOP}/previous/pydantic_core/*.so")
     assert "CANNOT BE STARTED AGAIN" in site.system.run(f"{TOP}/activate", fails=True)
 
 
 def half_a_package_is_removed(site: InstalledSite) -> None:
     """Dpkg calls no `prerm` then."""
-    package = site.put("0.2.1", only_the_version)
+    package = site.put("0.3.1", only_the_version)
     killed_install(site, package, "it unpacks")
     assert "half-installed" in site.system.run("dpkg", "--status", "starter-gateway")
     site.shell("dpkg --remove --force-remove-reinstreq starter-gateway")
@@ -202,11 +202,11 @@ def half_a_package_is_removed(site: InstalledSite) -> None:
 
 
 def an_installation_says_what_its_configuration_is_worth(site: InstalledSite) -> None:
-    said = site.install("0.2.3", without_spanish)
+    said = site.install("0.3.3", without_spanish)
 
     assert "THIS VERSION REFUSES THE PRESENT CONFIGURATION" in said
     assert "enabled, but does not run" in said
-    assert "REFUSES" not in site.install("0.2.4", only_the_version)
+    assert "REFUSES" not in site.install("0.3.4", only_the_version)
     site.system.run("systemctl", "start", "starter-gateway")
 
 

@@ -41,8 +41,12 @@ mosquitto -p 1883 > /dev/null 2>&1 &
 starter-gateway simulate /etc/starter-gateway/site.toml > /dev/null 2>&1 &
 healthy > /dev/null 2>&1 && echo "wrong: healthy before it runs"
 {command} 2> /tmp/log & it=$!
-n=0; until healthy > /dev/null 2>&1; do n=$((n + 1)); [ $n -lt 300 ] || {{ cat /tmp/log; exit 1; }}; sleep 0.1; done
-until grep -q "pump ready" /tmp/log; do n=$((n + 1)); [ $n -lt 600 ] || {{ cat /tmp/log; exit 1; }}; sleep 0.1; done
+soon() {{
+    for n in $(seq 300); do "$@" > /dev/null 2>&1 && return; sleep 0.1; done
+    cat /tmp/log; exit 1
+}}
+soon healthy
+soon grep -q "pump ready" /tmp/log
 starter-gateway send /etc/starter-gateway/site.toml pump start --client alice
 kill -TERM $it; code=0; wait $it || code=$?
 echo "ended with $code"
@@ -123,4 +127,3 @@ def test_the_image_runs_as_its_user_on_a_read_only_root_and_starts_a_motor(
     assert said[-1] == "ended with 0"
     assert config["User"] == "starter-gateway"
     assert config["Healthcheck"]["Test"] == ["CMD", "healthy"]
-

@@ -38,10 +38,10 @@ def test_a_package_is_installed_runs_is_upgraded_refused_taken_back_and_purged(
 
 
 def installs_without_starting_anything(site: InstalledSite) -> None:
-    site.install("0.2.0")
+    site.install("0.3.0")
 
     assert site.pid() == 0
-    assert "0.2.0" in site.system.run("starter-gateway", "--version")
+    assert "0.3.0" in site.system.run("starter-gateway", "--version")
     assert "dialout" in site.system.run("id", "starter-gateway")
     assert list((site.system.root / "etc/starter-gateway").iterdir()) == []
     assert site.system.run("systemd-analyze", "verify", UNIT) == ""
@@ -59,29 +59,29 @@ def runs_and_starts_a_motor(site: InstalledSite, tap: LineTap) -> None:
 
 def an_upgrade_restarts_in_time(site: InstalledSite, tap: LineTap) -> None:
     before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.1", only_the_version)
+    said = site.install("0.3.1", only_the_version)
     site.until("gateway/status", "online")
 
     assert site.pid() not in (0, before)
     assert "restarting" in said
-    assert_version(site, running="0.2.1", installed="0.2.1")
+    assert_version(site, running="0.3.1", installed="0.3.1")
     assert_motor_was_left_alone(site, tap, began_s)
     print(f"{tap.longest_gap_s(1, began_s):.2f} s without a request around the restart")
 
 
 def a_refused_upgrade_leaves_the_old_one_running(site: InstalledSite, tap: LineTap) -> None:
     before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.2", without_spanish)
+    said = site.install("0.3.2", without_spanish)
 
     assert site.pid() == before
     assert "THE NEW VERSION DOES NOT RUN" in said
     assert "language" in said
-    assert_version(site, running="0.2.1", installed="0.2.2")
+    assert_version(site, running="0.3.1", installed="0.3.2")
     assert_motor_was_left_alone(site, tap, began_s)
     old_process_finds_its_modules(site)
     site.system.run("systemctl", "restart", "starter-gateway")  # as after a reboot
     site.until("gateway/status", "online")
-    assert_version(site, running="0.2.1", installed="0.2.2")
+    assert_version(site, running="0.3.1", installed="0.3.2")
     assert_motor_was_left_alone(site, tap, began_s)
 
 
@@ -102,30 +102,30 @@ def the_operator_corrects_the_configuration(site: InstalledSite, tap: LineTap) -
     site.system.run(f"{TOP}/activate")
     site.until("gateway/status", "online")
 
-    assert_version(site, running="0.2.2", installed="0.2.2")
+    assert_version(site, running="0.3.2", installed="0.3.2")
     assert_motor_was_left_alone(site, tap, began_s)
 
 
 def a_restart_that_would_trip_a_watchdog_waits_for_a_word(site: InstalledSite, tap: LineTap) -> None:
     before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.3", slow_to_restart)
+    said = site.install("0.3.3", slow_to_restart)
 
     assert site.pid() == before
     assert "a restart takes longer than the watchdog of a starter" in said
-    assert_version(site, running="0.2.2", installed="0.2.3")
+    assert_version(site, running="0.3.2", installed="0.3.3")
     assert_motor_was_left_alone(site, tap, began_s)
-    site.install("0.2.4", slow_to_restart, STARTER_GATEWAY_RESTART="1")
+    site.install("0.3.4", slow_to_restart, STARTER_GATEWAY_RESTART="1")
     site.until("gateway/status", "online")
-    assert_version(site, running="0.2.4", installed="0.2.4")
+    assert_version(site, running="0.3.4", installed="0.3.4")
     assert_motor_was_left_alone(site, tap, began_s)
 
 
 def the_previous_version_comes_back(site: InstalledSite, tap: LineTap) -> None:
     began_s = time.monotonic()
-    site.install("0.2.0")
+    site.install("0.3.0")
     site.until("gateway/status", "online")
 
-    assert_version(site, running="0.2.0", installed="0.2.0")
+    assert_version(site, running="0.3.0", installed="0.3.0")
     assert_motor_was_left_alone(site, tap, began_s)
 
 

@@ -41,6 +41,7 @@ def test_the_wheel_holds_the_documentation_the_page_and_the_deploy_kit_and_no_le
 
     for wanted in (
         "gateway/docs_site/index.html",
+        "gateway/docs_site/NOTICES.txt",
         "gateway/plugins/web/static/index.html",
         "gateway/plugins/web/static/vendor/uPlot.iife.min.js",
         "gateway/deploy_kit/INSTALL.md",
