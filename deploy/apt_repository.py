@@ -1,7 +1,7 @@
 """Makes a signed apt repository of the packages in dist/: `python -m deploy.apt_repository --key KEY`.
 
-dist/apt is then a folder for any web server, or a disk: Packages, Release and InRelease of each distribution, and
-the public key. KEY is a key of yours, as gpg names it; it never leaves gpg.
+dist/apt is then a folder for any web server, or a disk: Packages, Release and InRelease of each distribution,
+and the public key. KEY is a key of yours, as gpg names it; it never leaves gpg.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The libraries in JavaScript that wheel and package carry: the page's, and those of the documentation's site."""
+"""The libraries in JavaScript that wheel and package carry: the page's, and the documentation's."""
 
 from __future__ import annotations
 

@@ -38,8 +38,8 @@ SCENES = (  # what is typed, and for how long it is watched
 STAGE = f"""
 <body style="margin: 0; background: #14181d">
 <img id="page" style="display: block; width: {WIDTH}px; height: {PAGE_HEIGHT}px">
-<pre id="terminal" style="margin: 0; padding: 8px 12px; height: {TERMINAL_HEIGHT - 16}px; box-sizing: content-box;
-overflow: hidden; color: #e6e6e6; font: 14px/18px 'DejaVu Sans Mono', monospace"></pre>
+<pre id="terminal" style="margin: 0; padding: 8px 12px; height: {TERMINAL_HEIGHT - 16}px; overflow: hidden;
+color: #e6e6e6; font: 14px/18px 'DejaVu Sans Mono', monospace"></pre>
 <canvas id="canvas" width="{WIDTH}" height="{PAGE_HEIGHT + TERMINAL_HEIGHT}" hidden></canvas>
 """
 CHANGED = """
@@ -54,7 +54,8 @@ async (png) => {
   let left = width, top = height, right = -1, bottom = -1;
   for (let y = 0, i = 0; y < height; y++) for (let x = 0; x < width; x++, i += 4) {
     if (last && now[i] === last[i] && now[i + 1] === last[i + 1] && now[i + 2] === last[i + 2]) continue;
-    left = Math.min(left, x); right = Math.max(right, x); top = Math.min(top, y); bottom = Math.max(bottom, y);
+    left = Math.min(left, x), right = Math.max(right, x);
+    top = Math.min(top, y), bottom = Math.max(bottom, y);
   }
   window.last = now;
   if (right < 0) return null;

@@ -1,7 +1,7 @@
 """Builds the Debian packages: `python -m deploy.deb.build [--distribution NAME] ..`.
 
-Each package holds the program with all that it needs but Python, from the wheels that deploy/requirements.lock names
-by their hashes. The same commit gives the same bytes.
+Each package holds the program with all that it needs but Python, from the wheels that
+deploy/requirements.lock names by their hashes. The same commit gives the same bytes.
 """
 
 from __future__ import annotations

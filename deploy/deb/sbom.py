@@ -12,7 +12,10 @@ from deploy.libraries import libraries
 
 
 def write_sbom(packages: Path, path: Path) -> None:
-    """Write the components of a folder of wheels and its libraries in JavaScript; the same folder gives the same bytes."""
+    """Write the components of a folder of wheels, its libraries in JavaScript too.
+
+    The same folder gives the same bytes.
+    """
     with tempfile.TemporaryDirectory() as folder:
         python = Path(folder) / "python"  # one that sees only the folder
         python.write_text(f'#!/bin/sh\nPYTHONPATH="{packages}" exec /usr/bin/python3 -S "$@"\n', "utf-8")

@@ -1,4 +1,4 @@
-"""The manual page of the configuration, site.toml(5), from the same models as docs/reference/configuration.md."""
+"""The manual page of the configuration, site.toml(5), from the models of docs/reference/configuration.md."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ HEAD = r"""
 .SH NAME
 site.toml \- configuration of starter\-gateway(1)
 .SH DESCRIPTION
-One TOML file describes a site: \fI/etc/starter\-gateway/site.toml\fR for the service. File names in it are relative to its folder.
-\fBstarter\-gateway check FILE\fR names every mistake with its key and line; \fBstarter\-gateway schema\fR prints all of this as JSON Schema.
+One TOML file describes a site: \fI/etc/starter\-gateway/site.toml\fR for the service.
+File names in it are relative to its folder.
+\fBstarter\-gateway check FILE\fR names every mistake with its key and line;
+\fBstarter\-gateway schema\fR prints all of this as JSON Schema.
 """.lstrip()
 END = r"""
 .SH EXAMPLES

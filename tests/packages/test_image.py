@@ -31,7 +31,7 @@ mount --bind "$2/state" "$1/var/lib/starter-gateway"
 ip link set lo up
 exec chroot --userspec=900:900 --groups=20 "$1" env --ignore-environment "PATH=$3" sh -ec "$4"
 """
-# A broker and simulated starters beside the image's own command; then what an operator and the health check see.
+# A broker and simulated starters beside the image's own command; then an operator and the health check.
 INSIDE = """
 echo "user $(id -u) $(id -G)"
 starter-gateway --version
