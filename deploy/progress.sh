@@ -9,10 +9,10 @@ with_progress() {
     [ -t 2 ] && end='\r' # on a terminal one line that counts
     "$@" > "$log" 2>&1 &
     pid=$!
-    while kill -0 "$pid" 2> /dev/null; do
-        printf "%s ... %s s$end" "$label" "$seconds" >&2
+    printf "%s ... %s s$end" "$label" "$seconds" >&2
+    while sleep 1 && kill -0 "$pid" 2> /dev/null; do
         seconds=$((seconds + 1))
-        sleep 1
+        printf "%s ... %s s$end" "$label" "$seconds" >&2
     done
     wait "$pid" || code=$?
     [ "$end" = '\n' ] || echo >&2

@@ -42,13 +42,16 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def test_the_lock_of_the_package_is_part_of_the_lock_of_all() -> None:
+@pytest.mark.parametrize("lock", ["requirements.lock", "demo.lock"])
+def test_a_lock_for_users_is_part_of_the_lock_of_all(lock: str) -> None:
     whole = (TOP / "requirements.lock").read_text("utf-8")
-    blocks = re.findall(r"^[\w.-]+==.*(?:\n    --hash=.*)*", LOCK.read_text("utf-8"), re.MULTILINE)
+    text = (TOP / "deploy" / lock).read_text("utf-8")
+    blocks = re.findall(r"^[\w.-]+==.*(?:\n    --hash=.*)*", text, re.MULTILINE)
 
     assert blocks
-    extra = [block.split("==")[0] for block in blocks if block not in whole]
-    assert set(extra) <= {"argcomplete"}  # which no test needs
+    assert {block.split("==")[0] for block in blocks if block not in whole} <= {
+        "argcomplete"
+    }  # which no test needs
 
 
 def test_a_package_has_the_locked_wheels_and_what_they_need(tree: Path) -> None:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 
+import pytest
+
 from tests.packages.built import Packages, only_the_version, slow_to_restart, without_spanish
 from tests.packages.container import Container
 from tests.packages.site import CREDENTIAL, LOGIN, TOP, UNIT, InstalledSite, Upgrades
+
+pytestmark = pytest.mark.timeout(600)  # many installations, each of which compiles the whole program
 
 
 def test_a_package_is_installed_runs_is_upgraded_refused_and_taken_back(

@@ -87,4 +87,3 @@ def test_the_installed_wheel_has_its_documentation_and_its_kit(program: Path, tm
     assert (kit / "starter-gateway-bridge.service").exists()
     checked = output_of(program, "check", kit / "config" / "pumps.toml", folder=tmp_path)
     assert "valid" in checked
-
