@@ -148,8 +148,9 @@ wheel: $(STAMP)-deb web site ## build the wheel into dist/, with documentation, 
 	$(BIN)/python -m deploy.wheel
 	$(BIN)/twine check --strict dist/*.whl
 
+# Podman's own format has no health check.
 image: ## build the container image, by Podman or Docker
-	$(shell command -v podman || echo docker) build --tag starter-gateway --file deploy/oci/Containerfile .
+	$(if $(shell command -v podman),podman build --format docker,docker build) --tag starter-gateway --file deploy/oci/Containerfile .
 
 $(STAMP)-deb: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[deb]'
