@@ -35,9 +35,7 @@ def main() -> int:
     url = health_url(SITE.read_text("utf-8"))
     if url is None:
         return 0
-    unchecked = ssl.SSLContext(
-        ssl.PROTOCOL_TLS_CLIENT
-    )  # its certificate has the plant's name
+    unchecked = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # its certificate has the plant's name
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     try:
         with urlopen(url, timeout=WITHIN_S, context=unchecked) as answer:
