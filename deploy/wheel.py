@@ -16,7 +16,10 @@ TOP = Path(__file__).parents[1]
 DOCS = TOP / "gateway" / "docs_site"  # of `make site`
 UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.min.js"  # of `make web`
 BACKEND = TOP / "deploy" / "backend"
-_LEFT_OUT = ("__pycache__", "backend", "deb", "get-*.sh", "npm", "wheel.py")  # what only builders need
+_LEFT_OUT = (  # what only builders need
+    *("__pycache__", "backend", "deb", "get-*.sh", "npm", "oci", "progress.sh", "demo.lock"),
+    *("apt_repository.py", "libraries.py", "licences", "wheel.py"),
+)
 
 
 def project_version() -> str:

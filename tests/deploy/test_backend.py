@@ -59,3 +59,7 @@ def test_a_build_without_network_ends_in_one_line_with_the_remedy(checkout: Any)
     checkout.UPLOT.touch()
     with pytest.raises(SystemExit, match=r"^gateway/docs_site cannot be made here: run `make site` where"):
         checkout.build_wheel("out")
+
+
+def test_the_site_is_made_by_the_locked_mkdocs_for_which_the_licences_are_shipped(checkout: Any) -> None:
+    assert f"\n{checkout.MKDOCS} " in (TOP / "requirements.lock").read_text("utf-8")

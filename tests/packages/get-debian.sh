@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes fresh Debian systems for the tests of the packages, as archives in build/debian: bookworm.tar and trixie.tar, from
-# where apt gets its packages on this machine; and sees to lintian. Needs root and mmdebstrap. Never fails.
+# where apt gets its packages on this machine; and sees to lintian and buildah. Needs root and mmdebstrap. Never fails.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -11,7 +11,7 @@ include=python3,systemd,udev,procps,openssl,mosquitto,mosquitto-clients
 is_there() {
     local suite
     [ "$(cat "$target/include" 2> /dev/null)" = "$include" ] || return 1
-    command -v lintian > /dev/null || return 1
+    command -v lintian > /dev/null && command -v buildah > /dev/null || return 1
     for suite in $suites; do
         [ -e "$target/$suite.tar" ] || return 1
     done
@@ -35,8 +35,8 @@ is_there && exit 0
 if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
     export DEBIAN_FRONTEND=noninteractive
     mkdir -p "$target"
-    if ! command -v mmdebstrap > /dev/null || ! command -v lintian > /dev/null; then
-        { apt-get update -qq && apt-get install -y -qq --no-install-recommends mmdebstrap lintian; } > /dev/null || true
+    if ! command -v mmdebstrap > /dev/null || ! command -v lintian > /dev/null || ! command -v buildah > /dev/null; then
+        { apt-get update -qq && apt-get install -y -qq --no-install-recommends mmdebstrap lintian buildah; } > /dev/null || true
     fi
     [ "$(cat "$target/include" 2> /dev/null)" = "$include" ] || rm -f "$target"/*.tar # of another list
     echo "$include" > "$target/include"
@@ -47,5 +47,5 @@ if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
     wait || true
 fi
 if ! is_there; then
-    echo "Not here: fresh systems of Debian (root and mmdebstrap are needed) or lintian: the tests of the packages are skipped." >&2
+    echo "Not here: fresh systems of Debian (root and mmdebstrap are needed) lintian or buildah: the tests of packages and image are skipped." >&2
 fi

@@ -8,6 +8,7 @@ import subprocess
 import time
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests.packages.built import Packages
@@ -144,17 +145,53 @@ class InstalledSite:
         return self.system.run("journalctl", "-u", "starter-gateway", "--no-pager", "-n", "60")
 
 
-def assert_version(site: InstalledSite, *, running: str, installed: str) -> None:
-    site.until_started(running)
-    assert running in site.system.run("starter-gateway", "--version")
-    assert installed in site.system.run(f"{TOP}/starter-gateway", "--version")
-
-
 def assert_motor_was_left_alone(site: InstalledSite, tap: LineTap, since_s: float) -> None:
     """No write since then, every gap is short, and the motor still runs."""
     assert tap.writes_since(since_s) == []
     assert tap.longest_gap_s(1, since_s) < LONGEST_GAP_S
     site.until("starter/pump/state", "running")
+
+
+@dataclass
+class Upgrades:
+    """What a package does to a service whose motor runs: after each step the motor was left alone."""
+
+    site: InstalledSite
+    tap: LineTap
+    running: str  # the version in force
+    _began_s: float = 0.0
+
+    def takes_effect(self, version: str, act: Callable[[], object]) -> None:
+        """Do something after which this version runs, and is installed."""
+        self._began_s = time.monotonic()
+        act()
+        self.site.until("gateway/status", "online")
+        self.running = version
+        self.stays(installed=version)
+
+    def is_left_aside(self, version: str, change: Callable[[Path], None], *, because: str) -> None:
+        """Install a version that does not run, for a reason that is said; the process is the same."""
+        before, self._began_s = self.site.pid(), time.monotonic()
+        said = self.site.install(version, change)
+        assert "THE NEW VERSION DOES NOT RUN" in said
+        assert because in said
+        assert self.site.pid() == before
+        self.stays(installed=version)
+
+    def comes_up_again(self) -> None:
+        """Restart the service, as a reboot would."""
+        before, self._began_s = self.site.pid(), time.monotonic()
+        self.site.system.run("systemctl", "restart", "starter-gateway")
+        self.site.until("gateway/status", "online")
+        assert self.site.pid() not in (0, before)
+        assert_motor_was_left_alone(self.site, self.tap, self._began_s)
+
+    def stays(self, *, installed: str) -> None:
+        """The version in force is the one that started last and that the command names."""
+        self.site.until_started(self.running)
+        assert self.running in self.site.system.run("starter-gateway", "--version")
+        assert installed in self.site.system.run(f"{TOP}/starter-gateway", "--version")
+        assert_motor_was_left_alone(self.site, self.tap, self._began_s)
 
 
 def files_of(system: Container) -> set[str]:

@@ -34,7 +34,7 @@ def test_the_bridges_unit_is_locked_down_and_telemetry_and_commands_pass(
     distribution: str, system: Container, packages: Packages
 ) -> None:
     site = InstalledSite(system, packages, distribution)
-    site.install("0.2.0")
+    site.install("0.3.0")
     system.write("/etc/hosts", "127.0.0.1 localhost broker.plant central.acme\n")
     with site.simulated():
         text = site_text(site.port, language="en").replace('"plant"', '"mcc1"')

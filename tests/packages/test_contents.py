@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import json
 import os
@@ -17,8 +18,10 @@ import pytest
 
 from deploy.deb.build import LIBRARY, LOCK, SHARE, lay_out, pack
 from deploy.deb.targets import ARCHITECTURES, DISTRIBUTIONS
+from deploy.libraries import libraries
 from deploy.wheel import TOP, build_wheel, project_version
 from tests.packages.built import Packages
+from tests.reference.configuration_page import tables
 
 MACHINES = {"amd64": 62, "arm64": 183, "armhf": 40}  # e_machine of ELF
 PACKAGES = LIBRARY / "site-packages"
@@ -39,13 +42,16 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def test_the_lock_of_the_package_is_part_of_the_lock_of_all() -> None:
+@pytest.mark.parametrize("lock", ["requirements.lock", "demo.lock"])
+def test_a_lock_for_users_is_part_of_the_lock_of_all(lock: str) -> None:
     whole = (TOP / "requirements.lock").read_text("utf-8")
-    blocks = re.findall(r"^[\w.-]+==.*(?:\n    --hash=.*)*", LOCK.read_text("utf-8"), re.MULTILINE)
+    text = (TOP / "deploy" / lock).read_text("utf-8")
+    blocks = re.findall(r"^[\w.-]+==.*(?:\n    --hash=.*)*", text, re.MULTILINE)
 
     assert blocks
-    extra = [block.split("==")[0] for block in blocks if block not in whole]
-    assert set(extra) <= {"argcomplete"}  # which no test needs
+    assert {block.split("==")[0] for block in blocks if block not in whole} <= {
+        "argcomplete"
+    }  # which no test needs
 
 
 def test_a_package_has_the_locked_wheels_and_what_they_need(tree: Path) -> None:
@@ -119,25 +125,32 @@ def test_the_bill_of_materials_and_the_copyright_name_every_part(tree: Path) -> 
     bill = json.loads((tree / SHARE / "sbom.cdx.json").read_text("utf-8"))
     rights = (tree / SHARE / "copyright").read_text("utf-8")
 
-    named = {(canonical(each["name"]), each["version"]) for each in bill["components"]}
+    scripts = {each.name: each.version for each in libraries(tree / PACKAGES)}
+    named = {canonical(each["name"]): each.get("version") for each in bill["components"]}
     assert bill["bomFormat"] == "CycloneDX"
-    assert named == {*locked().items(), ("starter-gateway", project_version())}
+    assert named == {**locked(), **scripts, "starter-gateway": project_version()}
+    assert {"uplot", "lunr", "rxjs", "mkdocs-material"} <= scripts.keys()
     licences = {canonical(label) for label in re.findall(r"^License: (\S+)$", rights, re.MULTILINE)}
     assert {canonical(f"{name}-{version}") for name, version in locked().items()} <= licences
-    assert "uPlot" in rights
+    assert {
+        canonical(f"{name}-{version}" if version else name) for name, version in scripts.items()
+    } <= licences
+    assert "Leon Sorokin" in rights  # who wrote uPlot
 
 
-def test_the_manual_page_and_the_documentation_are_there(tree: Path) -> None:
-    page = subprocess.run(
-        ["gzip", "-dc", tree / "usr/share/man/man1/starter-gateway.1.gz"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+def test_the_manual_pages_and_the_documentation_are_there(tree: Path) -> None:
+    command, configuration = (
+        gzip.decompress((tree / "usr/share/man" / name).read_bytes()).decode()
+        for name in ("man1/starter-gateway.1.gz", "man5/site.toml.5.gz")
+    )
 
-    for command in ("run", "check", "send", "doctor"):
-        assert f"starter\\-gateway {command}" in page
-    assert (tree / SHARE / "html" / "index.html").exists()
+    assert [
+        each for each in ("run", "check", "send", "doctor") if f"starter\\-gateway {each}" not in command
+    ] == []
+    for table in tables():
+        assert f".SH {table.header}\n" in configuration or not table.keys
+        assert [key.name for key in table.keys if f"\\fB{key.name}\\fR (" not in configuration] == []
+    assert (tree / SHARE / "html" / "NOTICES.txt").exists()
     assert (tree / SHARE / "deploy" / "starter-gateway-bridge.service").exists()
 
 

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import pytest
 
 from tests.packages.built import Packages, only_the_version, without_spanish
 from tests.packages.container import Container
-from tests.packages.line_tap import LineTap
-from tests.packages.site import (
-    ENCRYPTED,
-    LOGIN,
-    PATIENCE_S,
-    TOP,
-    InstalledSite,
-    assert_motor_was_left_alone,
-    assert_version,
-    files_of,
-)
+from tests.packages.site import ENCRYPTED, LOGIN, PATIENCE_S, TOP, InstalledSite, Upgrades, files_of
 
 MOMENTS = {  # at which dpkg is killed, as a shell waits for them
     "it unpacks": f"[ -e {TOP}/activate.dpkg-new ]",
@@ -38,12 +29,13 @@ def test_a_killed_upgrade_and_one_on_a_full_disk_leave_the_version_before_in_for
     distribution: str, system: Container, packages: Packages
 ) -> None:
     site = InstalledSite(system, packages, distribution)
-    site.install("0.2.0")
+    site.install("0.3.0")
     demo_shows_its_motors(site)
     with site.simulated() as tap:
         runs_with_an_encrypted_credential(site)
-        a_killed_upgrade_leaves_the_old_version_in_force(site, tap)
-        a_full_disk_refuses_an_upgrade(site, tap)
+        upgrades = Upgrades(site, tap, running="0.3.0")
+        a_killed_upgrade_leaves_the_old_version_in_force(site, upgrades)
+        a_full_disk_refuses_an_upgrade(site, upgrades)
 
 
 def test_an_upgrade_looks_at_the_unit_and_at_the_machine_as_they_are_and_purging_leaves_nothing(
@@ -51,11 +43,12 @@ def test_an_upgrade_looks_at_the_unit_and_at_the_machine_as_they_are_and_purging
 ) -> None:
     before = files_of(system)
     site = InstalledSite(system, packages, distribution)
-    site.install("0.2.2", only_the_version)
+    site.install("0.3.2", only_the_version)
     with site.simulated() as tap:
         runs_with_an_encrypted_credential(site)
-        a_configuration_elsewhere_is_checked_too(site, tap)
-        a_policy_against_restarts_is_said(site, tap)
+        upgrades = Upgrades(site, tap, running="0.3.2")
+        a_configuration_elsewhere_is_checked_too(site, upgrades)
+        a_policy_against_restarts_is_said(site, upgrades)
         a_version_before_that_cannot_start_again_is_said(site)
     half_a_package_is_removed(site)
     an_installation_says_what_its_configuration_is_worth(site)
@@ -87,21 +80,18 @@ def runs_with_an_encrypted_credential(site: InstalledSite) -> None:
     assert LOGIN[1] not in (site.system.root / path.lstrip("/")).read_text("utf-8")
 
 
-def a_killed_upgrade_leaves_the_old_version_in_force(site: InstalledSite, tap: LineTap) -> None:
-    began_s, package = time.monotonic(), site.put("0.2.1", only_the_version)
+def a_killed_upgrade_leaves_the_old_version_in_force(site: InstalledSite, upgrades: Upgrades) -> None:
+    package = site.put("0.3.1", only_the_version)
     for moment in MOMENTS:
         said = killed_install(site, package, moment)
         assert NEVER not in said, f"{moment}\n{said}"
         assert "restarting" not in said, f"{moment}\n{said}"
-        assert site.version_that_started_last() == "0.2.0", f"{moment}\n{said}"
-        assert "0.2.0" in site.system.run("starter-gateway", "--version")
-        restarted(site)
-        assert_motor_was_left_alone(site, tap, began_s)
-    site.system.run("dpkg", "--install", package)  # apt wants `dpkg --configure -a` before
-    site.until("gateway/status", "online")
+        assert site.version_that_started_last() == "0.3.0", f"{moment}\n{said}"
+        assert "0.3.0" in site.system.run("starter-gateway", "--version")
+        upgrades.comes_up_again()
+    # apt wants `dpkg --configure -a` before
+    upgrades.takes_effect("0.3.1", partial(site.system.run, "dpkg", "--install", package))
 
-    assert_version(site, running="0.2.1", installed="0.2.1")
-    assert_motor_was_left_alone(site, tap, began_s)
     assert site.system.run("dpkg", "--verify", "starter-gateway") == ""
 
 
@@ -117,45 +107,27 @@ def killed_install(site: InstalledSite, package: str, moment: str) -> str:
     return site.shell(f"{clean}; {begun}; {waits}; /bin/kill -KILL -- -$it; {ended}; cat /root/said")
 
 
-def restarted(site: InstalledSite) -> None:
-    """Restart the service, as a reboot would: it must come up."""
-    before = site.pid()
-    site.system.run("systemctl", "restart", "starter-gateway")
-    site.until("gateway/status", "online")
-    assert site.pid() not in (0, before)
-
-
-def a_full_disk_refuses_an_upgrade(site: InstalledSite, tap: LineTap) -> None:
-    began_s, package = time.monotonic(), site.put("0.2.2", only_the_version)
+def a_full_disk_refuses_an_upgrade(site: InstalledSite, upgrades: Upgrades) -> None:
+    package = site.put("0.3.2", only_the_version)
     site.shell(
         f"mkdir /root/small; mount -t tmpfs -o size=100m tmpfs /root/small; cp -a {TOP}/. /root/small/"
     )
     site.shell(f"mount --bind /root/small {TOP}; dd if=/dev/zero of={TOP}/fill bs=64k")
     site.shell(f"truncate --size=-5M {TOP}/fill")
-    said = site.shell(f"dpkg --install {package}")
 
-    assert "No space left on device" in said
-    assert_version(site, running="0.2.1", installed="0.2.1")
-    restarted(site)
-    assert_motor_was_left_alone(site, tap, began_s)
+    assert "No space left on device" in site.shell(f"dpkg --install {package}")
+    upgrades.stays(installed="0.3.1")
+    upgrades.comes_up_again()
     site.system.run("rm", f"{TOP}/fill")
-    site.install("0.2.2", only_the_version)
-    site.until("gateway/status", "online")
-    assert_version(site, running="0.2.2", installed="0.2.2")
-    assert_motor_was_left_alone(site, tap, began_s)
+    upgrades.takes_effect("0.3.2", partial(site.install, "0.3.2", only_the_version))
 
 
-def a_configuration_elsewhere_is_checked_too(site: InstalledSite, tap: LineTap) -> None:
+def a_configuration_elsewhere_is_checked_too(site: InstalledSite, upgrades: Upgrades) -> None:
     site.shell(f"mv /etc/starter-gateway/site.toml '{OWN_FILE}'")
     site.drop_in("own", OWN_START)
-    restarted(site)
-    before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.3", without_spanish)
-
-    assert "THE NEW VERSION DOES NOT RUN" in said
-    assert "language" in said
-    assert site.pid() == before
-    assert_motor_was_left_alone(site, tap, began_s)
+    upgrades.comes_up_again()
+    upgrades.is_left_aside("0.3.3", without_spanish, because="language")
+    before = site.pid()
     site.shell(f"mv '{OWN_FILE}' /etc/starter-gateway/gone")
     assert "No such file" in site.system.run(f"{TOP}/activate", fails=True)
     site.drop_in("own", "[Service]\nExecStart=\nExecStart=/bin/sh -c 'exec starter-gateway run $FILE'\n")
@@ -163,36 +135,27 @@ def a_configuration_elsewhere_is_checked_too(site: InstalledSite, tap: LineTap) 
     assert site.pid() == before
     site.shell("mv /etc/starter-gateway/gone /etc/starter-gateway/site.toml")
     site.shell("rm /etc/systemd/system/starter-gateway.service.d/own.conf; systemctl daemon-reload")
-    restarted(site)
-    assert_version(site, running="0.2.2", installed="0.2.3")
+    upgrades.comes_up_again()
+    upgrades.stays(installed="0.3.3")
 
 
-def a_policy_against_restarts_is_said(site: InstalledSite, tap: LineTap) -> None:
+def a_policy_against_restarts_is_said(site: InstalledSite, upgrades: Upgrades) -> None:
     site.system.write("/usr/sbin/policy-rc.d", "#!/bin/sh\nexit 101\n", mode=0o755)
-    before, began_s = site.pid(), time.monotonic()
-    said = site.install("0.2.4", only_the_version)
-
-    assert "policy-rc.d" in said.partition("THE NEW VERSION DOES NOT RUN")[2]
-    assert site.pid() == before
-    assert_version(site, running="0.2.2", installed="0.2.4")
-    assert_motor_was_left_alone(site, tap, began_s)
-    site.system.run(f"{TOP}/activate", "--restart")
-    site.until("gateway/status", "online")
-    assert_version(site, running="0.2.4", installed="0.2.4")
-    assert_motor_was_left_alone(site, tap, began_s)
+    upgrades.is_left_aside("0.3.4", only_the_version, because="policy-rc.d")
+    upgrades.takes_effect("0.3.4", partial(site.system.run, f"{TOP}/activate", "--restart"))
     site.system.run("rm", "/usr/sbin/policy-rc.d")
 
 
 def a_version_before_that_cannot_start_again_is_said(site: InstalledSite) -> None:
     """As after the distribution's own upgrade, when Python has become another one."""
-    assert "CANNOT BE STARTED AGAIN" not in site.install("0.2.3", without_spanish)
+    assert "CANNOT BE STARTED AGAIN" not in site.install("0.3.3", without_spanish)
     site.shell(f"rm {TOP}/previous/pydantic_core/*.so")
     assert "CANNOT BE STARTED AGAIN" in site.system.run(f"{TOP}/activate", fails=True)
 
 
 def half_a_package_is_removed(site: InstalledSite) -> None:
     """Dpkg calls no `prerm` then."""
-    package = site.put("0.2.1", only_the_version)
+    package = site.put("0.3.1", only_the_version)
     killed_install(site, package, "it unpacks")
     assert "half-installed" in site.system.run("dpkg", "--status", "starter-gateway")
     site.shell("dpkg --remove --force-remove-reinstreq starter-gateway")
@@ -202,16 +165,17 @@ def half_a_package_is_removed(site: InstalledSite) -> None:
 
 
 def an_installation_says_what_its_configuration_is_worth(site: InstalledSite) -> None:
-    said = site.install("0.2.3", without_spanish)
+    said = site.install("0.3.3", without_spanish)
 
     assert "THIS VERSION REFUSES THE PRESENT CONFIGURATION" in said
     assert "enabled, but does not run" in said
-    assert "REFUSES" not in site.install("0.2.4", only_the_version)
+    assert "REFUSES" not in site.install("0.3.4", only_the_version)
     site.system.run("systemctl", "start", "starter-gateway")
 
 
 def purging_leaves_nothing(site: InstalledSite, before: set[str]) -> None:
     """A masked unit that has failed, too."""
+    assert (site.system.root / "var/lib/starter-gateway").exists()
     site.shell("kill -KILL $(systemctl show --property=MainPID --value starter-gateway)")
     site.system.run("systemctl", "mask", "starter-gateway")
     site.system.run("apt-get", "purge", "--yes", "starter-gateway")

@@ -1,10 +1,11 @@
-"""What mkdocs does besides: pages from outside docs/, and links to files that are no pages.
+"""What mkdocs does besides: pages from outside docs/, links to files that are no pages, licences.
 
 A link to a file of the repository that is not in the site becomes its name: the site works without internet.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+LICENCES = ROOT / "deploy" / "licences"  # of the libraries that the site's theme has bundled
 TAKEN_IN = {  # pages of the site, and where they stand in the repository
     "install.md": ROOT / "deploy" / "INSTALL.md",
     "changes.md": ROOT / "CHANGELOG.md",
@@ -54,13 +56,22 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
 
 def on_post_build(config: Any) -> None:
-    """Remove what an English site without an address never loads, and what carries the day of the build."""
+    """Remove what an English site without an address never loads, and what carries the day of the build.
+
+    The licences of the libraries in its scripts are added; ValueError when the text of one is missing.
+    """
     site = Path(config["site_dir"])
     for name in ("sitemap.xml", "sitemap.xml.gz"):
         (site / name).unlink(missing_ok=True)
     shutil.rmtree(site / "assets" / "javascripts" / "lunr", ignore_errors=True)
+    texts = {path.stem: path.read_text("utf-8") for path in sorted(LICENCES.glob("*.txt"))}
     for path in site.rglob("*.map"):
+        sources = " ".join(json.loads(path.read_text("utf-8"))["sources"])
+        if missing := set(re.findall(r"node_modules/((?:@[^/]+/)?[^/]+)", sources)) - texts.keys():
+            raise ValueError(f"deploy/licences has no text of {', '.join(sorted(missing))}")
         path.unlink()
+    notices = [f"{name}\n{'=' * len(name)}\n\n{text.strip()}\n" for name, text in texts.items()]
+    (site / "NOTICES.txt").write_text("\n\n".join(notices), "utf-8")
 
 
 def page_of(path: Path) -> str | None:
