@@ -25,21 +25,20 @@ from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import (
     REFRESH_S,
     SOONEST_S,
-    AnswerCache,
     Availability,
-    DecodedPoints,
     LockOf,
     NewReadings,
     Points,
     PublishedFaults,
     Readings,
+    ReplyReader,
     Rows,
+    Said,
     Snapshot,
     StatePublisher,
     advance,
     bad,
     good_values,
-    read,
     sources_of,
     stale,
     unread,
@@ -47,6 +46,7 @@ from gateway.starters.state import (
 
 logger = logging.getLogger(__name__)
 
+NOTHING: Points = {}
 REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
 
 
@@ -83,7 +83,7 @@ class StarterTelemetry:
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._clock = records.clock
-        self._answers = AnswerCache(setup.profile)
+        self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
@@ -174,7 +174,7 @@ class StarterTelemetry:
         self._contact.cancel()
         self.availability.end(reason)
         points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = NewReadings(stale(points, points), now_s, self._clock.utc_s())
+        news = NewReadings(now_s, self._clock.utc_s(), doubts=stale(points, points))
         self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
         self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
@@ -234,7 +234,14 @@ class StarterTelemetry:
     def take_rows(self, rows: Rows, *, at_s: float) -> None:
         """Record rows that were just read for a command; it goes on before they are decoded and published."""
         self._keep_rows(rows, at_s=at_s)
-        asyncio.get_running_loop().call_soon(self._take_decoded, rows, at_s)
+        asyncio.get_running_loop().call_soon(self._take_late, rows, at_s)
+
+    def _take_late(self, rows: Rows, at_s: float) -> None:
+        """Take what rows say that were recorded for a command."""
+        if self._polling.is_withdrawn or self._publisher.is_closed:
+            return  # only a stop asks such a starter, and needs its rows
+        known = self._known_rows(at_s)
+        self._take(sources_of(self.profile).decode(self.variant, rows, known=known), at_s)
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
@@ -242,14 +249,19 @@ class StarterTelemetry:
         if not setting_codes(self.setup.profile).isdisjoint(rows) and not is_other:
             self.note_settings(rows)
 
+    def _known_rows(self, at_s: float) -> Rows:
+        """Return the rows that were current then."""
+        return self.snapshot.rows_since(at_s - self._polling.patience_s)
+
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
-        said = self._answers.read(key, block, self.variant, answer.value)
+        at_s = answer.at_s
+        said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
         if self._contact.standing.is_readable:  # else its values grow old
-            self._polling.note_answer(key, at_s=answer.at_s)
+            self._polling.note_answer(key, at_s=at_s)
         if self.availability.trouble(REFUSED_TOPIC):
             self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
-        self._keep_rows(said.rows, at_s=answer.at_s)
-        self._take_decoded(said.rows, answer.at_s, said.decoded)
+        self._keep_rows(said.rows, at_s=at_s)
+        self._take(said, at_s)
 
     def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
@@ -261,7 +273,7 @@ class StarterTelemetry:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
             logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
         self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
-        self._look(bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
+        self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
     def _come_online(self) -> None:
         if self.availability.is_online:
@@ -276,56 +288,53 @@ class StarterTelemetry:
         self._contact.note_silence()
         self.availability.go_offline(reason, frames)
         self._polling.note_silence()
-        self._look(stale(self.snapshot.readings, self.snapshot.readings))
+        self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
 
     # The state and what follows from it
 
-    def _take_decoded(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
-        """Decode rows that were recorded, unless that is done, and publish what they say."""
-        if self._polling.is_withdrawn or self._publisher.is_closed:
-            return  # only a stop asks such a starter, and needs its rows
+    def _take(self, said: Said, at_s: float) -> None:
+        """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
         self._come_online()
-        if self._contact.standing.is_readable:
-            self._take_rows_now(rows, at_s, decoded)
-        else:
-            self._look(time_s=self._clock.utc_s(at_s))
+        standing, time_s = self._contact.standing, self._clock.utc_s(at_s)
+        if not standing.is_readable:
+            self._look(time_s=time_s)
+            return
+        state, doubts = self.snapshot.state, NOTHING
+        points = state.fresh(said.points, at_s)
+        values = said.values if points is said.points else good_values(points)
+        if said.missing:
+            doubts = bad(state.points, said.missing, standing.contradiction)
+        if standing.contradiction:
+            points, values = bad(points, points, standing.contradiction), {}
+        self._look(points, at_s=at_s, time_s=time_s, doubts=doubts)
+        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, values))
 
-    def _take_rows_now(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
-        """Take what rows say into the state, publish it, and hand its good values to the recorders."""
-        points = self.snapshot.state.points
-        time_s = self._clock.utc_s(at_s)
-        if decoded is None:
-            known = self.snapshot.rows_since(at_s - self._polling.patience_s)
-            decoded = sources_of(self.profile).decode(self.variant, rows, known=known)
-        new = read(points, decoded.points, at_s=at_s, time_s=time_s)
-        if decoded.missing:
-            new = {**bad(points, decoded.missing), **new}
-        contradiction = self.contradiction
-        if contradiction:
-            new = bad(new, new, contradiction)
-        self._look(new, time_s=time_s)
-        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, good_values(new)))
-
-    def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
-        """Look at all that is known now, with new readings, and publish what is due.
+    def _look(
+        self,
+        points: Points = NOTHING,
+        *,
+        at_s: float = -math.inf,
+        time_s: float | None = None,
+        doubts: Points = NOTHING,
+    ) -> None:
+        """Look at all that is known now, with what a reply says, and publish what is due.
 
         `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
         """
-        now_s = self._clock.now_s()
+        now_s, before = self._clock.now_s(), self.snapshot.state
         overdue = self._polling.take_overdue(now_s)
         if overdue:
-            points = self.snapshot.readings
-            new = {**stale(points, sources_of(self.profile).fed_by(overdue)), **(new or {})}
-        before = self.snapshot.state
+            doubts = {**stale(before.points, sources_of(self.profile).fed_by(overdue)), **doubts}
         utc_s = self._clock.utc_s() if time_s is None else time_s
-        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.setup.profile)
+        news = NewReadings(now_s, utc_s, points, at_s, doubts)
+        state, happenings = advance(before, news, self.setup.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
-        self._polling.follow(state.status.word)
-        self._publisher.publish(
-            state, happenings, now_s=now_s, reason=self._why_unknown(), look_s=self._polling.next_overdue_s
-        )
+        if state.status is not before.status:
+            self._polling.follow(state.status.word)
+        reason, look_s = self._why_unknown(), self._polling.next_overdue_s
+        self._publisher.publish(state, happenings, now_s=now_s, reason=reason, look_s=look_s)
 
     # Who answers: what the identity's machine is asked, and what follows from its answers
 
@@ -361,7 +370,7 @@ class StarterTelemetry:
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
         self.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
-        self._look(bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else None)
+        self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
         for call in self._on_identified if is_family else ():
             call()
 

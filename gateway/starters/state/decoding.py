@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from gateway.contract import Quality
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
+from gateway.starters.state.readings import Points, Reading, Value, good_values
 
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
@@ -14,13 +16,21 @@ ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 _MOST_CACHED = 64
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+NO_ROWS: Rows = {}
 
 
-class DecodedPoints(NamedTuple):
-    """The points that were decoded from rows, and those for which a row was missing."""
+class Said(NamedTuple):
+    """What a reply says."""
 
-    points: Mapping[str, decode.Decoded]
-    missing: tuple[str, ...]
+    rows: Rows
+    points: Points
+    missing: tuple[str, ...] = ()  # points for which a row is missing
+    values: Mapping[str, Value] = {}  # the good ones of `points`
+
+
+def said(rows: Rows, points: Points, missing: tuple[str, ...] = ()) -> Said:
+    """Return what these rows and points say."""
+    return Said(rows, points, missing, good_values(points))
 
 
 class PointSources:
@@ -44,13 +54,20 @@ class PointSources:
         """Return whether the points that these rows feed depend on no others."""
         return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
 
-    def decode(self, variant: Variant, rows: Rows, *, known: Rows) -> DecodedPoints:
-        """Return the points that depend on freshly read rows, decoded from these and from `known` ones."""
-        fed = self.fed_by(rows)
+    def decode(
+        self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS, names: Sequence[str] | None = None
+    ) -> Said:
+        """Return what freshly read rows say, together with `known` ones: all their points, or `names`."""
+        fed = self.fed_by(rows) if names is None else names
         others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
         decoded = decode.decode_points(self._profile, variant, {**others, **rows}, names=fed)
-        missing = tuple(name for name in fed if name not in decoded)
-        return DecodedPoints({name: decoded[name] for name in fed if name in decoded}, missing)
+        points = {name: _reading(decoded[name]) for name in fed if name in decoded}
+        return said(rows, points, tuple(name for name in fed if name not in decoded))
+
+
+def _reading(new: decode.Decoded) -> Reading:
+    """Return a reading; a value that cannot be known is bad."""
+    return Reading(new.value, new.unit, Quality.BAD if new.value is None else Quality.GOOD, new.label)
 
 
 @once_per_profile
@@ -59,33 +76,47 @@ def sources_of(profile: Profile) -> PointSources:
     return PointSources(profile)
 
 
-class Answer(NamedTuple):
-    """Raw words by code, and what they say; None when that depends on other rows too."""
+class _Reply(NamedTuple):
+    """The latest reply to one poll."""
 
-    rows: Rows
-    decoded: DecodedPoints | None
+    block: reading.Block
+    variant: Variant
+    words: Sequence[Any]
+    said: Said
+    is_enough: bool  # its points depend on no other rows
 
 
-class AnswerCache:
-    """Reads the answers of one starter; most say the same as the last one to the same poll."""
+class ReplyReader:
+    """Reads the replies of one starter to its polls: most say the same as the one before, or nearly so.
 
-    def __init__(self, profile: Profile) -> None:
+    `known` returns the rows that were current at a time, of which points with several rows may need some.
+    """
+
+    def __init__(self, profile: Profile, known: Callable[[float], Rows]) -> None:
         self._profile = profile
+        self._known = known
         self._sources = sources_of(profile)
-        self._latest: dict[
-            str, tuple[reading.Block, Variant, Sequence[Any], Answer]
-        ] = {}  # by the poll's key
+        self._latest: dict[str, _Reply] = {}  # by the poll's key
 
-    def read(self, key: str, block: reading.Block, variant: Variant, value: Sequence[Any]) -> Answer:
-        """Return what an answer says."""
-        latest = self._latest.get(key)
-        if latest is not None and latest[0] is block and latest[1] is variant and latest[2] == value:
-            return latest[3]
-        rows = block.rows_in(self._profile, value)
-        is_enough = self._sources.are_enough(rows)
-        answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
-        self._latest[key] = block, variant, value, answer
-        return answer
+    def read(
+        self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
+    ) -> Said:
+        """Return what a reply says; only what hangs on rows that have changed is decoded."""
+        before = self._latest.get(key)
+        if before is not None and not (before.block is block and before.variant is variant):
+            before = None
+        if before is not None and before.words == words and before.is_enough:
+            return before.said
+        rows, sources = block.rows_in(self._profile, words), self._sources
+        is_enough = sources.are_enough(rows) if before is None else before.is_enough
+        if before is not None and is_enough:
+            changed = [code for code, row in rows.items() if row != before.said.rows[code]]
+            new = sources.decode(variant, rows, names=sources.fed_by(changed))
+            now = said(rows, {**before.said.points, **new.points})
+        else:
+            now = sources.decode(variant, rows, known={} if is_enough else self._known(at_s))
+        self._latest[key] = _Reply(block, variant, words, now, is_enough)
+        return now
 
 
 def is_flag(profile: Profile, name: str) -> bool:

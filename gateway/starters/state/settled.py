@@ -10,18 +10,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gateway.starters.state.readings import Value
+from gateway.starters.state.readings import Points, Value
 
 STARTED = frozenset({"starting", "running"})
 
 _NOTHING = object()
 
 
-class EarlierValues(NamedTuple):
+class EarlierPoints(NamedTuple):
     """What all points said when a new status came; `at_s` is the status's, on the steady clock."""
 
     at_s: float
-    values: tuple[Value, ...]  # in the order of the state's points; None: not good
+    points: Points
 
 
 class FirstSeen(NamedTuple):
@@ -31,7 +31,7 @@ class FirstSeen(NamedTuple):
     at_s: float  # of its reply, steady clock
     now_s: float  # when it was looked at
     utc_s: float
-    earlier: tuple[EarlierValues, ...]  # before it, the oldest first
+    earlier: tuple[EarlierPoints, ...]  # before it, the oldest first
 
 
 @dataclass(frozen=True, slots=True)

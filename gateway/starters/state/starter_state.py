@@ -21,8 +21,8 @@ from gateway.contract import StarterState as Word
 from gateway.families import Alarm, Profile, device_of, once_per_profile, state_of
 from gateway.starters.state.alarms import AlarmBook, AlarmStatus, active_faults, events_of, named, updated
 from gateway.starters.state.decoding import flags_of, units_of
-from gateway.starters.state.readings import Points, Reading, Value, good_values
-from gateway.starters.state.settled import STARTED, EarlierValues, FirstSeen, Settled, settle
+from gateway.starters.state.readings import Moment, Points, Reading, Value, good_values
+from gateway.starters.state.settled import STARTED, EarlierPoints, FirstSeen, Settled, settle
 
 UNKNOWN: Word = "unknown"
 TURNING = STARTED | {"stopping"}
@@ -67,15 +67,24 @@ class StarterState(NamedTuple):
     """All that is known of a starter; `version` grows whenever a point says something else."""
 
     points: Points
+    times: Mapping[str, Moment] = {}  # when each was read last; one that never was is absent
+    newest_s: float = -inf  # of these times, on the steady clock
     known_faults: tuple[str, ...] = ()  # codes of the fault that an earlier run has published
     version: int = 0
     versions: dict[str, int] = {}  # noqa: RUF012 - never changed. In which points began to say this, the newest last; absent: 0
     status: Status = Status()
     settled: Settled = Settled()
-    earlier: tuple[EarlierValues, ...] = ()
+    earlier: tuple[EarlierPoints, ...] = ()
     trip: StarterTrip | None = None
     motion: Motion = Motion()
     alarms: AlarmBook = {}  # noqa: RUF012 - never changed
+
+    def fresh(self, points: Points, at_s: float) -> Points:
+        """Return those of a reply's points that were not read later: a command's is handled after polls'."""
+        if at_s >= self.newest_s:
+            return points
+        times = self.times
+        return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
 
     def newer_than(self, version: int) -> list[str]:
         """Return the points that say something else than in the state of this version."""
@@ -108,15 +117,17 @@ class StarterState(NamedTuple):
 def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState:
     """Return the state of a starter before its first reply: every point is bad."""
     points = {name: Reading(None, unit, Quality.BAD) for name, unit in units_of(profile).items()}
-    return StarterState(points, known_faults, status=_status(points, {}, UNKNOWN, profile, None))
+    return StarterState(points, known_faults=known_faults, status=_status(points, {}, UNKNOWN, profile, trip=None, times={}))
 
 
 class NewReadings(NamedTuple):
     """The readings that are new at one moment; without any, only time has passed."""
 
-    points: Points
     now_s: float  # steady clock
     utc_s: float  # of the newest reading
+    points: Points = {}  # what a reply says
+    at_s: float = -inf  # when that left the wire, steady clock
+    doubts: Points = {}  # of points without a new reply: stale or bad ones
 
 
 class Happening(NamedTuple):
@@ -132,24 +143,30 @@ Happenings = tuple[AlarmStatus | Happening, ...]  # an alarm that came or went, 
 
 def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
     """Return the state after news, and what has happened. Without news that decides this costs little."""
-    points, version, versions, is_decisive = _merged(before, news.points)
-    earlier = before.earlier
-    status, good = news.points.get(FAULT), Quality.GOOD
-    if status is not None and status.quality is good and status.at_s is not None:
-        values = [each.value if each.quality is good else None for each in before.points.values()]
-        earlier = (*earlier[1 - SETS_BEFORE :], EarlierValues(status.at_s, tuple(values)))
-    after = before._replace(points=points, version=version, versions=versions, earlier=earlier)
-    if not is_decisive and not before.is_awaiting:
-        return after, ()
-    return _judged(after, news, profile)
+    after = _read(before, news) if news.points else before
+    after, is_decisive = _merged(after, {**news.doubts, **news.points} if news.doubts else news.points)
+    return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
 
 
-def _merged(before: StarterState, new: Points) -> tuple[Points, int, dict[str, int], bool]:
-    """Return all points with the new readings, their versions, and whether more than a quantity is new."""
+def _read(before: StarterState, news: NewReadings) -> StarterState:
+    """Return the state with the times of what a reply says; a new status ends a set of earlier values."""
+    now, earlier, status = Moment(news.at_s, news.utc_s), before.earlier, news.points.get(FAULT)
+    if status is not None and status.quality is Quality.GOOD:
+        earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.at_s, before.points))
+    times = {**before.times, **dict.fromkeys(news.points, now)}
+    return before._replace(times=times, newest_s=max(before.newest_s, news.at_s), earlier=earlier)
+
+
+def _merged(before: StarterState, new: Points) -> tuple[StarterState, bool]:
+    """Return the state with what points say now, and whether more than a quantity is new."""
+    other: dict[str, Reading] = {}
     changed: list[str] = []
     is_decisive = False
     for name, reading in new.items():
         old = before.points[name]
+        if reading is old:  # a poll says the same again
+            continue
+        other[name] = reading
         is_same = old.value is reading.value or _is_equal(old.value, reading.value)
         if (
             is_same
@@ -157,18 +174,20 @@ def _merged(before: StarterState, new: Points) -> tuple[Points, int, dict[str, i
             and old.label == reading.label
             and old.reason == reading.reason
         ):
-            continue  # only its time is new
+            continue
         changed.append(name)
         is_measured = is_same or isinstance(reading.value, float)
         is_decisive = is_decisive or old.quality is not reading.quality or not is_measured
-    points = {**before.points, **new} if new else before.points
+    if not other:
+        return before, False
+    points = {**before.points, **other}
     if not changed:
-        return points, before.version, before.versions, False
+        return before._replace(points=points), False
     version, versions = before.version + 1, dict(before.versions)
     for name in changed:
         versions.pop(name, None)
         versions[name] = version
-    return points, version, versions, is_decisive
+    return before._replace(points=points, version=version, versions=versions), is_decisive
 
 
 def _is_equal(one: Value, other: Value) -> bool:
@@ -209,7 +228,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
         motion, moves = _moved(motion, settled, new.get(STATE), time_s)
         events += moves
     after = state._replace(
-        status=_status(state.points, good, word, profile, trip),
+        status=_status(state.points, good, word, profile, trip=trip, times=state.times),
         settled=settled,
         trip=trip,
         motion=motion,
@@ -224,7 +243,7 @@ def _seen(
     """Return what may settle: the booleans, the numbers of alarms, and the word of one reading as a whole."""
     flags = flags_of(profile)
     seen = {
-        name: FirstSeen(good[name], state.points[name].at_s or 0.0, news.now_s, news.utc_s, state.earlier)
+        name: FirstSeen(good[name], state.times[name].at_s, news.now_s, news.utc_s, state.earlier)
         for name in (*flags, *profile.alarm_points)
         if name in good
     }
@@ -235,7 +254,13 @@ def _seen(
 
 
 def _status(
-    points: Points, good: Mapping[str, Value], word: Word, profile: Profile, trip: StarterTrip | None
+    points: Points,
+    good: Mapping[str, Value],
+    word: Word,
+    profile: Profile,
+    *,
+    trip: StarterTrip | None,
+    times: Mapping[str, Moment],
 ) -> Status:
     """Return what is shown now."""
     flags = flags_of(profile)
@@ -243,14 +268,14 @@ def _status(
     if word == UNKNOWN:
         is_lost = any(points[name].quality is Quality.STALE for name in flags)
         quality = Quality.STALE if is_lost else Quality.BAD
-    number = good.get(FAULT_CODE) if trip is not None and _is_since(points.get(FAULT_CODE), trip) else None
+    number = good.get(FAULT_CODE) if trip is not None and _is_since(times.get(FAULT_CODE), trip) else None
     shown = number if good.get(FAULT) and isinstance(number, int) else None
     return Status(word, quality, {name: good.get(name) for name in flags}, shown or None)
 
 
-def _is_since(number: Reading | None, trip: StarterTrip) -> bool:
+def _is_since(number: Moment | None, trip: StarterTrip) -> bool:
     """Return whether a number was read since the fault was: P014 of an SSW-07 is that of the last fault."""
-    return number is not None and number.at_s is not None and number.at_s >= trip.first.at_s
+    return number is not None and number.at_s >= trip.first.at_s
 
 
 def _followed(
@@ -261,12 +286,12 @@ def _followed(
     if trip is None:
         if not fault:
             return None
-        at_s = state.points[FAULT].at_s or 0.0
+        at_s = state.times[FAULT].at_s
         return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.utc_s, state.earlier))
     if not trip.is_sure and fault is False:
         return None
     number = settled.values.get(FAULT_CODE)
-    if FAULT_CODE not in settled.waiting and _is_since(state.points.get(FAULT_CODE), trip):
+    if FAULT_CODE not in settled.waiting and _is_since(state.times.get(FAULT_CODE), trip):
         trip = replace(trip, number=number if isinstance(number, int) and number else trip.number)
     return replace(trip, is_sure=trip.is_sure or settled.values.get(FAULT) is True)
 
