@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import inf
 
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
@@ -74,14 +75,19 @@ class LineService:
             return
         sent = self._form_of(slot)
         self._sent = slot
-        outcome = await self._take(slot, sent, noise)
+        if slot.jobs or noise is not None:
+            outcome = await self._take(slot, sent, noise)
+        else:
+            outcome = await master.send(
+                sent, response_time_s=slot.response_time_s, meanwhile=self.events.flush
+            )
         self.steps += 1
         try:
             self._record(slot, sent, outcome, took_s=self._time() - free_s)
         except Exception:
             self._end_jobs(slot)
             raise
-        if _may_act_late(slot, sent, outcome) and master.reset():
+        if slot.jobs and _may_act_late(slot, sent, outcome) and master.reset():
             raise PortResetError(self.port_name, RESET)
         was_deaf = self.recovery.is_deaf
         if slot.unit and self.recovery.record(outcome, self._time()):
@@ -93,7 +99,7 @@ class LineService:
         """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""
         poll = slot.poll
         wanted = EncodedRequest.of(slot.unit, slot.request) if poll is None else poll.encoded
-        if slot.is_stop or self.master.forms.outstanding.is_in_step(slot.unit):
+        if (poll is None and slot.is_stop) or self.master.forms.outstanding.is_in_step(slot.unit):
             return wanted
         if poll is None:
             poll = next((each.poll for each in self.scheduler.polls.unit(slot.unit).polls), None)
@@ -105,8 +111,8 @@ class LineService:
 
         A stop goes out on any line, between or over what others send.
         """
-        until_s = slot.until_s
-        if self._time() > until_s:
+        until_s = slot.until_s if slot.jobs else inf
+        if until_s < inf and self._time() > until_s:
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None and not slot.is_stop:
             return noise
@@ -136,11 +142,12 @@ class LineService:
         is_given_up = bool(slot.jobs) and self._sent is None
         self._sent = None
         self.statistics.note(slot, outcome, took_s=took_s, now_s=now_s)
+        is_plain = isinstance(outcome, Answered) and not sent.is_fence
         verdict = self.scheduler.record(
-            slot, outcome, now_s, is_open=_is_open(sent, outcome), is_given_up=is_given_up
+            slot, outcome, now_s, is_open=not is_plain and _is_open(sent, outcome), is_given_up=is_given_up
         )
-        for fault in self.master.bus_faults.take_news():
-            self.events.fault(fault)
+        while self.master.bus_faults.news:
+            self.events.fault(self.master.bus_faults.news.popleft())
         if verdict.is_answering is not None:
             is_late = not verdict.is_answering and self.scheduler.polls.unit(slot.unit).is_late(now_s)
             why = Silent(REPLIES_LATE) if is_late else outcome

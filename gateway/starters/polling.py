@@ -85,7 +85,7 @@ class Polling:
         self._plan = blocks_of(setup)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
-        self._soonest_overdue_s = inf  # nothing becomes overdue before
+        self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
         self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
         self._whole_at_s = inf  # when to ask for whole blocks again
@@ -105,7 +105,7 @@ class Polling:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
-        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s(stretch))
+        self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
@@ -204,23 +204,16 @@ class Polling:
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""
-        if now_s < self._soonest_overdue_s:
-            return ()
         codes: list[str] = []
-        self._soonest_overdue_s, stretch = inf, self._line.stretch
+        self.next_overdue_s, stretch = inf, self._line.stretch
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
                 polled.is_overdue = True
                 codes += polled.block.codes
             else:
-                self._soonest_overdue_s = min(self._soonest_overdue_s, overdue_s)
+                self.next_overdue_s = min(self.next_overdue_s, overdue_s)
         return tuple(codes)
-
-    @property
-    def next_overdue_s(self) -> float:
-        """Return when to look for overdue blocks again, at times a little early; infinite for never."""
-        return self._soonest_overdue_s
 
     @property
     def status_period_s(self) -> float:
@@ -264,7 +257,7 @@ class Polling:
             every_s = REFUSED_EVERY_S if polled.is_refused else self._every_s(polled.block)
             if every_s != polled.every_s:
                 polled.every_s = every_s
-                self._soonest_overdue_s = -inf
+                self.next_overdue_s = -inf
                 self._line.set_every(key, every_s)
 
     def _every_s(self, block: reading.Block) -> float:

@@ -23,6 +23,7 @@ from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import (
+    NO_POINTS,
     REFRESH_S,
     SOONEST_S,
     Availability,
@@ -46,7 +47,6 @@ from gateway.starters.state import (
 
 logger = logging.getLogger(__name__)
 
-NOTHING: Points = {}
 REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
 
 
@@ -245,8 +245,9 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        is_other = self.identity_standing is IdentityStatus.MISMATCHED
-        if not setting_codes(self.setup.profile).isdisjoint(rows) and not is_other:
+        if setting_codes(self.setup.profile).isdisjoint(rows):
+            return
+        if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
 
     def _known_rows(self, at_s: float) -> Rows:
@@ -258,7 +259,7 @@ class StarterTelemetry:
         said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
         if self._contact.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
-        if self.availability.trouble(REFUSED_TOPIC):
+        if REFUSED_TOPIC in self.availability.troubles:
             self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._keep_rows(said.rows, at_s=at_s)
         self._take(said, at_s)
@@ -294,13 +295,14 @@ class StarterTelemetry:
 
     def _take(self, said: Said, at_s: float) -> None:
         """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
-        self._come_online()
+        if not self.availability.is_online:
+            self._come_online()
         standing, time_s = self._contact.standing, self._clock.utc_s(at_s)
         if not standing.is_readable:
             self._look(time_s=time_s)
             return
-        state, doubts = self.snapshot.state, NOTHING
-        points = state.fresh(said.points, at_s)
+        state, doubts = self.snapshot.state, NO_POINTS
+        points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
         values = said.values if points is said.points else good_values(points)
         if said.missing:
             doubts = bad(state.points, said.missing, standing.contradiction)
@@ -311,19 +313,19 @@ class StarterTelemetry:
 
     def _look(
         self,
-        points: Points = NOTHING,
+        points: Points = NO_POINTS,
         *,
         at_s: float = -math.inf,
         time_s: float | None = None,
-        doubts: Points = NOTHING,
+        doubts: Points = NO_POINTS,
     ) -> None:
         """Look at all that is known now, with what a reply says, and publish what is due.
 
         `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
         """
         now_s, before = self._clock.now_s(), self.snapshot.state
-        overdue = self._polling.take_overdue(now_s)
-        if overdue:
+        if now_s >= self._polling.next_overdue_s:
+            overdue = self._polling.take_overdue(now_s)
             doubts = {**stale(before.points, sources_of(self.profile).fed_by(overdue)), **doubts}
         utc_s = self._clock.utc_s() if time_s is None else time_s
         news = NewReadings(now_s, utc_s, points, at_s, doubts)

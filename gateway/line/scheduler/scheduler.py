@@ -19,7 +19,6 @@ from __future__ import annotations
 import random
 from bisect import insort, insort_left
 from collections.abc import Iterable
-from dataclasses import replace
 from math import inf
 from operator import attrgetter
 
@@ -73,26 +72,28 @@ class Scheduler:
            of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
+        slot: Slot | None = None
+        jobs, watchdogs = self.jobs if self.jobs.waiting else None, self.polls.watchdogs
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
-            slot = self.jobs.pop(Priority.STOP, Priority.FOLLOW_UP)
+            slot = jobs.pop(Priority.STOP, Priority.FOLLOW_UP) if jobs else None
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
-        else:
-            slot = self.jobs.pop(Priority.STOP)
+        elif jobs:
+            slot = jobs.pop(Priority.STOP)
         if slot is not None:
             return slot
-        unit = self.polls.watchdogs.first(now_s)
+        unit = watchdogs.first(now_s) if watchdogs.things else None
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
-            if entry is None or now_s >= self.jobs.budget.room_at_s:
-                slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(*_OWN)
+            if jobs and (entry is None or now_s >= jobs.budget.room_at_s):
+                slot = jobs.pop(*_COMMANDS) or jobs.pop(*_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
-        elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
-            slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(Priority.WATCHDOG)
+        elif jobs and unit.deadline_s == inf and now_s >= jobs.budget.room_at_s:
+            slot = jobs.pop(*_COMMANDS) or jobs.pop(Priority.WATCHDOG)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(Priority.FOLLOW_UP)
+        return jobs.pop(Priority.FOLLOW_UP) if slot is None and jobs else slot
 
     def record(
         self,
@@ -133,7 +134,7 @@ class Scheduler:
             is_sure=is_open or not is_repeated,
         )
         if is_repeated:
-            again = replace(slot, is_repetition=slot.is_repetition or not is_open)
+            again = slot._replace(is_repetition=slot.is_repetition or not is_open)
             self.jobs.put_back(again) if entry is None else self.polls.put_back(again, entry)
         return Verdict(is_known and not is_repeated, is_online)
 
@@ -148,7 +149,7 @@ class JobQueue:
 
     def __init__(self) -> None:
         self.budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)  # what they may take from polls that are due
-        self._waiting: list[Slot] = []
+        self.waiting: list[Slot] = []
         self._commands = 0  # taken out
 
     def submit(self, job: Job, now_s: float) -> None:
@@ -157,49 +158,49 @@ class JobQueue:
         A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
         that is stopped again and again costs the line one frame each, not many.
         """
-        for place, slot in enumerate(self._waiting) if job.lane is Priority.STOP else ():
+        for place, slot in enumerate(self.waiting) if job.lane is Priority.STOP else ():
             is_same = (slot.lane, slot.unit, slot.request) == (job.lane, job.unit, job.request)
             if is_same and now_s - slot.since_s > SHARED_AFTER_S:
-                self._waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                self.waiting[place] = slot._replace(jobs=(*slot.jobs, job))
                 return
         slot = Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,))
-        insort(self._waiting, slot, key=attrgetter("lane"))
+        insort(self.waiting, slot, key=attrgetter("lane"))
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        for place, slot in enumerate(self._waiting):
+        for place, slot in enumerate(self.waiting):
             if job in slot.jobs:
                 left = slot.without(job)
-                self._waiting[place : place + 1] = [] if left is None else [left]
+                self.waiting[place : place + 1] = [] if left is None else [left]
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        slots, self._waiting = self._waiting, []
+        slots, self.waiting = self.waiting, []
         return tuple(job for slot in slots for job in slot.jobs)
 
     def put_back(self, slot: Slot) -> None:
         """Return a slot to the head of its priority."""
-        insort_left(self._waiting, slot, key=attrgetter("lane"))
+        insort_left(self.waiting, slot, key=attrgetter("lane"))
 
     def has_stop(self) -> bool:
         """Return whether a stop's frame, repeat or read-back waits."""
-        return bool(self._waiting) and self._waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
+        return bool(self.waiting) and self.waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        return -inf if self._waiting else inf
+        return -inf if self.waiting else inf
 
     def pop(self, *lanes: Priority) -> Slot | None:
         """Take out the next job of these priorities; of all but stops now and then the oldest."""
-        ready = [slot for slot in self._waiting if slot.lane in lanes] if self._waiting else None
+        ready = [slot for slot in self.waiting if slot.lane in lanes]
         if not ready:
             return None
         self._commands += lanes == _COMMANDS
         is_oldest = lanes == _COMMANDS and self._commands % OLDEST_EVERY == 0
         slot = min(ready, key=attrgetter("since_s")) if is_oldest else ready[0]
-        self._waiting.remove(slot)
+        self.waiting.remove(slot)
         return slot
 
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:

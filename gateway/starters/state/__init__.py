@@ -10,13 +10,21 @@ from gateway.starters.state.decoding import (
     ReplyReader,
     Rows,
     Said,
-    said,
     sources_of,
     type_of,
     unit_of,
 )
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
 from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
-from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, stale
+from gateway.starters.state.readings import (
+    NO_POINTS,
+    Points,
+    Reading,
+    Readings,
+    Value,
+    bad,
+    good_values,
+    stale,
+)
 from gateway.starters.state.snapshot import Snapshot
 from gateway.starters.state.starter_state import UNKNOWN, NewReadings, advance, unread

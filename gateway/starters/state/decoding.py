@@ -13,7 +13,9 @@ from gateway.starters.state.readings import Points, Reading, Value, good_values
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
-_MOST_CACHED = 64
+ON, OFF = Reading(True, "", Quality.GOOD), Reading(False, "", Quality.GOOD)  # noqa: FBT003 - values
+
+_MOST_CACHED = 256
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 NO_ROWS: Rows = {}
@@ -28,9 +30,22 @@ class Said(NamedTuple):
     values: Mapping[str, Value] = {}  # the good ones of `points`
 
 
-def said(rows: Rows, points: Points, missing: tuple[str, ...] = ()) -> Said:
-    """Return what these rows and points say."""
-    return Said(rows, points, missing, good_values(points))
+class RowPlan(NamedTuple):
+    """Where a row's words are in the replies to one poll, and what is decoded from them."""
+
+    start: int
+    end: int
+    codes: tuple[str, ...]  # of the row and its aliases
+    points: tuple[tuple[str, decode.Decoder], ...]  # those that depend on no other row
+
+
+class ReplyPlan(NamedTuple):
+    """How the replies to one poll are read."""
+
+    rows: tuple[RowPlan, ...]
+    names: tuple[str, ...]  # of all points that depend on these rows
+    joint: tuple[str, ...]  # of those that depend on several rows
+    is_whole: bool  # all their rows are in these replies
 
 
 class PointSources:
@@ -42,6 +57,7 @@ class PointSources:
             name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
         }
         self._fed_by = lru_cache(_MOST_CACHED)(self._find_fed)  # the same few blocks come again
+        self._plan = lru_cache(_MOST_CACHED)(self._make_plan)
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
@@ -50,23 +66,38 @@ class PointSources:
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
 
-    def are_enough(self, rows: Rows) -> bool:
-        """Return whether the points that these rows feed depend on no others."""
-        return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
+    def plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
+        """Return how the replies with these rows, by address, are read; the same one for starters alike."""
+        return self._plan(codes, variant)
 
-    def decode(
-        self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS, names: Sequence[str] | None = None
-    ) -> Said:
-        """Return what freshly read rows say, together with `known` ones: all their points, or `names`."""
-        fed = self.fed_by(rows) if names is None else names
-        others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
-        decoded = decode.decode_points(self._profile, variant, {**others, **rows}, names=fed)
-        points = {name: _reading(decoded[name]) for name in fed if name in decoded}
-        return said(rows, points, tuple(name for name in fed if name not in decoded))
+    def _make_plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
+        profile, rows = self._profile, list[RowPlan]()
+        first = profile.parameters[codes[0]].address
+        for row in (profile.parameters[code] for code in codes):
+            same = tuple(each.code for each in profile.rows_at[row.table, row.address])
+            points = tuple(
+                (name, decode.point_decoder(profile, variant, profile.points[name]))
+                for name in self.fed_by(same)
+                if len(self._codes_of[name]) == 1
+            )
+            rows.append(RowPlan(row.address - first, row.address - first + row.words, same, points))
+        found = frozenset(code for row in rows for code in row.codes)
+        names = self.fed_by(found)
+        joint = tuple(name for name in names if len(self._codes_of[name]) > 1)
+        return ReplyPlan(tuple(rows), names, joint, all(self._codes_of[name] <= found for name in joint))
+
+    def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
+        """Return what freshly read rows say, together with `known` ones."""
+        fed = self.fed_by(rows)
+        found = decode.decode_points(self._profile, variant, {**known, **rows}, names=fed)
+        points = {name: _reading(found[name]) for name in fed if name in found}
+        return Said(rows, points, tuple(name for name in fed if name not in found), good_values(points))
 
 
 def _reading(new: decode.Decoded) -> Reading:
-    """Return a reading; a value that cannot be known is bad."""
+    """Return a reading; a value that cannot be known is bad. Booleans are the same objects for all."""
+    if isinstance(new.value, bool):
+        return ON if new.value else OFF
     return Reading(new.value, new.unit, Quality.BAD if new.value is None else Quality.GOOD, new.label)
 
 
@@ -76,14 +107,14 @@ def sources_of(profile: Profile) -> PointSources:
     return PointSources(profile)
 
 
-class _Reply(NamedTuple):
-    """The latest reply to one poll."""
+class _Replies(NamedTuple):
+    """The replies to one poll: how they are read, and what the latest says."""
 
     block: reading.Block
     variant: Variant
-    words: Sequence[Any]
-    said: Said
-    is_enough: bool  # its points depend on no other rows
+    plan: ReplyPlan
+    words: Sequence[Any] = ()
+    said: Said = Said({}, {})
 
 
 class ReplyReader:
@@ -95,27 +126,35 @@ class ReplyReader:
     def __init__(self, profile: Profile, known: Callable[[float], Rows]) -> None:
         self._profile = profile
         self._known = known
-        self._sources = sources_of(profile)
-        self._latest: dict[str, _Reply] = {}  # by the poll's key
+        self._replies: dict[str, _Replies] = {}  # by the poll's key
 
     def read(
         self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
     ) -> Said:
-        """Return what a reply says; only what hangs on rows that have changed is decoded."""
-        before = self._latest.get(key)
-        if before is not None and not (before.block is block and before.variant is variant):
-            before = None
-        if before is not None and before.words == words and before.is_enough:
-            return before.said
-        rows, sources = block.rows_in(self._profile, words), self._sources
-        is_enough = sources.are_enough(rows) if before is None else before.is_enough
-        if before is not None and is_enough:
-            changed = [code for code, row in rows.items() if row != before.said.rows[code]]
-            new = sources.decode(variant, rows, names=sources.fed_by(changed))
-            now = said(rows, {**before.said.points, **new.points})
-        else:
-            now = sources.decode(variant, rows, known={} if is_enough else self._known(at_s))
-        self._latest[key] = _Reply(block, variant, words, now, is_enough)
+        """Return what a reply says; only what hangs on words that have changed is decoded."""
+        replies = self._replies.get(key)
+        if replies is None or replies.block is not block or replies.variant is not variant:
+            replies = _Replies(block, variant, sources_of(self._profile).plan(block.codes, variant))
+        elif words == replies.words and replies.plan.is_whole:
+            return replies.said
+        plan, before, old = replies.plan, replies.said, replies.words
+        rows, points = dict(before.rows), dict(before.points)
+        for start, end, codes, decoders in plan.rows:
+            if words[start:end] != old[start:end]:
+                row = tuple(map(int, words[start:end]))
+                rows.update(dict.fromkeys(codes, row))
+                for name, decoded in decoders:
+                    points[name] = _reading(decoded(row))
+        if plan.joint:
+            known = rows if plan.is_whole else {**self._known(at_s), **rows}
+            found = decode.decode_points(self._profile, variant, known, names=plan.joint)
+            points.update((name, _reading(found[name])) for name in plan.joint if name in found)
+            points = {name: points[name] for name in plan.names if name not in plan.joint or name in found}
+        elif not old:
+            points = {name: points[name] for name in plan.names}
+        missing = () if len(points) == len(plan.names) else tuple(n for n in plan.names if n not in points)
+        now = Said(rows, points, missing, good_values(points))
+        self._replies[key] = replies._replace(words=words, said=now)
         return now
 
 

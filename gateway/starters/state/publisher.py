@@ -115,16 +115,13 @@ class StatePublisher(Emitter):
         )
         if not is_quiet:
             self._publish(state, happenings, now_s=now_s, reason=reason)
-        self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
+        trip_s = math.inf if state.trip is None else state.due_s
+        self._timer.at(min(self._published.next_due_s, trip_s, look_s))
 
     def _publish(self, state: StarterState, happenings: Happenings, *, now_s: float, reason: str) -> None:
         is_new = self.publish_status(state, now_s=now_s, reason=reason)
         for happening in happenings:
-            self.put(
-                self._alarm(happening)
-                if isinstance(happening, AlarmStatus)
-                else self._dated(happening)
-            )
+            self.put(self._alarm(happening) if isinstance(happening, AlarmStatus) else self._dated(happening))
         self.publish_values(state, now_s=now_s)
         if is_new or happenings:
             faults = state.published_faults

@@ -31,6 +31,7 @@ class Reading(NamedTuple):
 
 
 Points = Mapping[str, Reading]  # by name
+NO_POINTS: Points = {}
 
 
 class Moment(NamedTuple):

@@ -21,7 +21,7 @@ from gateway.contract import StarterState as Word
 from gateway.families import Alarm, Profile, device_of, once_per_profile, state_of
 from gateway.starters.state.alarms import AlarmBook, AlarmStatus, active_faults, events_of, named, updated
 from gateway.starters.state.decoding import flags_of, units_of
-from gateway.starters.state.readings import Moment, Points, Reading, Value, good_values
+from gateway.starters.state.readings import NO_POINTS, Moment, Points, Reading, Value, good_values
 from gateway.starters.state.settled import STARTED, EarlierPoints, FirstSeen, Settled, settle
 
 UNKNOWN: Word = "unknown"
@@ -81,8 +81,6 @@ class StarterState(NamedTuple):
 
     def fresh(self, points: Points, at_s: float) -> Points:
         """Return those of a reply's points that were not read later: a command's is handled after polls'."""
-        if at_s >= self.newest_s:
-            return points
         times = self.times
         return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
 
@@ -117,7 +115,9 @@ class StarterState(NamedTuple):
 def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState:
     """Return the state of a starter before its first reply: every point is bad."""
     points = {name: Reading(None, unit, Quality.BAD) for name, unit in units_of(profile).items()}
-    return StarterState(points, known_faults=known_faults, status=_status(points, {}, UNKNOWN, profile, trip=None, times={}))
+    return StarterState(
+        points, known_faults=known_faults, status=_status(points, {}, UNKNOWN, profile, trip=None, times={})
+    )
 
 
 class NewReadings(NamedTuple):
@@ -125,9 +125,9 @@ class NewReadings(NamedTuple):
 
     now_s: float  # steady clock
     utc_s: float  # of the newest reading
-    points: Points = {}  # what a reply says
+    points: Points = NO_POINTS  # what a reply says
     at_s: float = -inf  # when that left the wire, steady clock
-    doubts: Points = {}  # of points without a new reply: stale or bad ones
+    doubts: Points = NO_POINTS  # of points without a new reply: stale or bad ones
 
 
 class Happening(NamedTuple):
@@ -143,22 +143,25 @@ Happenings = tuple[AlarmStatus | Happening, ...]  # an alarm that came or went, 
 
 def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
     """Return the state after news, and what has happened. Without news that decides this costs little."""
-    after = _read(before, news) if news.points else before
-    after, is_decisive = _merged(after, {**news.doubts, **news.points} if news.doubts else news.points)
-    return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
+    points, times, newest_s, earlier = news.points, before.times, before.newest_s, before.earlier
+    if points:
+        times = {**times, **dict.fromkeys(points, Moment(news.at_s, news.utc_s))}
+        newest_s = max(newest_s, news.at_s)
+        status = points.get(FAULT)
+        if status is not None and status.quality is Quality.GOOD:
+            earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.at_s, before.points))
+    merged, versions, is_decisive = _merged(before, {**news.doubts, **points} if news.doubts else points)
+    version = before.version if versions is before.versions else before.version + 1
+    after = before._replace(
+        points=merged, times=times, newest_s=newest_s, version=version, versions=versions, earlier=earlier
+    )
+    if is_decisive or before.is_awaiting:
+        return _judged(after, news, profile)
+    return after, ()
 
 
-def _read(before: StarterState, news: NewReadings) -> StarterState:
-    """Return the state with the times of what a reply says; a new status ends a set of earlier values."""
-    now, earlier, status = Moment(news.at_s, news.utc_s), before.earlier, news.points.get(FAULT)
-    if status is not None and status.quality is Quality.GOOD:
-        earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.at_s, before.points))
-    times = {**before.times, **dict.fromkeys(news.points, now)}
-    return before._replace(times=times, newest_s=max(before.newest_s, news.at_s), earlier=earlier)
-
-
-def _merged(before: StarterState, new: Points) -> tuple[StarterState, bool]:
-    """Return the state with what points say now, and whether more than a quantity is new."""
+def _merged(before: StarterState, new: Points) -> tuple[Points, dict[str, int], bool]:
+    """Return all points and their versions with the new ones, and whether more than a quantity is new."""
     other: dict[str, Reading] = {}
     changed: list[str] = []
     is_decisive = False
@@ -167,7 +170,10 @@ def _merged(before: StarterState, new: Points) -> tuple[StarterState, bool]:
         if reading is old:  # a poll says the same again
             continue
         other[name] = reading
-        is_same = old.value is reading.value or _is_equal(old.value, reading.value)
+        value = reading.value
+        is_same = old.value is value or (
+            old.value == value and type(old.value) is type(value)
+        )  # 1 is not true
         if (
             is_same
             and old.quality is reading.quality
@@ -176,23 +182,14 @@ def _merged(before: StarterState, new: Points) -> tuple[StarterState, bool]:
         ):
             continue
         changed.append(name)
-        is_measured = is_same or isinstance(reading.value, float)
+        is_measured = is_same or isinstance(value, float)
         is_decisive = is_decisive or old.quality is not reading.quality or not is_measured
-    if not other:
-        return before, False
-    points = {**before.points, **other}
+    points = {**before.points, **other} if other else before.points
     if not changed:
-        return before._replace(points=points), False
-    version, versions = before.version + 1, dict(before.versions)
-    for name in changed:
-        versions.pop(name, None)
-        versions[name] = version
-    return before._replace(points=points, version=version, versions=versions), is_decisive
-
-
-def _is_equal(one: Value, other: Value) -> bool:
-    """Return whether two values are the same: 1, 1.0 and true are not."""
-    return one == other and type(one) is type(other)
+        return points, before.versions, False
+    versions = {name: version for name, version in before.versions.items() if name not in changed}
+    versions.update(dict.fromkeys(changed, before.version + 1))
+    return points, versions, is_decisive
 
 
 def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
