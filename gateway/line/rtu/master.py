@@ -11,7 +11,7 @@ from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, FormChoice
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import SHORTEST_REPLY, Reception, judge, no_frame
+from gateway.line.rtu.reply import Reception, judge, no_frame
 from gateway.line.rtu.silence import NoteFrame, Silence
 from gateway.line.rtu.strays import Strays
 from gateway.line.rtu.transaction import ALLOWANCE_S
@@ -123,7 +123,7 @@ class RtuMaster:
         received, foreign = b"", None
         if size is not None and not (sent.is_mirrored or self._is_echoing):
             read = self._port.read
-            received = await read(until_s=deadline_s, count=SHORTEST_REPLY)
+            received = await read(until_s=deadline_s, count=_HEAD)
             if _HEAD <= len(received) < size and received[:_HEAD] == sent.adu[:_HEAD]:
                 received += await read(until_s=deadline_s, count=size - len(received))
             if len(received) == size and received.startswith(sent.head) and not adu.crc16(received):
