@@ -216,16 +216,11 @@ class Polling:
         return tuple(codes)
 
     @property
-    def status_period_s(self) -> float:
-        """Return the longest time that passes between two readings of the status, as far as it is known."""
-        stretch = self._line.stretch
-        periods = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
-        return max(periods, default=self._setup.every_s)
-
-    @property
     def patience_s(self) -> float:
         """Return the age up to which a row of the status is still current."""
-        return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
+        stretch = self._line.stretch
+        periods_s = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
+        return OVERDUE_PERIODS * max(periods_s, default=self._setup.every_s) + OVERDUE_GRACE_S
 
     def _restore_due(self, now_s: float) -> None:
         """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
@@ -272,26 +267,24 @@ class PollLosses:
     """Counts the lost polls among the latest."""
 
     def __init__(self) -> None:
-        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
-        self._count = self._lost = 0
+        self._latest = self._count = 0  # a bit for each, 1 for a lost one; the latest is the lowest
         self._is_poor = False
 
     def note(self, *, is_lost: bool) -> str | None:
         """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
-        self._lost += is_lost - (self._latest >> (OF - 1))
         self._latest = (self._latest << 1 | is_lost) & _ALL
         self._count = min(self._count + 1, OF)
-        was_poor = self._is_poor
-        self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
+        if not (self._latest or self._is_poor):
+            return None
+        lost, was_poor = self._latest.bit_count(), self._is_poor
+        self._is_poor = lost >= POOR or (was_poor and lost > GOOD_AGAIN)
         if self._is_poor is was_poor:
             return None
-        if not self._is_poor:
-            return ""
-        return phrase(EventCode.DEGRADED, "polls_lost", lost=self._lost, count=self._count)
+        return phrase(EventCode.DEGRADED, "polls_lost", lost=lost, count=self._count) if self._is_poor else ""
 
     def clear(self) -> None:
         """Count from the beginning: the starter itself was lost."""
-        self._latest = self._count = self._lost = 0
+        self._latest = self._count = 0
         self._is_poor = False
 
 

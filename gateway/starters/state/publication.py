@@ -9,11 +9,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple
 
-from gateway.starters.state.readings import Points, Reading
+from gateway.starters.state.readings import NO_POINTS, Points, Reading
 from gateway.starters.state.starter_state import StarterState, Status
 
 TICK_S = 0.25  # timers run out so much late at most
@@ -35,7 +35,7 @@ class Sent(NamedTuple):
 class Published(NamedTuple):
     """What was published of a starter until now; times are those of the steady clock."""
 
-    version: int = -1  # of the state that was looked at last
+    points: Points = NO_POINTS  # that were looked at last
     status: Status | None = None  # as sent last; None: it is to be sent
     reason: str = ""  # sent with it: why nothing is said of a starter
     status_s: float = -inf
@@ -76,15 +76,19 @@ def due_values(
     if now_s >= before.refresh_at_s:
         before = before._replace(refresh_at_s=_oldest_s(before.sent) + latest_s)
     is_refreshed = now_s >= before.refresh_at_s
-    if state.version == before.version and now_s < before.soonest_s and not is_refreshed:
+    points, known = state.points, before.points
+    if points is known and now_s < before.soonest_s and not is_refreshed:
         return before, {}
     old_s = now_s - latest_s * (1 - TOGETHER) if is_refreshed else -inf
     is_whole = is_refreshed or not before.sent
-    names = state.points if is_whole else (*before.waiting, *state.newer_than(before.version))
+    names: Iterable[str] = points
+    if not is_whole:
+        changed = [name for name, reading in points.items() if reading is not known.get(name)]
+        names = dict.fromkeys((*before.waiting, *changed))
     values: dict[str, Reading] = {}
     waiting: list[str] = []
-    for name in dict.fromkeys(names):
-        reading, last = state.points[name], before.sent.get(name)
+    for name in names:
+        reading, last = points[name], before.sent.get(name)
         if last is None or last.at_s <= old_s:
             values[name] = reading
         elif is_news(last.reading, reading, deadbands.get(name, 0.0)):
@@ -94,7 +98,7 @@ def due_values(
                 waiting.append(name)
     sent = {**before.sent, **{name: Sent(reading, now_s) for name, reading in values.items()}}
     after = before._replace(
-        version=state.version,
+        points=points,
         sent=sent,
         waiting=tuple(waiting),
         soonest_s=min((sent[name].at_s + SOONEST_S for name in waiting), default=inf),

@@ -107,7 +107,7 @@ class StatePublisher(Emitter):
         """
         published = self._published
         is_quiet = (
-            state.version == published.version
+            state.points is published.points
             and state.status is published.status
             and reason == published.reason
             and now_s < published.next_due_s

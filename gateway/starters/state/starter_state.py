@@ -64,14 +64,12 @@ class Motion:
 
 
 class StarterState(NamedTuple):
-    """All that is known of a starter; `version` grows whenever a point says something else."""
+    """All that is known of a starter; `points` is another object once a point says something else."""
 
     points: Points
     times: Mapping[str, Moment] = {}  # when each was read last; one that never was is absent
     newest_s: float = -inf  # of these times, on the steady clock
     known_faults: tuple[str, ...] = ()  # codes of the fault that an earlier run has published
-    version: int = 0
-    versions: dict[str, int] = {}  # noqa: RUF012 - never changed. In which points began to say this, the newest last; absent: 0
     status: Status = Status()
     settled: Settled = Settled()
     earlier: tuple[EarlierPoints, ...] = ()
@@ -83,15 +81,6 @@ class StarterState(NamedTuple):
         """Return those of a reply's points that were not read later: a command's is handled after polls'."""
         times = self.times
         return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
-
-    def newer_than(self, version: int) -> list[str]:
-        """Return the points that say something else than in the state of this version."""
-        names: list[str] = []
-        for name in reversed(self.versions):
-            if self.versions[name] <= version:
-                break
-            names.append(name)
-        return names[::-1]
 
     @property
     def is_awaiting(self) -> bool:
@@ -150,46 +139,24 @@ def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[
         status = points.get(FAULT)
         if status is not None and status.quality is Quality.GOOD:
             earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.at_s, before.points))
-    merged, versions, is_decisive = _merged(before, {**news.doubts, **points} if news.doubts else points)
-    version = before.version if versions is before.versions else before.version + 1
-    after = before._replace(
-        points=merged, times=times, newest_s=newest_s, version=version, versions=versions, earlier=earlier
-    )
-    if is_decisive or before.is_awaiting:
-        return _judged(after, news, profile)
-    return after, ()
+    merged, is_decisive = _merged(before.points, {**news.doubts, **points} if news.doubts else points)
+    after = before._replace(points=merged, times=times, newest_s=newest_s, earlier=earlier)
+    return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
 
 
-def _merged(before: StarterState, new: Points) -> tuple[Points, dict[str, int], bool]:
-    """Return all points and their versions with the new ones, and whether more than a quantity is new."""
+def _merged(before: Points, new: Points) -> tuple[Points, bool]:
+    """Return all points with the new readings, and whether more than a quantity says something else."""
     other: dict[str, Reading] = {}
-    changed: list[str] = []
     is_decisive = False
     for name, reading in new.items():
-        old = before.points[name]
+        old, value = before[name], reading.value
         if reading is old:  # a poll says the same again
             continue
         other[name] = reading
-        value = reading.value
-        is_same = old.value is value or (
-            old.value == value and type(old.value) is type(value)
-        )  # 1 is not true
-        if (
-            is_same
-            and old.quality is reading.quality
-            and old.label == reading.label
-            and old.reason == reading.reason
-        ):
-            continue
-        changed.append(name)
-        is_measured = is_same or isinstance(value, float)
-        is_decisive = is_decisive or old.quality is not reading.quality or not is_measured
-    points = {**before.points, **other} if other else before.points
-    if not changed:
-        return points, before.versions, False
-    versions = {name: version for name, version in before.versions.items() if name not in changed}
-    versions.update(dict.fromkeys(changed, before.version + 1))
-    return points, versions, is_decisive
+        is_same = old.value == value and type(old.value) is type(value)  # 1 and true are not
+        if old.quality is not reading.quality or not (is_same or isinstance(value, float)):
+            is_decisive = True
+    return ({**before, **other} if other else before), is_decisive
 
 
 def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:

@@ -183,21 +183,3 @@ def test_an_event_carries_the_values_before_its_first_reading() -> None:
     before = started.first.earlier[-1]
     assert before.at_s == 2
     assert before.points["running"].value is False
-
-
-@pytest.mark.parametrize(
-    ("words", "newer"),
-    [
-        (REST, []),
-        (RUN, ["running", "full_voltage", "bypass_closed"]),
-        ("P003=64", ["current"]),
-        ("lost", ["current", "running"]),
-    ],
-)
-def test_a_consumer_asks_for_the_points_that_are_newer_than_its_version(words: str, newer: list[str]) -> None:
-    state, _ = happened(unread(load_profile("ssw07")), *BEGUN, (1.2, "P003=0"))
-
-    later, _ = happened(state, (2, words))
-
-    assert set(newer) <= set(later.newer_than(state.version))
-    assert bool(newer) is (later.version > state.version)

@@ -63,7 +63,7 @@ def play(story: list[Step]) -> tuple[list[Sent], list[Reading], list[float]]:
         now_s = end_s
         found.append(Reading(step.value, "A", step.quality))
         read_s.append(now_s)
-        state = StarterState({"p": found[-1]}, version=len(found), versions={"p": len(found)})
+        state = StarterState({"p": found[-1]})
         publish(now_s)
     while before.waiting:
         publish(before.next_due_s)
