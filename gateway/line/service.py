@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import inf
 
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
@@ -63,12 +62,10 @@ class LineService:
 
     async def _serve(self) -> None:
         """Do what is next: one transaction, or a wait for something to do."""
-        master, free_s = self.master, self._time()
+        master, flush, free_s = self.master, self.events.flush, self._time()
         if self.recovery.is_time_to_ask(free_s):
             self.scheduler.polls.expedite_all(free_s)
-        noise = await master.silence.settle(
-            is_for_stop=self.scheduler.jobs.has_stop, meanwhile=self.events.flush
-        )
+        noise = await master.silence.settle(is_for_stop=self.scheduler.jobs.has_stop, meanwhile=flush)
         slot = self.scheduler.pick(free_s)  # it has the line from then on, its silence included
         if slot is None:
             await self._wait_for_work(self.scheduler.next_due_s())
@@ -78,9 +75,7 @@ class LineService:
         if slot.jobs or noise is not None:
             outcome = await self._take(slot, sent, noise)
         else:
-            outcome = await master.send(
-                sent, response_time_s=slot.response_time_s, meanwhile=self.events.flush
-            )
+            outcome = await master.send(sent, response_time_s=slot.response_time_s, meanwhile=flush)
         self.steps += 1
         try:
             self._record(slot, sent, outcome, took_s=self._time() - free_s)
@@ -111,8 +106,8 @@ class LineService:
 
         A stop goes out on any line, between or over what others send.
         """
-        until_s = slot.until_s if slot.jobs else inf
-        if until_s < inf and self._time() > until_s:
+        until_s = slot.until_s
+        if self._time() > until_s:
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None and not slot.is_stop:
             return noise

@@ -48,8 +48,7 @@ class EdfQueue(Generic[T]):
             thing.leave()
         thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
         insort(self.things, thing, key=by_deadline)
-        if release_s < self.released_s:
-            self.released_s = release_s
+        self.released_s = min(self.released_s, release_s)
 
     def first(self, now_s: float) -> T | None:
         """Return the released thing with the earliest deadline; it stays."""

@@ -168,12 +168,11 @@ class PollTable:
         if answering is not None and self._is_after_miss:
             return answering
         suspect = self._suspect.first(now_s) if self._suspect.things else None
-        silent = self._silent
-        while suspect is None and silent.things and (unit := silent.first(now_s)) is not None:
+        while suspect is None and self._silent.things and (unit := self._silent.first(now_s)) is not None:
             room_at_s = self._offline.room_at_s
             if now_s >= room_at_s or unit.is_fading(now_s):
                 return unit.polls[0]
-            silent.put(unit, room_at_s, room_at_s)
+            self._silent.put(unit, room_at_s, room_at_s)
         return suspect or answering
 
     def _of_left_out(self, now_s: float) -> ScheduledPoll | None:

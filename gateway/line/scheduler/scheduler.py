@@ -32,6 +32,7 @@ BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line ti
 OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
 SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
+_STOPS = (Priority.STOP, Priority.FOLLOW_UP)
 _COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 _OWN = (Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL)
 _BACKGROUND = (Priority.PARAMETERS, Priority.PATROL)
@@ -72,15 +73,13 @@ class Scheduler:
            of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
-        slot: Slot | None = None
         jobs, watchdogs = self.jobs if self.jobs.waiting else None, self.polls.watchdogs
-        if self._follow_ups_in_row < IN_ROW and not self._gives_way:
-            slot = jobs.pop(Priority.STOP, Priority.FOLLOW_UP) if jobs else None
-            self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
-        elif jobs:
-            slot = jobs.pop(Priority.STOP)
+        may_follow_up = self._follow_ups_in_row < IN_ROW and not self._gives_way
+        slot = jobs.pop(*(_STOPS if may_follow_up else _STOPS[:1])) if jobs else None
         if slot is not None:
             return slot
+        if may_follow_up:
+            self._follow_ups_in_row = 0
         unit = watchdogs.first(now_s) if watchdogs.things else None
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
@@ -186,7 +185,7 @@ class JobQueue:
 
     def has_stop(self) -> bool:
         """Return whether a stop's frame, repeat or read-back waits."""
-        return bool(self.waiting) and self.waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
+        return bool(self.waiting) and self.waiting[0].lane in _STOPS
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
