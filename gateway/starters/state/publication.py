@@ -50,16 +50,6 @@ class Published(NamedTuple):
         return min(self.status_s + STATE_EVERY_S, self.soonest_s, self.refresh_at_s)
 
 
-def due_status(
-    before: Published, state: StarterState, *, now_s: float, reason: str = ""
-) -> tuple[Published, bool]:
-    """Return whether the state is to be published now, and what has been published once it is."""
-    is_same = (before.status, before.reason) == (state.status, reason)
-    if is_same and now_s < before.status_s + STATE_EVERY_S:
-        return before, False
-    return before._replace(status=state.status, reason=reason, status_s=now_s), True
-
-
 def due_values(
     before: Published,
     state: StarterState,
@@ -80,28 +70,28 @@ def due_values(
     if points is known and now_s < before.soonest_s and not is_refreshed:
         return before, {}
     old_s = now_s - latest_s * (1 - TOGETHER) if is_refreshed else -inf
-    is_whole = is_refreshed or not before.sent
     names: Iterable[str] = points
-    if not is_whole:
+    if before.sent and not is_refreshed:
         changed = [name for name, reading in points.items() if reading is not known.get(name)]
         names = dict.fromkeys((*before.waiting, *changed))
     values: dict[str, Reading] = {}
     waiting: list[str] = []
+    sent, soonest_s = dict(before.sent), inf
     for name in names:
-        reading, last = points[name], before.sent.get(name)
-        if last is None or last.at_s <= old_s:
-            values[name] = reading
-        elif is_news(last.reading, reading, deadbands.get(name, 0.0)):
-            if now_s >= last.at_s + SOONEST_S:
-                values[name] = reading
-            else:
+        reading, last = points[name], sent.get(name)
+        is_due = last is None or last.at_s <= old_s
+        if last is not None and not is_due and is_news(last.reading, reading, deadbands.get(name, 0.0)):
+            is_due = now_s >= last.at_s + SOONEST_S
+            if not is_due:
                 waiting.append(name)
-    sent = {**before.sent, **{name: Sent(reading, now_s) for name, reading in values.items()}}
+                soonest_s = min(soonest_s, last.at_s + SOONEST_S)
+        if is_due:
+            values[name], sent[name] = reading, Sent(reading, now_s)
     after = before._replace(
         points=points,
-        sent=sent,
+        sent=sent if values else before.sent,
         waiting=tuple(waiting),
-        soonest_s=min((sent[name].at_s + SOONEST_S for name in waiting), default=inf),
+        soonest_s=soonest_s,
         refresh_at_s=min(before.refresh_at_s, now_s + latest_s) if values else before.refresh_at_s,
     )
     return after, values

@@ -31,7 +31,7 @@ from gateway.contract import (
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.alarms import AlarmStatus
 from gateway.starters.state.decoding import deadbands_of, flags_of
-from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
+from gateway.starters.state.publication import REFRESH_S, STATE_EVERY_S, TICK_S, Published, due_values
 from gateway.starters.state.readings import good_values
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happening, Happenings, StarterState
@@ -105,35 +105,26 @@ class StatePublisher(Emitter):
 
         `reason` says why nothing is said of a starter.
         """
-        published = self._published
-        is_quiet = (
-            state.points is published.points
-            and state.status is published.status
-            and reason == published.reason
-            and now_s < published.next_due_s
-            and not happenings
-        )
-        if not is_quiet:
-            self._publish(state, happenings, now_s=now_s, reason=reason)
-        trip_s = math.inf if state.trip is None else state.due_s
-        self._timer.at(min(self._published.next_due_s, trip_s, look_s))
-
-    def _publish(self, state: StarterState, happenings: Happenings, *, now_s: float, reason: str) -> None:
         is_new = self.publish_status(state, now_s=now_s, reason=reason)
         for happening in happenings:
             self.put(self._alarm(happening) if isinstance(happening, AlarmStatus) else self._dated(happening))
-        self.publish_values(state, now_s=now_s)
+        published = self._published
+        if state.points is not published.points or now_s >= published.next_due_s:
+            self.publish_values(state, now_s=now_s)
         if is_new or happenings:
             faults = state.published_faults
             if faults is not None:
                 self._faults.note(self.starter, faults)
+        trip_s = math.inf if state.trip is None else state.due_s
+        self._timer.at(min(self._published.next_due_s, trip_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
         """Publish the state, its booleans and the starter's lock if that is due; return whether it was."""
-        self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
-        if not is_due:
+        status, times, before = state.status, state.times, self._published
+        is_same = (status is before.status or status == before.status) and reason == before.reason
+        if is_same and now_s < before.status_s + STATE_EVERY_S:
             return False
-        status, times = state.status, state.times
+        self._published = before._replace(status=status, reason=reason, status_s=now_s)
         flags = {name: value if isinstance(value, bool) else None for name, value in status.flags.items()}
         self.put(
             StateRecord(
