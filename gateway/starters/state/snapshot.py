@@ -44,15 +44,12 @@ class Snapshot:
 
     def keep_rows(self, rows: Mapping[str, Words], *, at_s: float) -> None:
         """Record raw words that have just been read; older ones than those known are ignored."""
-        if at_s >= self._newest_s:
-            self._newest_s = at_s
-            self._rows.update(rows)
-            self._rows_at_s.update(dict.fromkeys(rows, at_s))
-            return
-        for code, words in rows.items():
-            if self._rows_at_s.get(code, -math.inf) <= at_s:
-                self._rows[code] = words
-                self._rows_at_s[code] = at_s
+        if at_s < self._newest_s:
+            times = self._rows_at_s
+            rows = {code: words for code, words in rows.items() if times.get(code, -math.inf) <= at_s}
+        self._newest_s = max(self._newest_s, at_s)
+        self._rows.update(rows)
+        self._rows_at_s.update(dict.fromkeys(rows, at_s))
 
     def outdate_rows(self) -> None:
         """Let no row count as recent: another device may answer next."""
