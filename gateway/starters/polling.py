@@ -19,7 +19,7 @@ from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.modbus.codes import exception_name
-from gateway.starters.setup import StarterSetup, blocks_of, planned_for
+from gateway.starters.setup import StarterSetup, blocks_of
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor is at rest: values are read more slowly
@@ -82,7 +82,7 @@ class Polling:
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
         self._variant = setup.variant
-        self._plan = blocks_of(setup)
+        self._plan = blocks_of(setup, setup.variant)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
         self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
@@ -178,7 +178,7 @@ class Polling:
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
         self._variant = variant
-        plan = planned_for(self._setup, variant)
+        plan = blocks_of(self._setup, variant)
         if plan != self._plan and not self.is_withdrawn:
             self._plan = plan
             self.restore()

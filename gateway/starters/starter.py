@@ -28,6 +28,7 @@ from gateway.starters.state import (
     SOONEST_S,
     Availability,
     LockOf,
+    Moment,
     NewReadings,
     Points,
     PublishedFaults,
@@ -174,7 +175,7 @@ class StarterTelemetry:
         self._contact.cancel()
         self.availability.end(reason)
         points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = NewReadings(now_s, self._clock.utc_s(), doubts=stale(points, points))
+        news = NewReadings(now_s, Moment(now_s, self._clock.utc_s()), doubts=stale(points, points))
         self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
         self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
@@ -297,9 +298,9 @@ class StarterTelemetry:
         """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
         if not self.availability.is_online:
             self._come_online()
-        standing, time_s = self._contact.standing, self._clock.utc_s(at_s)
+        standing, read = self._contact.standing, Moment(at_s, self._clock.utc_s(at_s))
         if not standing.is_readable:
-            self._look(time_s=time_s)
+            self._look(read=read)
             return
         state, doubts = self.snapshot.state, NO_POINTS
         points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
@@ -308,27 +309,21 @@ class StarterTelemetry:
             doubts = bad(state.points, said.missing, standing.contradiction)
         if standing.contradiction:
             points, values = bad(points, points, standing.contradiction), {}
-        self._look(points, at_s=at_s, time_s=time_s, doubts=doubts)
-        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, values))
+        self._look(points, read, doubts=doubts)
+        self.on_readings(Readings(at_s, read.time_s, self.snapshot.state.status.word, values))
 
     def _look(
-        self,
-        points: Points = NO_POINTS,
-        *,
-        at_s: float = -math.inf,
-        time_s: float | None = None,
-        doubts: Points = NO_POINTS,
+        self, points: Points = NO_POINTS, read: Moment | None = None, *, doubts: Points = NO_POINTS
     ) -> None:
         """Look at all that is known now, with what a reply says, and publish what is due.
 
-        `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
+        `read` is when the newest reading was taken. Publishing itself asks nothing of the line.
         """
         now_s, before = self._clock.now_s(), self.snapshot.state
         if now_s >= self._polling.next_overdue_s:
             overdue = self._polling.take_overdue(now_s)
             doubts = {**stale(before.points, sources_of(self.profile).fed_by(overdue)), **doubts}
-        utc_s = self._clock.utc_s() if time_s is None else time_s
-        news = NewReadings(now_s, utc_s, points, at_s, doubts)
+        news = NewReadings(now_s, read or Moment(now_s, self._clock.utc_s()), points, doubts)
         state, happenings = advance(before, news, self.setup.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:

@@ -18,6 +18,7 @@ from gateway.starters.state.publication import REFRESH_S, SOONEST_S
 from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
 from gateway.starters.state.readings import (
     NO_POINTS,
+    Moment,
     Points,
     Reading,
     Readings,

@@ -57,7 +57,7 @@ class PointSources:
             name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
         }
         self._fed_by = lru_cache(_MOST_CACHED)(self._find_fed)  # the same few blocks come again
-        self._plan = lru_cache(_MOST_CACHED)(self._make_plan)
+        self.plan = lru_cache(_MOST_CACHED)(self._make_plan)  # the same one for starters alike
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
@@ -66,11 +66,8 @@ class PointSources:
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
 
-    def plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
-        """Return how the replies with these rows, by address, are read; the same one for starters alike."""
-        return self._plan(codes, variant)
-
     def _make_plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
+        """Return how the replies with these rows, by address, are read."""
         profile, rows = self._profile, list[RowPlan]()
         first = profile.parameters[codes[0]].address
         for row in (profile.parameters[code] for code in codes):
@@ -172,9 +169,9 @@ def unit_of(profile: Profile, name: str) -> str:
 
 
 @once_per_profile
-def units_of(profile: Profile) -> Mapping[str, str]:
-    """Return the unit of each point."""
-    return {name: unit_of(profile, name) for name in profile.points}
+def unread_points(profile: Profile) -> Points:
+    """Return all points as they are before the first reply: bad."""
+    return {name: Reading(None, unit_of(profile, name), Quality.BAD) for name in profile.points}
 
 
 @once_per_profile

@@ -20,7 +20,7 @@ from gateway.contract import Event, EventCode, Quality, event_of, phrase
 from gateway.contract import StarterState as Word
 from gateway.families import Alarm, Profile, device_of, once_per_profile, state_of
 from gateway.starters.state.alarms import AlarmBook, AlarmStatus, active_faults, events_of, named, updated
-from gateway.starters.state.decoding import flags_of, units_of
+from gateway.starters.state.decoding import flags_of, unread_points
 from gateway.starters.state.readings import NO_POINTS, Moment, Points, Reading, Value, good_values
 from gateway.starters.state.settled import STARTED, EarlierPoints, FirstSeen, Settled, settle
 
@@ -103,19 +103,16 @@ class StarterState(NamedTuple):
 
 def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState:
     """Return the state of a starter before its first reply: every point is bad."""
-    points = {name: Reading(None, unit, Quality.BAD) for name, unit in units_of(profile).items()}
-    return StarterState(
-        points, known_faults=known_faults, status=_status(points, {}, UNKNOWN, profile, trip=None, times={})
-    )
+    status = Status(flags=dict.fromkeys(flags_of(profile)))
+    return StarterState(unread_points(profile), known_faults=known_faults, status=status)
 
 
 class NewReadings(NamedTuple):
     """The readings that are new at one moment; without any, only time has passed."""
 
     now_s: float  # steady clock
-    utc_s: float  # of the newest reading
+    read: Moment  # when the newest of them left the wire; without one, now
     points: Points = NO_POINTS  # what a reply says
-    at_s: float = -inf  # when that left the wire, steady clock
     doubts: Points = NO_POINTS  # of points without a new reply: stale or bad ones
 
 
@@ -134,11 +131,11 @@ def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[
     """Return the state after news, and what has happened. Without news that decides this costs little."""
     points, times, newest_s, earlier = news.points, before.times, before.newest_s, before.earlier
     if points:
-        times = {**times, **dict.fromkeys(points, Moment(news.at_s, news.utc_s))}
-        newest_s = max(newest_s, news.at_s)
+        times = {**times, **dict.fromkeys(points, news.read)}
+        newest_s = max(newest_s, news.read.at_s)
         status = points.get(FAULT)
         if status is not None and status.quality is Quality.GOOD:
-            earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.at_s, before.points))
+            earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.read.at_s, before.points))
     merged, is_decisive = _merged(before.points, {**news.doubts, **points} if news.doubts else points)
     after = before._replace(points=merged, times=times, newest_s=newest_s, earlier=earlier)
     return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
@@ -166,7 +163,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
     before = state.settled.values
     settled, new = settle(state.settled, _seen(state, good, word, news, profile))
     oldest = min(new.values(), key=lambda first: first.utc_s, default=None)
-    time_s = news.utc_s if oldest is None else oldest.utc_s
+    time_s = news.read.time_s if oldest is None else oldest.utc_s
     trip = _followed(state, good, settled, news)
     is_over = trip is not None and trip.is_sure and settled.values.get(FAULT) is False
     motion, events = _remote(state.motion, settled, new, time_s)
@@ -192,7 +189,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
         motion, moves = _moved(motion, settled, new.get(STATE), time_s)
         events += moves
     after = state._replace(
-        status=_status(state.points, good, word, profile, trip=trip, times=state.times),
+        status=_status(state, good, word, profile, trip),
         settled=settled,
         trip=trip,
         motion=motion,
@@ -207,32 +204,28 @@ def _seen(
     """Return what may settle: the booleans, the numbers of alarms, and the word of one reading as a whole."""
     flags = flags_of(profile)
     seen = {
-        name: FirstSeen(good[name], state.times[name].at_s, news.now_s, news.utc_s, state.earlier)
+        name: FirstSeen(good[name], state.times[name].at_s, news.now_s, news.read.time_s, state.earlier)
         for name in (*flags, *profile.alarm_points)
         if name in good
     }
     if word != UNKNOWN:  # flags that settle one by one may never have been there together
         at_s = min([seen[name].at_s for name in flags if name in seen])
-        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.utc_s, state.earlier)
+        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.read.time_s, state.earlier)
     return seen
 
 
 def _status(
-    points: Points,
-    good: Mapping[str, Value],
-    word: Word,
-    profile: Profile,
-    *,
-    trip: StarterTrip | None,
-    times: Mapping[str, Moment],
+    state: StarterState, good: Mapping[str, Value], word: Word, profile: Profile, trip: StarterTrip | None
 ) -> Status:
     """Return what is shown now."""
     flags = flags_of(profile)
     quality = Quality.GOOD
     if word == UNKNOWN:
-        is_lost = any(points[name].quality is Quality.STALE for name in flags)
+        is_lost = any(state.points[name].quality is Quality.STALE for name in flags)
         quality = Quality.STALE if is_lost else Quality.BAD
-    number = good.get(FAULT_CODE) if trip is not None and _is_since(times.get(FAULT_CODE), trip) else None
+    number = (
+        good.get(FAULT_CODE) if trip is not None and _is_since(state.times.get(FAULT_CODE), trip) else None
+    )
     shown = number if good.get(FAULT) and isinstance(number, int) else None
     return Status(word, quality, {name: good.get(name) for name in flags}, shown or None)
 
@@ -251,7 +244,7 @@ def _followed(
         if not fault:
             return None
         at_s = state.times[FAULT].at_s
-        return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.utc_s, state.earlier))
+        return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.read.time_s, state.earlier))
     if not trip.is_sure and fault is False:
         return None
     number = settled.values.get(FAULT_CODE)

@@ -7,7 +7,7 @@ import pytest
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.starters.state.decoding import sources_of
-from gateway.starters.state.readings import stale
+from gateway.starters.state.readings import Moment, stale
 from gateway.starters.state.starter_state import Happening, NewReadings, StarterState, advance, unread
 
 REST, RUN, TRIP = "VB01=4102", "VB01=5123", "VB01=8100"
@@ -28,7 +28,7 @@ def happened(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[
         }
         points = sources_of(profile).decode(Variant(), rows).points
         lost = stale(state.points, state.points) if words == "lost" else {}
-        state, happenings = advance(state, NewReadings(at_s, at_s, points, at_s, lost), profile)
+        state, happenings = advance(state, NewReadings(at_s, Moment(at_s, at_s), points, lost), profile)
         for each in happenings:
             if isinstance(each, Happening):
                 said.append(f"{each.time_s:g} {each.event.text}")
@@ -172,11 +172,11 @@ def test_the_state_shows_the_number_of_the_present_fault_only() -> None:
 def test_an_event_carries_the_values_before_its_first_reading() -> None:
     profile = load_profile("ssw07")
     state, _ = happened(unread(profile), *BEGUN, (2, RUN))
-    state, happenings = advance(state, NewReadings(3, 3), profile)
+    state, happenings = advance(state, NewReadings(3, Moment(3, 3)), profile)
     assert happenings == ()
 
     points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}).points
-    _, (started,) = advance(state, NewReadings(4, 4, points, 4), profile)
+    _, (started,) = advance(state, NewReadings(4, Moment(4, 4), points), profile)
 
     assert isinstance(started, Happening)
     assert started.first is not None
