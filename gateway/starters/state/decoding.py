@@ -44,7 +44,7 @@ class ReplyPlan(NamedTuple):
 
     rows: tuple[RowPlan, ...]
     names: tuple[str, ...]  # of all points that depend on these rows
-    joint: tuple[str, ...]  # of those that depend on several rows
+    is_joint: bool  # one of them depends on several rows: all are decoded together
     is_whole: bool  # all their rows are in these replies
 
 
@@ -80,8 +80,9 @@ class PointSources:
             rows.append(RowPlan(row.address - first, row.address - first + row.words, same, points))
         found = frozenset(code for row in rows for code in row.codes)
         names = self.fed_by(found)
-        joint = tuple(name for name in names if len(self._codes_of[name]) > 1)
-        return ReplyPlan(tuple(rows), names, joint, all(self._codes_of[name] <= found for name in joint))
+        sources = [self._codes_of[name] for name in names]
+        is_joint = any(len(codes) > 1 for codes in sources)
+        return ReplyPlan(tuple(rows), names, is_joint, all(codes <= found for codes in sources))
 
     def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
         """Return what freshly read rows say, together with `known` ones."""
@@ -142,15 +143,12 @@ class ReplyReader:
                 rows.update(dict.fromkeys(codes, row))
                 for name, decoded in decoders:
                     points[name] = _reading(decoded(row))
-        if plan.joint:
-            known = rows if plan.is_whole else {**self._known(at_s), **rows}
-            found = decode.decode_points(self._profile, variant, known, names=plan.joint)
-            points.update((name, _reading(found[name])) for name in plan.joint if name in found)
-            points = {name: points[name] for name in plan.names if name not in plan.joint or name in found}
-        elif not old:
-            points = {name: points[name] for name in plan.names}
-        missing = () if len(points) == len(plan.names) else tuple(n for n in plan.names if n not in points)
-        now = Said(rows, points, missing, good_values(points))
+        if plan.is_joint:
+            known = NO_ROWS if plan.is_whole else self._known(at_s)
+            now = sources_of(self._profile).decode(variant, rows, known=known)
+        else:
+            points = points if old else {name: points[name] for name in plan.names}
+            now = Said(rows, points, values=good_values(points))
         self._replies[key] = replies._replace(words=words, said=now)
         return now
 

@@ -64,7 +64,8 @@ def due_values(
     """
     latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
     if now_s >= before.refresh_at_s:
-        before = before._replace(refresh_at_s=_oldest_s(before.sent) + latest_s)
+        oldest_s = min((last.at_s for last in before.sent.values()), default=inf)
+        before = before._replace(refresh_at_s=oldest_s + latest_s)
     is_refreshed = now_s >= before.refresh_at_s
     points, known = state.points, before.points
     if points is known and now_s < before.soonest_s and not is_refreshed:
@@ -95,10 +96,6 @@ def due_values(
         refresh_at_s=min(before.refresh_at_s, now_s + latest_s) if values else before.refresh_at_s,
     )
     return after, values
-
-
-def _oldest_s(sent: Mapping[str, Sent]) -> float:
-    return min((last.at_s for last in sent.values()), default=inf)
 
 
 def is_news(sent: Reading, now: Reading, deadband: float) -> bool:

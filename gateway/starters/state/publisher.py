@@ -213,9 +213,7 @@ class TickTimer:
 
     def at(self, due_s: float) -> None:
         """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
-        if self._timer is not None and self._due_s <= due_s:
-            return
-        if due_s == math.inf:
+        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
             return
         now_s = self._clock.now_s()
         tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
