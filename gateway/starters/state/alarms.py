@@ -37,21 +37,15 @@ def updated(
 ) -> tuple[AlarmBook, tuple[AlarmStatus, ...]]:
     """Return the book in which these alarms are active and no others, and the ones that came or went."""
     by_code = {alarm.code: alarm for alarm in active}
-    came = [
-        _raised(alarm, book.get(code), time_s) for code, alarm in by_code.items() if not is_active(book, code)
-    ]
+    before = {code for code, known in book.items() if known.is_active}
+    came = [_raised(each, book.get(code), time_s) for code, each in by_code.items() if code not in before]
     went = [
         replace(known, is_active=False, cleared_s=time_s)
         for code, known in book.items()
-        if known.is_active and code not in by_code
+        if code in before and code not in by_code
     ]
     changed = (*came, *went)
     return {**book, **{each.alarm.code: each for each in changed}} if changed else book, changed
-
-
-def is_active(book: AlarmBook, code: str) -> bool:
-    """Return whether an alarm is active."""
-    return code in book and book[code].is_active
 
 
 def active_faults(book: AlarmBook) -> tuple[AlarmStatus, ...]:

@@ -20,15 +20,6 @@ class Reading(NamedTuple):
     label: str | None = None  # of an enum
     reason: str = ""  # why a value is bad, where that is not the point's own matter
 
-    @property
-    def is_good(self) -> bool:
-        """Return whether the value was just read."""
-        return self.quality is Quality.GOOD
-
-    def bad(self, reason: str = "") -> Reading:
-        """Return the reading without its value."""
-        return self._replace(value=None, label=None, quality=Quality.BAD, reason=reason)
-
 
 Points = Mapping[str, Reading]  # by name
 NO_POINTS: Points = {}
@@ -63,12 +54,13 @@ class Readings(NamedTuple):
 
 def bad(points: Points, names: Iterable[str], reason: str = "") -> Points:
     """Return these points without their values: the starter does not give them, or they mean nothing."""
-    return {name: points[name].bad(reason) for name in names}
+    return {name: Reading(None, points[name].unit, Quality.BAD, None, reason) for name in names}
 
 
 def stale(points: Points, names: Iterable[str]) -> Points:
     """Return the good ones of these points as no longer current; the value stays."""
-    return {name: points[name]._replace(quality=Quality.STALE) for name in names if points[name].is_good}
+    known = {name: points[name] for name in names}
+    return {name: r._replace(quality=Quality.STALE) for name, r in known.items() if r.quality is Quality.GOOD}
 
 
 def good_values(points: Points) -> dict[str, Value]:

@@ -6,7 +6,7 @@ A point that is not known any more is neither settled nor waiting.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -40,10 +40,6 @@ class Settled:
 
     values: Mapping[str, Value] = field(default_factory=dict)
     waiting: Mapping[str, FirstSeen] = field(default_factory=dict)
-
-    def is_waiting_for(self, names: Iterable[str]) -> bool:
-        """Return whether one of these points must be read once more."""
-        return not self.waiting.keys().isdisjoint(names)
 
 
 def settle(before: Settled, seen: Mapping[str, FirstSeen]) -> tuple[Settled, Mapping[str, FirstSeen]]:

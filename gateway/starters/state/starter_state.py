@@ -181,7 +181,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
             Happening(event, time_s) for event in events_of([each for each in came if not each.is_fault])
         ]
     trip = None if is_over else trip
-    if not settled.is_waiting_for(profile.alarm_points):  # else it is open which alarms there are
+    if settled.waiting.keys().isdisjoint(profile.alarm_points):  # else it is open which alarms there are
         book, more = _booked(book, settled.values, trip, profile, time_s=time_s)
         changed += more
         events += [Happening(event, time_s) for event in events_of(more)]
