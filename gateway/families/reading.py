@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import chain, groupby
 from math import inf
-from typing import Any
 
 from gateway.families.profile.decode import is_there
 from gateway.families.profile.extension import EXTRA
@@ -114,17 +113,6 @@ class Block:
         """One past the last address that is read."""
         return max(row.address + row.words for row in self.rows)
 
-    def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]]:
-        """Return the raw words by code from what its request decoded, aliases of its rows included."""
-        found: dict[str, tuple[int, ...]] = {}
-        first = self.address
-        for row in self.rows:
-            offset = row.address - first
-            words = tuple(int(word) for word in value[offset : offset + row.words])
-            for same in profile.rows_at[row.table, row.address]:
-                found[same.code] = words
-        return found
-
 
 def plan_blocks(
     profile: Profile, variant: Variant, *, timing: LineTiming | None = None, every_s: float = 1.0
@@ -221,10 +209,6 @@ def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
     end = run[-1].address + run[-1].words
     longest = limits.read_bits if row.table.is_bits else limits.read_registers
     return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
-
-
-SET_WITHIN_S = 2.0  # until a written row reads back as written
-_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
 
 
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:

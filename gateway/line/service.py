@@ -62,26 +62,27 @@ class LineService:
 
     async def _serve(self) -> None:
         """Do what is next: one transaction, or a wait for something to do."""
-        master, free_s = self.master, self._time()
+        master, flush, free_s = self.master, self.events.flush, self._time()
         if self.recovery.is_time_to_ask(free_s):
             self.scheduler.polls.expedite_all(free_s)
-        noise = await master.silence.settle(
-            is_for_stop=self.scheduler.jobs.has_stop, meanwhile=self.events.flush
-        )
+        noise = await master.silence.settle(is_for_stop=self.scheduler.jobs.has_stop, meanwhile=flush)
         slot = self.scheduler.pick(free_s)  # it has the line from then on, its silence included
         if slot is None:
             await self._wait_for_work(self.scheduler.next_due_s())
             return
         sent = self._form_of(slot)
         self._sent = slot
-        outcome = await self._take(slot, sent, noise)
+        if slot.jobs or noise is not None:
+            outcome = await self._take(slot, sent, noise)
+        else:
+            outcome = await master.send(sent, response_time_s=slot.response_time_s, meanwhile=flush)
         self.steps += 1
         try:
             self._record(slot, sent, outcome, took_s=self._time() - free_s)
         except Exception:
             self._end_jobs(slot)
             raise
-        if _may_act_late(slot, sent, outcome) and master.reset():
+        if slot.jobs and _may_act_late(slot, sent, outcome) and master.reset():
             raise PortResetError(self.port_name, RESET)
         was_deaf = self.recovery.is_deaf
         if slot.unit and self.recovery.record(outcome, self._time()):
@@ -93,7 +94,7 @@ class LineService:
         """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""
         poll = slot.poll
         wanted = EncodedRequest.of(slot.unit, slot.request) if poll is None else poll.encoded
-        if slot.is_stop or self.master.forms.outstanding.is_in_step(slot.unit):
+        if (poll is None and slot.is_stop) or self.master.forms.outstanding.is_in_step(slot.unit):
             return wanted
         if poll is None:
             poll = next((each.poll for each in self.scheduler.polls.unit(slot.unit).polls), None)
@@ -136,11 +137,12 @@ class LineService:
         is_given_up = bool(slot.jobs) and self._sent is None
         self._sent = None
         self.statistics.note(slot, outcome, took_s=took_s, now_s=now_s)
+        is_plain = isinstance(outcome, Answered) and not sent.is_fence
         verdict = self.scheduler.record(
-            slot, outcome, now_s, is_open=_is_open(sent, outcome), is_given_up=is_given_up
+            slot, outcome, now_s, is_open=not is_plain and _is_open(sent, outcome), is_given_up=is_given_up
         )
-        for fault in self.master.bus_faults.take_news():
-            self.events.fault(fault)
+        while self.master.bus_faults.news:
+            self.events.fault(self.master.bus_faults.news.popleft())
         if verdict.is_answering is not None:
             is_late = not verdict.is_answering and self.scheduler.polls.unit(slot.unit).is_late(now_s)
             why = Silent(REPLIES_LATE) if is_late else outcome

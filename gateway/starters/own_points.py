@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from gateway.families import Profile, once_per_profile
 
@@ -83,8 +83,7 @@ def own_points(profile: Profile) -> tuple[OwnPoint, ...]:
     return tuple(each for each in _POINTS if each.name not in profile.points and needs.get(each.name, True))
 
 
-@dataclass(slots=True)
-class _Published:
+class _Published(NamedTuple):
     value: Value
     is_good: bool
     at_s: float
@@ -102,17 +101,20 @@ class PublicationPace:
         due = []
         for point in self._points:
             value = values.get(point.name)
-            if self._is_due(point, value, is_good=is_good and value is not None, now_s=now_s):
-                self._published[point.name] = _Published(value, is_good and value is not None, now_s)
+            now = _Published(value, is_good and value is not None, now_s)
+            if self._is_due(point, now):
+                self._published[point.name] = now
                 due.append(point)
         return tuple(due)
 
-    def _is_due(self, point: OwnPoint, value: Value, *, is_good: bool, now_s: float) -> bool:
-        last = self._published.get(point.name)
-        if last is None or last.is_good is not is_good or now_s - last.at_s >= REFRESH_S:
+    def _is_due(self, point: OwnPoint, now: _Published) -> bool:
+        last, value = self._published.get(point.name), now.value
+        if last is None or last.is_good is not now.is_good or now.at_s - last.at_s >= REFRESH_S:
             return True
-        if value == last.value or not is_good:
+        if value == last.value or not now.is_good:
             return False
+        if now.at_s - last.at_s >= SOONEST_S or bool(value) is not bool(last.value):
+            return True
         if point.is_countdown and isinstance(value, float) and isinstance(last.value, float):
-            return value > last.value or now_s - last.at_s >= SOONEST_S or bool(value) is not bool(last.value)
-        return point.is_discrete or bool(value) is not bool(last.value) or now_s - last.at_s >= SOONEST_S
+            return value > last.value
+        return point.is_discrete

@@ -19,7 +19,7 @@ from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
 from gateway.modbus.codes import exception_name
-from gateway.starters.setup import StarterSetup, blocks_of, planned_for
+from gateway.starters.setup import StarterSetup, blocks_of
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor is at rest: values are read more slowly
@@ -82,10 +82,10 @@ class Polling:
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
         self._variant = setup.variant
-        self._plan = blocks_of(setup)
+        self._plan = blocks_of(setup, setup.variant)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
-        self._soonest_overdue_s = inf  # nothing becomes overdue before
+        self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
         self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
         self._whole_at_s = inf  # when to ask for whole blocks again
@@ -105,7 +105,7 @@ class Polling:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
-        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s(stretch))
+        self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
@@ -178,7 +178,7 @@ class Polling:
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
         self._variant = variant
-        plan = planned_for(self._setup, variant)
+        plan = blocks_of(self._setup, variant)
         if plan != self._plan and not self.is_withdrawn:
             self._plan = plan
             self.restore()
@@ -204,35 +204,23 @@ class Polling:
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""
-        if now_s < self._soonest_overdue_s:
-            return ()
         codes: list[str] = []
-        self._soonest_overdue_s, stretch = inf, self._line.stretch
+        self.next_overdue_s, stretch = inf, self._line.stretch
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
                 polled.is_overdue = True
                 codes += polled.block.codes
             else:
-                self._soonest_overdue_s = min(self._soonest_overdue_s, overdue_s)
+                self.next_overdue_s = min(self.next_overdue_s, overdue_s)
         return tuple(codes)
-
-    @property
-    def next_overdue_s(self) -> float:
-        """Return when to look for overdue blocks again, at times a little early; infinite for never."""
-        return self._soonest_overdue_s
-
-    @property
-    def status_period_s(self) -> float:
-        """Return the longest time that passes between two readings of the status, as far as it is known."""
-        stretch = self._line.stretch
-        periods = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
-        return max(periods, default=self._setup.every_s)
 
     @property
     def patience_s(self) -> float:
         """Return the age up to which a row of the status is still current."""
-        return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
+        stretch = self._line.stretch
+        periods_s = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
+        return OVERDUE_PERIODS * max(periods_s, default=self._setup.every_s) + OVERDUE_GRACE_S
 
     def _restore_due(self, now_s: float) -> None:
         """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
@@ -264,7 +252,7 @@ class Polling:
             every_s = REFUSED_EVERY_S if polled.is_refused else self._every_s(polled.block)
             if every_s != polled.every_s:
                 polled.every_s = every_s
-                self._soonest_overdue_s = -inf
+                self.next_overdue_s = -inf
                 self._line.set_every(key, every_s)
 
     def _every_s(self, block: reading.Block) -> float:
@@ -279,26 +267,24 @@ class PollLosses:
     """Counts the lost polls among the latest."""
 
     def __init__(self) -> None:
-        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
-        self._count = self._lost = 0
+        self._latest = self._count = 0  # a bit for each, 1 for a lost one; the latest is the lowest
         self._is_poor = False
 
     def note(self, *, is_lost: bool) -> str | None:
         """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
-        self._lost += is_lost - (self._latest >> (OF - 1))
         self._latest = (self._latest << 1 | is_lost) & _ALL
         self._count = min(self._count + 1, OF)
-        was_poor = self._is_poor
-        self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
+        if not (self._latest or self._is_poor):
+            return None
+        lost, was_poor = self._latest.bit_count(), self._is_poor
+        self._is_poor = lost >= POOR or (was_poor and lost > GOOD_AGAIN)
         if self._is_poor is was_poor:
             return None
-        if not self._is_poor:
-            return ""
-        return phrase(EventCode.DEGRADED, "polls_lost", lost=self._lost, count=self._count)
+        return phrase(EventCode.DEGRADED, "polls_lost", lost=lost, count=self._count) if self._is_poor else ""
 
     def clear(self) -> None:
         """Count from the beginning: the starter itself was lost."""
-        self._latest = self._count = self._lost = 0
+        self._latest = self._count = 0
         self._is_poor = False
 
 

@@ -67,19 +67,18 @@ class StarterSetup:
         )
 
 
-def blocks_of(setup: StarterSetup) -> tuple[reading.Block, ...]:
-    """Return what is read of a starter at first, status first; nothing of a disabled one."""
-    return planned_for(setup, setup.variant) if setup.is_enabled else ()
-
-
-def planned_for(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...]:
-    """Return what is read of a starter of this variant."""
+def blocks_of(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...]:
+    """Return what is read of a starter of this variant, status first; nothing of a disabled one."""
+    if not setup.is_enabled:
+        return ()
     return reading.plan_blocks(setup.profile, variant, timing=setup.timing, every_s=setup.every_s)
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
-    return tuple(setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup))
+    return tuple(
+        setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup, setup.variant)
+    )
 
 
 @once_per_profile

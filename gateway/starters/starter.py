@@ -23,23 +23,24 @@ from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import (
+    NO_POINTS,
     REFRESH_S,
     SOONEST_S,
-    AnswerCache,
     Availability,
-    DecodedPoints,
     LockOf,
+    Moment,
     NewReadings,
     Points,
     PublishedFaults,
     Readings,
+    ReplyReader,
     Rows,
+    Said,
     Snapshot,
     StatePublisher,
     advance,
     bad,
     good_values,
-    read,
     sources_of,
     stale,
     unread,
@@ -83,7 +84,7 @@ class StarterTelemetry:
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._clock = records.clock
-        self._answers = AnswerCache(setup.profile)
+        self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
@@ -174,7 +175,7 @@ class StarterTelemetry:
         self._contact.cancel()
         self.availability.end(reason)
         points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = NewReadings(stale(points, points), now_s, self._clock.utc_s())
+        news = NewReadings(now_s, Moment(now_s, self._clock.utc_s()), doubts=stale(points, points))
         self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
         self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
 
@@ -234,22 +235,35 @@ class StarterTelemetry:
     def take_rows(self, rows: Rows, *, at_s: float) -> None:
         """Record rows that were just read for a command; it goes on before they are decoded and published."""
         self._keep_rows(rows, at_s=at_s)
-        asyncio.get_running_loop().call_soon(self._take_decoded, rows, at_s)
+        asyncio.get_running_loop().call_soon(self._take_late, rows, at_s)
+
+    def _take_late(self, rows: Rows, at_s: float) -> None:
+        """Take what rows say that were recorded for a command."""
+        if self._polling.is_withdrawn or self._publisher.is_closed:
+            return  # only a stop asks such a starter, and needs its rows
+        known = self._known_rows(at_s)
+        self._take(sources_of(self.profile).decode(self.variant, rows, known=known), at_s)
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        is_other = self.identity_standing is IdentityStatus.MISMATCHED
-        if not setting_codes(self.setup.profile).isdisjoint(rows) and not is_other:
+        if setting_codes(self.setup.profile).isdisjoint(rows):
+            return
+        if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
 
+    def _known_rows(self, at_s: float) -> Rows:
+        """Return the rows that were current then."""
+        return self.snapshot.rows_since(at_s - self._polling.patience_s)
+
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
-        said = self._answers.read(key, block, self.variant, answer.value)
+        at_s = answer.at_s
+        said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
         if self._contact.standing.is_readable:  # else its values grow old
-            self._polling.note_answer(key, at_s=answer.at_s)
-        if self.availability.trouble(REFUSED_TOPIC):
+            self._polling.note_answer(key, at_s=at_s)
+        if REFUSED_TOPIC in self.availability.troubles:
             self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
-        self._keep_rows(said.rows, at_s=answer.at_s)
-        self._take_decoded(said.rows, answer.at_s, said.decoded)
+        self._keep_rows(said.rows, at_s=at_s)
+        self._take(said, at_s)
 
     def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
@@ -261,7 +275,7 @@ class StarterTelemetry:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
             logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
         self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
-        self._look(bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
+        self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
     def _come_online(self) -> None:
         if self.availability.is_online:
@@ -276,56 +290,48 @@ class StarterTelemetry:
         self._contact.note_silence()
         self.availability.go_offline(reason, frames)
         self._polling.note_silence()
-        self._look(stale(self.snapshot.readings, self.snapshot.readings))
+        self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
 
     # The state and what follows from it
 
-    def _take_decoded(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
-        """Decode rows that were recorded, unless that is done, and publish what they say."""
-        if self._polling.is_withdrawn or self._publisher.is_closed:
-            return  # only a stop asks such a starter, and needs its rows
-        self._come_online()
-        if self._contact.standing.is_readable:
-            self._take_rows_now(rows, at_s, decoded)
-        else:
-            self._look(time_s=self._clock.utc_s(at_s))
+    def _take(self, said: Said, at_s: float) -> None:
+        """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
+        if not self.availability.is_online:
+            self._come_online()
+        standing, read = self._contact.standing, Moment(at_s, self._clock.utc_s(at_s))
+        if not standing.is_readable:
+            self._look(read=read)
+            return
+        state, doubts = self.snapshot.state, NO_POINTS
+        points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
+        values = said.values if points is said.points else good_values(points)
+        if said.missing:
+            doubts = bad(state.points, said.missing, standing.contradiction)
+        if standing.contradiction:
+            points, values = bad(points, points, standing.contradiction), {}
+        self._look(points, read, doubts=doubts)
+        self.on_readings(Readings(at_s, read.time_s, self.snapshot.state.status.word, values))
 
-    def _take_rows_now(self, rows: Rows, at_s: float, decoded: DecodedPoints | None = None) -> None:
-        """Take what rows say into the state, publish it, and hand its good values to the recorders."""
-        points = self.snapshot.state.points
-        time_s = self._clock.utc_s(at_s)
-        if decoded is None:
-            known = self.snapshot.rows_since(at_s - self._polling.patience_s)
-            decoded = sources_of(self.profile).decode(self.variant, rows, known=known)
-        new = read(points, decoded.points, at_s=at_s, time_s=time_s)
-        if decoded.missing:
-            new = {**bad(points, decoded.missing), **new}
-        contradiction = self.contradiction
-        if contradiction:
-            new = bad(new, new, contradiction)
-        self._look(new, time_s=time_s)
-        self.on_readings(Readings(at_s, time_s, self.snapshot.state.status.word, good_values(new)))
+    def _look(
+        self, points: Points = NO_POINTS, read: Moment | None = None, *, doubts: Points = NO_POINTS
+    ) -> None:
+        """Look at all that is known now, with what a reply says, and publish what is due.
 
-    def _look(self, new: Points | None = None, *, time_s: float | None = None) -> None:
-        """Look at all that is known now, with new readings, and publish what is due.
-
-        `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
+        `read` is when the newest reading was taken. Publishing itself asks nothing of the line.
         """
-        now_s = self._clock.now_s()
-        overdue = self._polling.take_overdue(now_s)
-        if overdue:
-            points = self.snapshot.readings
-            new = {**stale(points, sources_of(self.profile).fed_by(overdue)), **(new or {})}
-        before = self.snapshot.state
-        utc_s = self._clock.utc_s() if time_s is None else time_s
-        state, happenings = advance(before, NewReadings(new or {}, now_s, utc_s), self.setup.profile)
+        now_s, before = self._clock.now_s(), self.snapshot.state
+        if now_s >= self._polling.next_overdue_s:
+            overdue = self._polling.take_overdue(now_s)
+            doubts = {**stale(before.points, sources_of(self.profile).fed_by(overdue)), **doubts}
+        news = NewReadings(now_s, read or Moment(now_s, self._clock.utc_s()), points, doubts)
+        state, happenings = advance(before, news, self.setup.profile)
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
-        self._polling.follow(state.status.word)
-        self._publisher.publish(
-            state, happenings, now_s=now_s, reason=self._why_unknown(), look_s=self._polling.next_overdue_s
-        )
+        if state.status is not before.status:
+            self._polling.follow(state.status.word)
+        reason, look_s = self._why_unknown(), self._polling.next_overdue_s
+        self._publisher.publish(state, happenings, now_s=now_s, reason=reason, look_s=look_s)
 
     # Who answers: what the identity's machine is asked, and what follows from its answers
 
@@ -361,7 +367,7 @@ class StarterTelemetry:
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
         self.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
-        self._look(bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else None)
+        self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
         for call in self._on_identified if is_family else ():
             call()
 

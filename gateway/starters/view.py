@@ -73,16 +73,3 @@ class StarterIo(StarterWire, Protocol):
 
     def republish_state(self) -> None:
         """Publish its state again, because its lock has changed."""
-
-
-class PolledStarter(StarterIo, Protocol):
-    """One starter with polls, as the services see it."""
-
-    async def gap_s(self) -> float | None:
-        """Return the longest time between two requests to it; None where its line has no timing."""
-
-    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Hand over settings that were just read: the watchdog's count for its line."""
-
-    def set_trouble(self, topic: str, reason: str) -> None:
-        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""

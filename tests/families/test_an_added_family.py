@@ -70,7 +70,7 @@ print("an ssw07 would be", stranger.family_seen)
 variant = Variant(model=identity.model, firmware=identity.firmware)
 blocks = plan_blocks(profile, variant)
 print("polls", *(block.request.encode().hex() for block in blocks))
-rows = {**blocks[0].rows_in(profile, (0b1_0010,)), **blocks[1].rows_in(profile, (125,))}
+rows = {blocks[0].codes[0]: (0b1_0010,), blocks[1].codes[0]: (125,)}
 points = {name: point.value for name, point in decode_points(profile, variant, rows).items()}
 print("reads", points["current"], state_of(profile, points))
 

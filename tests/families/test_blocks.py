@@ -216,32 +216,3 @@ def test_a_refused_block_is_split_into_its_rows() -> None:
     assert [shown(part.request) for part in parts] == ["h17*1", "h24*2"]
     assert {part.group for part in parts} == {block.group}
     assert split(parts[1]) == (parts[1],)
-
-
-@pytest.mark.parametrize(
-    ("profile", "code", "words", "expected"),
-    [
-        # what lies between two rows is dropped
-        (
-            polling("ssw900", {"S1.6.2", "S1.1.4"}),
-            "S1.6.2",
-            (500, 1, 2, 3, 4, 5, 6, 23, 0),
-            {"S1.6.2": (500,), "S1.1.4": (23, 0)},
-        ),
-        # an alias has the words of its register too
-        (
-            load_profile("ssw900"),
-            "S5.1.1",
-            (99, 1, 2, 3, 4, 5, 6),
-            {"S5.1.1": (99,), "S3.1.3.1": (99,), "S5.2.5": (5,), "S5.2.6": (6,)},
-        ),
-        # coils become words of one and zero
-        (polling("sst", {"COIL5", "COIL7"}), "COIL5", (True, True, False), {"COIL5": (1,), "COIL7": (0,)}),
-    ],
-)
-def test_the_words_of_a_reply_go_to_their_rows(
-    profile: Profile, code: str, words: tuple[int, ...], expected: dict[str, tuple[int, ...]]
-) -> None:
-    block = next(block for block in plan_blocks(profile, UNKNOWN) if code in block.codes)
-
-    assert block.rows_in(profile, words) == expected

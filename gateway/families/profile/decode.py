@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache, partial
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from gateway.families.profile.parameters import raw_row, unnamed_code
@@ -16,6 +17,7 @@ Value = bool | int | float | str | None
 
 NOT_IN_MANUAL = "(not in the manual)"  # of a fault or an alarm that it does not name
 
+WORD_MAX = 0xFFFF
 _DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
 _CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
 _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
@@ -30,22 +32,38 @@ class Decoded(NamedTuple):
     raw: tuple[int, ...]
 
 
+Decoder = Callable[[Sequence[int]], Decoded]  # of as many words as the row has
+
+
 def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: Sequence[int]) -> Decoded:
     """Return what a row's words mean, as many as the row has.
 
     Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts.
     A measurement outside the range that the manual prints is not known: 300 °C of a sensor for 260 at most.
     """
-    raw = tuple(words)
-    if parameter.type not in TYPE_LIMITS:
-        return Decoded(to_text(parameter.type, raw), label=None, unit="", raw=raw)
-    number = from_words(parameter, raw)
-    low, high = TYPE_LIMITS[parameter.type]
-    if not low <= number <= high or _is_out_of_range(parameter, number):
-        return Decoded(None, label=None, unit=parameter.unit, raw=raw)
-    label = _label(profile, parameter, number)
-    unit = "%" if parameter.full_scale else parameter.unit
-    return Decoded(_value(variant, parameter, number), label=label, unit=unit, raw=raw)
+    return row_decoder(profile, variant, parameter)(words)
+
+
+def row_decoder(profile: Profile, variant: Variant, row: Parameter) -> Decoder:
+    """Return what decodes a row's words, as `decode_row` does."""
+    if row.type not in TYPE_LIMITS:
+        return lambda words: Decoded(to_text(row.type, words), label=None, unit="", raw=tuple(words))
+    low, high = TYPE_LIMITS[row.type]
+    lowest, highest = _possible(row)
+    unit = "%" if row.full_scale else row.unit
+    is_plain = row.words == 1 and low == 0 and high == WORD_MAX
+    number_in = itemgetter(0) if is_plain else partial(from_words, row)
+    is_named = row.code in profile.alarm_rows or row.off is not None or row.type is Type.TIME or row.enum
+    label_of = partial(_label, profile, row) if is_named else None
+    value_of = _value_of(variant, row)
+
+    def decoded(words: Sequence[int]) -> Decoded:
+        number, raw = number_in(words), tuple(words)
+        if not lowest <= number <= highest:
+            return Decoded(None, None, row.unit, raw)
+        return Decoded(value_of(number), label_of(number) if label_of else None, unit, raw)
+
+    return decoded
 
 
 def decode_points(
@@ -59,7 +77,7 @@ def decode_points(
     points = profile.points if names is None else {name: profile.points[name] for name in names}
     parts = {part: profile.points[part] for point in points.values() for part in point.none_of}
     found = {
-        name: _decode_point(profile, variant, point, rows[point.code])
+        name: point_decoder(profile, variant, point)(rows[point.code])
         for name, point in {**points, **parts}.items()
         if point.code in rows
     }
@@ -150,39 +168,48 @@ def _label(profile: Profile, row: Parameter, number: int) -> str | None:
     return profile.enums[row.enum].get(number) if row.enum else None
 
 
-def _is_out_of_range(row: Parameter, number: int) -> bool:
-    """Return whether a measurement is outside the range that the manual prints (ssw900, table A.2)."""
-    is_measured = row.access is Access.RO and row.unit and row.is_sure
+def _possible(row: Parameter) -> tuple[int, int]:
+    """Return the least and largest number of a row: of its type, of a measurement those that are printed."""
+    low, high = TYPE_LIMITS[row.type]
+    is_measured = row.access is Access.RO and row.unit and row.is_sure  # (ssw900, table A.2)
     if not is_measured or row.raw_min is None or row.raw_max is None:
-        return False
-    return not row.raw_min <= number <= row.raw_max
+        return low, high
+    return max(low, row.raw_min), min(high, row.raw_max)
 
 
-def _value(variant: Variant, row: Parameter, number: int) -> Value:
+def _value_of(variant: Variant, row: Parameter) -> Callable[[int], Value]:
+    """Return what makes a value of a row's number."""
     if row.type is Type.BIT:
-        return bool(number)
+        return bool
     if row.full_scale:
-        return to_percent(number, row.full_scale)
-    decimals = row.decimals or 0
+        return partial(to_percent, full_scale=row.full_scale)
+    divisor = 10 ** (row.decimals or 0)
     if row.is_rated_scaled:
         rated_a = variant.rated_current_a or rated_current_a(variant.model or "")
         if rated_a is None:  # a guess could be wrong by a factor of ten
-            return None
-        return float(number) if rated_a >= _DIVIDED_FROM_A else number / 10**decimals
-    return number / 10**decimals if decimals or row.unit else number
+            return lambda _: None
+        return float if rated_a >= _DIVIDED_FROM_A else lambda number: number / divisor
+    return (lambda number: number / divisor) if row.decimals or row.unit else int
 
 
-def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
+def point_decoder(profile: Profile, variant: Variant, point: Point) -> Decoder:
+    """Return what decodes the words of the row of a point, which is not made of others."""
     row = profile.parameters[point.code]
     if not is_there(profile, variant, point.source):
-        return Decoded(None, label=None, unit="", raw=words)
+        return lambda words: Decoded(None, None, "", tuple(words))
     if point.bit is not None or row.type is Type.BIT:
-        return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)
+        bit = point.bit or 0
+        return lambda words: Decoded(bool(words[0] >> bit & 1), None, "", tuple(words))
     if point.true_when:
-        return Decoded(from_words(row, words) in point.true_when, label=None, unit="", raw=words)
-    decoded = decode_row(profile, variant, row, words)
-    if point.zero_is_missing and not any(words):
-        return Decoded(None, label=None, unit=decoded.unit, raw=words)
+        return lambda words: Decoded(from_words(row, words) in point.true_when, None, "", tuple(words))
+    decode = row_decoder(profile, variant, row)
+    if not point.zero_is_missing:
+        return decode
+
+    def decoded(words: Sequence[int]) -> Decoded:
+        found = decode(words)
+        return found if any(words) else found._replace(value=None, label=None)
+
     return decoded
 
 

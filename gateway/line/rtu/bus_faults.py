@@ -8,6 +8,7 @@ were not asked. A listed reply (`outstanding.py`) and a reply that comes twice a
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -56,18 +57,13 @@ class BusFaults:
         self._signs: dict[BusFault, tuple[float, float]] = {}  # how many, and when they were that many
         self._corrupted: dict[int, float] = {}  # by unit: the share of its latest replies
         self._reported_s: dict[tuple[EventCode, int], float] = {}
-        self._news: list[BusFault] = []
-
-    def take_news(self) -> tuple[BusFault, ...]:
-        """Return what was recognised since the last call."""
-        news = tuple(self._news)
-        self._news.clear()
-        return news
+        self.news: deque[BusFault] = deque()  # what was recognised; the reader takes it out
 
     def note_answer(self, unit: int, frame: bytes, at_s: float) -> None:
         """Record that a unit answered as it should."""
         self._replies[unit] = (frame, at_s)
-        self._count(unit, is_corrupted=False)
+        if self._corrupted.get(unit):
+            self._count(unit, is_corrupted=False)
 
     def note_frame(self, frame: bytes, *, asked: int, is_listed: bool, now_s: float) -> None:
         """Judge a whole frame that was not waited for, after `asked` was asked last."""
@@ -118,7 +114,7 @@ class BusFaults:
         cause = (fault.code, fault.unit)
         if now_s - self._reported_s.get(cause, -inf) >= REPORTED_AGAIN_AFTER_S:
             self._reported_s[cause] = now_s
-            self._news.append(fault)
+            self.news.append(fault)
 
 
 def _speaker(received: bytes) -> int:

@@ -66,6 +66,7 @@ class EncodedRequest:
     reply_size: int | None  # of the normal reply's ADU; None = only the reply shows it
     is_mirrored: bool
     shape: Shape
+    head: bytes  # of the normal reply's ADU: unit and shape
     cut: Callable[[Any], Any] | None = None  # from an alternate's value to that of the row
     is_fence: bool = False  # it goes before what is wanted
 
@@ -79,14 +80,15 @@ class EncodedRequest:
         is_fence: bool = False,
     ) -> Self:
         """Prepare a request; ValueError for what no frame can hold."""
-        size = request.reply_size()
+        size, shape = request.reply_size(), expected_shape(request)
         return cls(
             unit,
             request,
             adu.encode(unit, request.encode()),
             None if size is None else size + _ADU_EXTRA,
             request.function in _MIRRORED,
-            expected_shape(request),
+            shape,
+            bytes((unit,)) + shape,
             cut,
             is_fence,
         )

@@ -11,7 +11,7 @@ from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, FormChoice
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import SHORTEST_REPLY, Reception, first_frame, judge, no_frame
+from gateway.line.rtu.reply import Reception, judge, no_frame
 from gateway.line.rtu.silence import NoteFrame, Silence
 from gateway.line.rtu.strays import Strays
 from gateway.line.rtu.transaction import ALLOWANCE_S
@@ -125,10 +125,10 @@ class RtuMaster:
         # The usual case: first the bytes of the shortest reply, which may be a refusal, then the rest.
         if size is not None and not (sent.is_mirrored or self._is_echoing):
             read = self._port.read
-            received = await read(until_s=deadline_s, count=SHORTEST_REPLY)
+            received = await read(until_s=deadline_s, count=_HEAD)
             if _HEAD <= len(received) < size and received[:_HEAD] == sent.adu[:_HEAD]:
                 received += await read(until_s=deadline_s, count=size - len(received))
-            if len(received) == size and first_frame(received)[1] == received:
+            if len(received) == size and received.startswith(sent.head) and not adu.crc16(received):
                 outcome = self._judge(sent, received, 0, sent_end_s)
                 if not isinstance(outcome, Garbled):
                     return outcome
@@ -184,12 +184,12 @@ class RtuMaster:
         at_s = self._port.last_byte_s - behind * self._character_s
         took_s = max(at_s - len(frame) * self._character_s - sent_end_s, 0.0)
         self._note_frame(at_s, RECEIVED, frame)
-        reply = adu.Adu(frame[0], frame[1:-2])
-        said = judge(sent.unit, sent.request, reply, at_s=at_s, response_time_s=took_s)
+        pdu = frame[1:-2]
+        said = judge(sent.unit, sent.request, frame[0], pdu, at_s=at_s, response_time_s=took_s)
         if not isinstance(said, str):
             if isinstance(said, Refused) and said.is_lasting:
                 self.forms.give_up(sent, at_s)
-            if self.forms.outstanding.believe(sent.unit, reply.pdu):
+            if self.forms.outstanding.believe(sent.unit, pdu):
                 self.bus_faults.note_answer(sent.unit, frame, at_s)
                 if isinstance(said, Answered) and sent.cut is not None:
                     return replace(said, value=sent.cut(said.value))

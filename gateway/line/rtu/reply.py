@@ -91,12 +91,11 @@ def frames(received: bytes) -> Iterator[tuple[bytes, bool]]:
 
 
 def judge(
-    unit: int, request: Request, frame: adu.Adu, *, at_s: float, response_time_s: float
+    unit: int, request: Request, by: int, pdu: bytes, *, at_s: float, response_time_s: float
 ) -> Answered | Refused | str:
-    """Return what a frame that ended at `at_s` says to a request; why nothing, where it is no reply to it."""
-    pdu = frame.pdu
-    if frame.unit != unit:
-        return f"reply of unit {frame.unit}"
+    """Return what a PDU that ended at `at_s` says to a request; why nothing, where it is no reply to it."""
+    if by != unit:
+        return f"reply of unit {by}"
     if pdu[0] & EXCEPTION_BIT and (code := exception_code(request, pdu)) is not None:
         return Refused(code, at_s)
     if pdu[0] & ~EXCEPTION_BIT != request.function:

@@ -13,6 +13,10 @@ JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
 
+by_deadline = attrgetter("deadline_s")
+_release_s = attrgetter("release_s")
+
+
 @dataclass(slots=True, eq=False, kw_only=True)
 class Queued:
     """A thing that can wait in one queue at a time."""
@@ -36,19 +40,19 @@ class EdfQueue(Generic[T]):
 
     def __init__(self) -> None:
         self.things: list[T] = []  # by deadline, equal ones as they were put
-        self._released_s = inf  # none of them before
+        self.released_s = inf  # none of them before
 
     def put(self, thing: T, release_s: float, deadline_s: float) -> None:
         """Queue a thing; it leaves the queue it was in."""
         if thing.queue is not None:
             thing.leave()
         thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
-        insort(self.things, thing, key=attrgetter("deadline_s"))
-        self._released_s = min(self._released_s, release_s)
+        insort(self.things, thing, key=by_deadline)
+        self.released_s = min(self.released_s, release_s)
 
     def first(self, now_s: float) -> T | None:
         """Return the released thing with the earliest deadline; it stays."""
-        if now_s >= self._released_s:
+        if now_s >= self.released_s:
             for thing in self.things:
                 if thing.release_s <= now_s:
                     return thing
@@ -57,8 +61,8 @@ class EdfQueue(Generic[T]):
 
     def next_s(self) -> float:
         """Return when the first of the things is released."""
-        self._released_s = min([thing.release_s for thing in self.things], default=inf)
-        return self._released_s
+        self.released_s = min(map(_release_s, self.things), default=inf)
+        return self.released_s
 
 
 class LineTimeBudget:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from math import inf
-from operator import attrgetter
 from typing import Any
 
 from gateway.line.rtu.outcome import Outcome, Silent
@@ -12,10 +11,11 @@ from gateway.line.scheduler.line_time import (
     FREE_PERIOD_S,
     EdfQueue,
     LineTimeBudget,
+    by_deadline,
     overload_factor,
 )
 from gateway.line.scheduler.requests import Poll, Slot
-from gateway.line.scheduler.units import ScheduledPoll, Unit, Visit
+from gateway.line.scheduler.units import SILENT_AFTER, ScheduledPoll, Unit, Visit
 
 # Of the line's time, for all silent units together: with the listening for a late reply that follows each
 # silence, and is not counted here, that makes a twentieth at most.
@@ -163,11 +163,12 @@ class PollTable:
 
     def first(self, now_s: float) -> ScheduledPoll | None:
         """Return the poll that is next; after a miss those of units that answer come first."""
-        answering = self._of_left_out(now_s) or self._answering.first(now_s)
+        answering = self._of_left_out(now_s) if now_s >= self._visits.released_s else None
+        answering = answering or self._answering.first(now_s)
         if answering is not None and self._is_after_miss:
             return answering
-        suspect = self._suspect.first(now_s)
-        while suspect is None and (unit := self._silent.first(now_s)) is not None:
+        suspect = self._suspect.first(now_s) if self._suspect.things else None
+        while suspect is None and self._silent.things and (unit := self._silent.first(now_s)) is not None:
             room_at_s = self._offline.room_at_s
             if now_s >= room_at_s or unit.is_fading(now_s):
                 return unit.polls[0]
@@ -184,7 +185,7 @@ class PollTable:
             polls = visit.unit.polls
             waiting = [each for each in polls if each.queue is self._answering and each.release_s <= now_s]
             if waiting:
-                return min(waiting, key=attrgetter("deadline_s"))
+                return min(waiting, key=by_deadline)
             visit.leave()  # until its next answer
         return None
 
@@ -224,7 +225,8 @@ class PollTable:
         `entry` is that of the slot's poll; None for jobs, and for a poll that was removed.
         """
         unit = self.unit(slot.unit) if entry is None else entry.unit
-        before, was_silent, took_s = unit.misses, unit.is_silent, min(now_s - sent_s, _LONGEST_SLOT_S)
+        before, took_s = unit.misses, min(now_s - sent_s, _LONGEST_SLOT_S)
+        was_silent = before >= SILENT_AFTER
         self._note_time(0.0 if entry is not None and not was_silent else took_s, now_s)
         is_answer = unit.note(outcome, now_s) if is_sure else None
         self._is_after_miss = is_answer is False
@@ -239,18 +241,19 @@ class PollTable:
                     self._left.pop()
                 self._left.append(left)
             unit.reached_s = sent_s
-            self._watch(unit, sent_s)
+            if unit.limit_s or unit.queue is not None:
+                self._watch(unit, sent_s)
         elif is_done or (is_answer is False and not was_silent):
             self._watch(unit, now_s)
         # The line time for offline units is limited; the first misses of a unit are not charged to it.
         if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
             self._offline.spend(took_s, now_s)
-        if entry is not None and is_done and not unit.is_silent:
+        if entry is not None and is_done and unit.misses < SILENT_AFTER:
             self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
         # Fairness: a unit left for half a sweep past its due time goes before all others.
         if is_answer and unit.polls:
             patience_s = max(len(self._units) * unit.polls[0].cost_s / 2, _PATIENCE_S)
-            due_s = min(each.deadline_s for each in unit.polls)
+            due_s = min(map(by_deadline, unit.polls))
             self._visits.put(unit.visit, max(sent_s, due_s) + patience_s, sent_s)
         return unit.news()
 

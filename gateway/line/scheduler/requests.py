@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
+from typing import NamedTuple
 
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
 from gateway.line.rtu.outcome import Outcome
@@ -67,8 +68,7 @@ class Job:
         return self.lane > Priority.FOLLOW_UP and self.request.is_write
 
 
-@dataclass(frozen=True, slots=True)
-class Slot:
+class Slot(NamedTuple):
     """One request that the scheduler has chosen: for a poll, or for jobs."""
 
     unit: int
@@ -93,11 +93,10 @@ class Slot:
     def without(self, job: Job) -> Slot | None:
         """Return what is left when a job is withdrawn; None when it was the only one."""
         left = tuple(each for each in self.jobs if each is not job)
-        return replace(self, jobs=left) if left else None
+        return self._replace(jobs=left) if left else None
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The meaning of an outcome beyond its own slot."""
 
     is_final: bool  # False: the request is sent again, or its poll was removed; nothing is published

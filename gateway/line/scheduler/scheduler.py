@@ -19,7 +19,6 @@ from __future__ import annotations
 import random
 from bisect import insort, insort_left
 from collections.abc import Iterable
-from dataclasses import replace
 from math import inf
 from operator import attrgetter
 
@@ -33,6 +32,7 @@ BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line ti
 OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
 SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
+_STOPS = (Priority.STOP, Priority.FOLLOW_UP)
 _COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 _OWN = (Priority.WATCHDOG, Priority.IDENTITY, Priority.PATROL)
 _BACKGROUND = (Priority.PARAMETERS, Priority.PATROL)
@@ -73,29 +73,29 @@ class Scheduler:
            of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
+        jobs, watchdogs = self.jobs if self.jobs.waiting else None, self.polls.watchdogs
         # Stops, and their repeats as long as they leave the others a slot now and then.
-        if self._follow_ups_in_row < IN_ROW and not self._gives_way:
-            slot = self.jobs.pop(Priority.STOP, Priority.FOLLOW_UP)
-            self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
-        else:
-            slot = self.jobs.pop(Priority.STOP)
+        may_follow_up = self._follow_ups_in_row < IN_ROW and not self._gives_way
+        slot = jobs.pop(*(_STOPS if may_follow_up else _STOPS[:1])) if jobs else None
         if slot is not None:
             return slot
+        if may_follow_up:
+            self._follow_ups_in_row = 0
         # Where no watchdog is due, or too many in a row were, jobs share the line with the polls.
-        unit = self.polls.watchdogs.first(now_s)
+        unit = watchdogs.first(now_s) if watchdogs.things else None
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
-            if entry is None or now_s >= self.jobs.budget.room_at_s:
-                slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(*_OWN)
+            if jobs and (entry is None or now_s >= jobs.budget.room_at_s):
+                slot = jobs.pop(*_COMMANDS) or jobs.pop(*_OWN)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
         # A unit without a known watchdog, not asked since the port was opened: commands come first.
-        elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
-            slot = self.jobs.pop(*_COMMANDS) or self.jobs.pop(Priority.WATCHDOG)
+        elif jobs and unit.deadline_s == inf and now_s >= jobs.budget.room_at_s:
+            slot = jobs.pop(*_COMMANDS) or jobs.pop(Priority.WATCHDOG)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(Priority.FOLLOW_UP)
+        return jobs.pop(Priority.FOLLOW_UP) if slot is None and jobs else slot
 
     def record(
         self,
@@ -138,7 +138,7 @@ class Scheduler:
             is_sure=is_open or not is_repeated,
         )
         if is_repeated:
-            again = replace(slot, is_repetition=slot.is_repetition or not is_open)
+            again = slot._replace(is_repetition=slot.is_repetition or not is_open)
             self.jobs.put_back(again) if entry is None else self.polls.put_back(again, entry)
         return Verdict(is_known and not is_repeated, is_online)
 
@@ -153,7 +153,7 @@ class JobQueue:
 
     def __init__(self) -> None:
         self.budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)  # what they may take from polls that are due
-        self._waiting: list[Slot] = []
+        self.waiting: list[Slot] = []
         self._commands = 0  # taken out
 
     def submit(self, job: Job, now_s: float) -> None:
@@ -162,49 +162,49 @@ class JobQueue:
         A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
         that is stopped again and again costs the line one frame each, not many.
         """
-        for place, slot in enumerate(self._waiting) if job.lane is Priority.STOP else ():
+        for place, slot in enumerate(self.waiting) if job.lane is Priority.STOP else ():
             is_same = (slot.lane, slot.unit, slot.request) == (job.lane, job.unit, job.request)
             if is_same and now_s - slot.since_s > SHARED_AFTER_S:
-                self._waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                self.waiting[place] = slot._replace(jobs=(*slot.jobs, job))
                 return
         slot = Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,))
-        insort(self._waiting, slot, key=attrgetter("lane"))
+        insort(self.waiting, slot, key=attrgetter("lane"))
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        for place, slot in enumerate(self._waiting):
+        for place, slot in enumerate(self.waiting):
             if job in slot.jobs:
                 left = slot.without(job)
-                self._waiting[place : place + 1] = [] if left is None else [left]
+                self.waiting[place : place + 1] = [] if left is None else [left]
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        slots, self._waiting = self._waiting, []
+        slots, self.waiting = self.waiting, []
         return tuple(job for slot in slots for job in slot.jobs)
 
     def put_back(self, slot: Slot) -> None:
         """Return a slot to the head of its priority."""
-        insort_left(self._waiting, slot, key=attrgetter("lane"))
+        insort_left(self.waiting, slot, key=attrgetter("lane"))
 
     def has_stop(self) -> bool:
         """Return whether a stop's frame, repeat or read-back waits."""
-        return bool(self._waiting) and self._waiting[0].lane in (Priority.STOP, Priority.FOLLOW_UP)
+        return bool(self.waiting) and self.waiting[0].lane in _STOPS
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        return -inf if self._waiting else inf
+        return -inf if self.waiting else inf
 
     def pop(self, *lanes: Priority) -> Slot | None:
         """Take out the next job of these priorities; of all but stops now and then the oldest."""
-        ready = [slot for slot in self._waiting if slot.lane in lanes] if self._waiting else None
+        ready = [slot for slot in self.waiting if slot.lane in lanes]
         if not ready:
             return None
         self._commands += lanes == _COMMANDS
         is_oldest = lanes == _COMMANDS and self._commands % OLDEST_EVERY == 0
         slot = min(ready, key=attrgetter("since_s")) if is_oldest else ready[0]
-        self._waiting.remove(slot)
+        self.waiting.remove(slot)
         return slot
 
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:

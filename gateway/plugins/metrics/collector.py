@@ -263,8 +263,7 @@ def _converted(starter: ShownStarter, point: str) -> float | None:
 
 def _last_s(starter: ShownStarter, qualities: tuple[Quality, ...]) -> float | None:
     """Return when a value that has one of these qualities was last read."""
-    known = [each for each in starter.snapshot.readings.values() if each.quality in qualities]
-    return max((each.time_s for each in known if each.time_s is not None), default=None)
+    return starter.snapshot.last_s(qualities)
 
 
 def _fault(starter: ShownStarter) -> float | None:

@@ -21,12 +21,21 @@ from typing import Any
 
 from gateway.contract import CommandError, EventCode, Phase, Severity, phrase
 from gateway.errors import PortLostError
-from gateway.families import Profile, Read, Weight, diagnosis, once_per_profile, parameters, reading
+from gateway.families import (
+    Parameter,
+    Profile,
+    Read,
+    Weight,
+    diagnosis,
+    once_per_profile,
+    parameters,
+    reading,
+)
 from gateway.line import Priority
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.view import PolledStarter
+from gateway.starters.starter import StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
@@ -50,11 +59,11 @@ Words = tuple[int, ...]
 class SettingsWatch:
     """Reads one starter while it answers; everything on the app's loop."""
 
-    def __init__(self, starter: PolledStarter, recalled: Mapping[str, Words], *, every_s: float) -> None:
+    def __init__(self, starter: StarterTelemetry, recalled: Mapping[str, Words], *, every_s: float) -> None:
         """Begin with rows as an earlier run has read them."""
         self._starter = starter
         self._every_s = every_s
-        self._watched = frozenset(watched_codes(starter.profile))
+        self._watched = watched_codes(starter.profile)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._changed: dict[str, Words] = {}  # from what, until that is published
         self._refusals: Counter[str] = Counter()  # by row, in laps since the hour began
@@ -121,7 +130,7 @@ class SettingsWatch:
     async def _walk(self) -> None:
         hour_began_s, every_s = -inf, min(FIRST_LAP_EVERY_S, self._every_s)
         now_s = asyncio.get_running_loop().time
-        watched = watched_codes(self._starter.profile)
+        watched = self._watched
         vital = diagnosis.watchdog_codes(self._starter.profile)
         while watched:
             if now_s() - hour_began_s >= HOUR_S:
@@ -214,9 +223,9 @@ class SettingsWatch:
 
 
 @once_per_profile
-def watched_codes(profile: Profile) -> tuple[str, ...]:
-    """Return the settings of a family that change only when somebody sets them."""
-    return tuple(row.code for row in profile.parameters.values() if reading.is_set_by_people(profile, row))
+def watched_codes(profile: Profile) -> Mapping[str, Parameter]:
+    """Return the settings of a family that change only when somebody sets them, by code."""
+    return {c: row for c, row in profile.parameters.items() if reading.is_set_by_people(profile, row)}
 
 
 def _planned(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:

@@ -6,16 +6,26 @@ out; `snapshot` and `publisher` are what `gateway.starters.starter` holds around
 
 from gateway.starters.state.availability import Availability
 from gateway.starters.state.decoding import (
-    AnswerCache,
-    DecodedPoints,
     PointSources,
+    ReplyReader,
     Rows,
+    Said,
     sources_of,
     type_of,
     unit_of,
 )
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
 from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
-from gateway.starters.state.readings import Points, Reading, Readings, Value, bad, good_values, read, stale
+from gateway.starters.state.readings import (
+    NO_POINTS,
+    Moment,
+    Points,
+    Reading,
+    Readings,
+    Value,
+    bad,
+    good_values,
+    stale,
+)
 from gateway.starters.state.snapshot import Snapshot
 from gateway.starters.state.starter_state import UNKNOWN, NewReadings, advance, unread

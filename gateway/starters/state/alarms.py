@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.families import Alarm
@@ -36,21 +37,15 @@ def updated(
 ) -> tuple[AlarmBook, tuple[AlarmStatus, ...]]:
     """Return the book in which these alarms are active and no others, and the ones that came or went."""
     by_code = {alarm.code: alarm for alarm in active}
-    came = [
-        _raised(alarm, book.get(code), time_s) for code, alarm in by_code.items() if not is_active(book, code)
-    ]
+    before = {code for code, known in book.items() if known.is_active}
+    came = [_raised(each, book.get(code), time_s) for code, each in by_code.items() if code not in before]
     went = [
         replace(known, is_active=False, cleared_s=time_s)
         for code, known in book.items()
-        if known.is_active and code not in by_code
+        if code in before and code not in by_code
     ]
     changed = (*came, *went)
     return {**book, **{each.alarm.code: each for each in changed}} if changed else book, changed
-
-
-def is_active(book: AlarmBook, code: str) -> bool:
-    """Return whether an alarm is active."""
-    return code in book and book[code].is_active
 
 
 def active_faults(book: AlarmBook) -> tuple[AlarmStatus, ...]:
@@ -80,16 +75,9 @@ def _raised(alarm: Alarm, earlier: AlarmStatus | None, time_s: float) -> AlarmSt
 
 
 def _event(known: AlarmStatus) -> Event:
-    alarm, count = known.alarm, known.count
+    alarm = known.alarm
+    fields: dict[str, Any] = {"alarm": alarm.code, "severity_": alarm.severity, "count": known.count}
     if not known.is_active:
-        return event_of(
-            EventCode.CLEARED, alarm=alarm.code, severity_=alarm.severity, count=count, title=alarm.title
-        )
-    return event_of(
-        EventCode.ALARM,
-        severity=Severity.ERROR if known.is_fault else Severity.WARNING,
-        alarm=alarm.code,
-        severity_=alarm.severity,
-        count=count,
-        title=named([known]),
-    )
+        return event_of(EventCode.CLEARED, **fields, title=alarm.title)
+    severity = Severity.ERROR if known.is_fault else Severity.WARNING
+    return event_of(EventCode.ALARM, severity=severity, **fields, title=named([known]))

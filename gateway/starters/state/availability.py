@@ -14,7 +14,7 @@ class Availability:
     def __init__(self, emitter: Emitter) -> None:
         self._emitter = emitter
         self._never_answered = "not yet read"  # why, as published last
-        self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
+        self.troubles: dict[str, str] = {}  # by topic: what cannot be read at present
         self.on_trouble: Callable[[str], None] = lambda _: None
         self.is_online = False
         self.was_lost = False
@@ -27,25 +27,21 @@ class Availability:
         elif not self.is_online:
             self._emitter.availability("offline", reason=self._never_answered)
 
-    def trouble(self, topic: str) -> str:
-        """Return why this part cannot be read; empty when it can."""
-        return self._troubles.get(topic, "")
-
     def set_trouble(self, topic: str, reason: str) -> None:
         """Publish that a part cannot be read at present; an empty reason: it can be again."""
-        if self.trouble(topic) == reason:
+        if self.troubles.get(topic, "") == reason:
             return
         if reason:
-            self._troubles[topic] = reason
+            self.troubles[topic] = reason
         else:
-            del self._troubles[topic]
+            del self.troubles[topic]
         if self.is_online:
             self._publish()
         if reason:
             self._emitter.event(EventCode.DEGRADED, topic=topic, reason=reason)
-        elif not self._troubles:
+        elif not self.troubles:
             self._emitter.event(EventCode.RECOVERED)
-        self.on_trouble("; ".join(self._troubles.values()))
+        self.on_trouble("; ".join(self.troubles.values()))
 
     def come_online(self) -> None:
         """Publish that it answers, as it did not before."""
@@ -57,7 +53,7 @@ class Availability:
     def go_offline(self, reason: str, frames: Sequence[str]) -> None:
         """Publish that it went silent; everything is asked again once it answers."""
         self.is_online, self.was_lost, self.lost_reason = False, True, reason
-        self._troubles.clear()
+        self.troubles.clear()
         self.on_trouble("")
         self._emitter.availability("offline", reason=reason)
         self._emitter.event(EventCode.WENT_SILENT, reason=reason, frames=list(frames))
@@ -74,5 +70,5 @@ class Availability:
             self._emitter.availability("offline", reason=reason)
 
     def _publish(self) -> None:
-        text = "; ".join(self._troubles.values())
+        text = "; ".join(self.troubles.values())
         self._emitter.availability("degraded" if text else "online", reason=text or None)

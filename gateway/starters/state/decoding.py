@@ -2,25 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from gateway.contract import Quality
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
+from gateway.starters.state.readings import Points, Reading, Value, good_values
 
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
-_MOST_CACHED = 64
+ON, OFF = Reading(True, "", Quality.GOOD), Reading(False, "", Quality.GOOD)  # noqa: FBT003 - values
+
+_MOST_CACHED = 256
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+NO_ROWS: Rows = {}
 
 
-class DecodedPoints(NamedTuple):
-    """The points that were decoded from rows, and those for which a row was missing."""
+class Said(NamedTuple):
+    """What a reply says."""
 
-    points: Mapping[str, decode.Decoded]
-    missing: tuple[str, ...]
+    rows: Rows
+    points: Points
+    missing: tuple[str, ...] = ()  # points for which a row is missing
+    values: Mapping[str, Value] = {}  # the good ones of `points`
+
+
+class RowPlan(NamedTuple):
+    """Where a row's words are in the replies to one poll, and what is decoded from them."""
+
+    start: int
+    end: int
+    codes: tuple[str, ...]  # of the row and its aliases
+    points: tuple[tuple[str, decode.Decoder], ...]  # those that depend on no other row
+
+
+class ReplyPlan(NamedTuple):
+    """How the replies to one poll are read."""
+
+    rows: tuple[RowPlan, ...]
+    names: tuple[str, ...]  # of all points that depend on these rows
+    is_joint: bool  # one of them depends on several rows: all are decoded together
+    is_whole: bool  # all their rows are in these replies
 
 
 class PointSources:
@@ -32,6 +57,7 @@ class PointSources:
             name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
         }
         self._fed_by = lru_cache(_MOST_CACHED)(self._find_fed)  # the same few blocks come again
+        self.plan = lru_cache(_MOST_CACHED)(self._make_plan)  # the same one for starters alike
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
@@ -40,17 +66,37 @@ class PointSources:
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
 
-    def are_enough(self, rows: Rows) -> bool:
-        """Return whether the points that these rows feed depend on no others."""
-        return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
+    def _make_plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
+        """Return how the replies with these rows, by address, are read."""
+        profile, rows = self._profile, list[RowPlan]()
+        first = profile.parameters[codes[0]].address
+        for row in (profile.parameters[code] for code in codes):
+            same = tuple(each.code for each in profile.rows_at[row.table, row.address])
+            points = tuple(
+                (name, decode.point_decoder(profile, variant, profile.points[name]))
+                for name in self.fed_by(same)
+                if len(self._codes_of[name]) == 1
+            )
+            rows.append(RowPlan(row.address - first, row.address - first + row.words, same, points))
+        found = frozenset(code for row in rows for code in row.codes)
+        names = self.fed_by(found)
+        sources = [self._codes_of[name] for name in names]
+        is_joint = any(len(codes) > 1 for codes in sources)
+        return ReplyPlan(tuple(rows), names, is_joint, all(codes <= found for codes in sources))
 
-    def decode(self, variant: Variant, rows: Rows, *, known: Rows) -> DecodedPoints:
-        """Return the points that depend on freshly read rows, decoded from these and from `known` ones."""
+    def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
+        """Return what freshly read rows say, together with `known` ones."""
         fed = self.fed_by(rows)
-        others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
-        decoded = decode.decode_points(self._profile, variant, {**others, **rows}, names=fed)
-        missing = tuple(name for name in fed if name not in decoded)
-        return DecodedPoints({name: decoded[name] for name in fed if name in decoded}, missing)
+        found = decode.decode_points(self._profile, variant, {**known, **rows}, names=fed)
+        points = {name: _reading(found[name]) for name in fed if name in found}
+        return Said(rows, points, tuple(name for name in fed if name not in found), good_values(points))
+
+
+def _reading(new: decode.Decoded) -> Reading:
+    """Return a reading; a value that cannot be known is bad. Booleans are the same objects for all."""
+    if isinstance(new.value, bool):
+        return ON if new.value else OFF
+    return Reading(new.value, new.unit, Quality.BAD if new.value is None else Quality.GOOD, new.label)
 
 
 @once_per_profile
@@ -59,33 +105,52 @@ def sources_of(profile: Profile) -> PointSources:
     return PointSources(profile)
 
 
-class Answer(NamedTuple):
-    """Raw words by code, and what they say; None when that depends on other rows too."""
+class _Replies(NamedTuple):
+    """The replies to one poll: how they are read, and what the latest says."""
 
-    rows: Rows
-    decoded: DecodedPoints | None
+    block: reading.Block
+    variant: Variant
+    plan: ReplyPlan
+    words: Sequence[Any] = ()
+    said: Said = Said({}, {})
 
 
-class AnswerCache:
-    """Reads the answers of one starter; most say the same as the last one to the same poll."""
+class ReplyReader:
+    """Reads the replies of one starter to its polls: most say the same as the one before, or nearly so.
 
-    def __init__(self, profile: Profile) -> None:
+    `known` returns the rows that were current at a time, of which points with several rows may need some.
+    """
+
+    def __init__(self, profile: Profile, known: Callable[[float], Rows]) -> None:
         self._profile = profile
-        self._sources = sources_of(profile)
-        self._latest: dict[
-            str, tuple[reading.Block, Variant, Sequence[Any], Answer]
-        ] = {}  # by the poll's key
+        self._known = known
+        self._replies: dict[str, _Replies] = {}  # by the poll's key
 
-    def read(self, key: str, block: reading.Block, variant: Variant, value: Sequence[Any]) -> Answer:
-        """Return what an answer says."""
-        latest = self._latest.get(key)
-        if latest is not None and latest[0] is block and latest[1] is variant and latest[2] == value:
-            return latest[3]
-        rows = block.rows_in(self._profile, value)
-        is_enough = self._sources.are_enough(rows)
-        answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
-        self._latest[key] = block, variant, value, answer
-        return answer
+    def read(
+        self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
+    ) -> Said:
+        """Return what a reply says; only what hangs on words that have changed is decoded."""
+        replies = self._replies.get(key)
+        if replies is None or replies.block is not block or replies.variant is not variant:
+            replies = _Replies(block, variant, sources_of(self._profile).plan(block.codes, variant))
+        elif words == replies.words and replies.plan.is_whole:
+            return replies.said
+        plan, before, old = replies.plan, replies.said, replies.words
+        rows, points = dict(before.rows), dict(before.points)
+        for start, end, codes, decoders in plan.rows:
+            if words[start:end] != old[start:end]:
+                row = tuple(map(int, words[start:end]))
+                rows.update(dict.fromkeys(codes, row))
+                for name, decoded in decoders:
+                    points[name] = _reading(decoded(row))
+        if plan.is_joint:
+            known = NO_ROWS if plan.is_whole else self._known(at_s)
+            now = sources_of(self._profile).decode(variant, rows, known=known)
+        else:
+            points = points if old else {name: points[name] for name in plan.names}
+            now = Said(rows, points, values=good_values(points))
+        self._replies[key] = replies._replace(words=words, said=now)
+        return now
 
 
 def is_flag(profile: Profile, name: str) -> bool:
@@ -102,9 +167,9 @@ def unit_of(profile: Profile, name: str) -> str:
 
 
 @once_per_profile
-def units_of(profile: Profile) -> Mapping[str, str]:
-    """Return the unit of each point."""
-    return {name: unit_of(profile, name) for name in profile.points}
+def unread_points(profile: Profile) -> Points:
+    """Return all points as they are before the first reply: bad."""
+    return {name: Reading(None, unit_of(profile, name), Quality.BAD) for name in profile.points}
 
 
 @once_per_profile

@@ -9,11 +9,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple
 
-from gateway.starters.state.readings import Points, Reading
+from gateway.starters.state.readings import NO_POINTS, Points, Reading
 from gateway.starters.state.starter_state import StarterState, Status
 
 TICK_S = 0.25  # timers run out so much late at most
@@ -35,7 +35,7 @@ class Sent(NamedTuple):
 class Published(NamedTuple):
     """What was published of a starter until now; times are those of the steady clock."""
 
-    version: int = -1  # of the state that was looked at last
+    points: Points = NO_POINTS  # that were looked at last
     status: Status | None = None  # as sent last; None: it is to be sent
     reason: str = ""  # sent with it: why nothing is said of a starter
     status_s: float = -inf
@@ -48,16 +48,6 @@ class Published(NamedTuple):
     def next_due_s(self) -> float:
         """Return when to look again if nothing happens until then, at times a little early."""
         return min(self.status_s + STATE_EVERY_S, self.soonest_s, self.refresh_at_s)
-
-
-def due_status(
-    before: Published, state: StarterState, *, now_s: float, reason: str = ""
-) -> tuple[Published, bool]:
-    """Return whether the state is to be published now, and what has been published once it is."""
-    is_same = (before.status, before.reason) == (state.status, reason)
-    if is_same and now_s < before.status_s + STATE_EVERY_S:
-        return before, False
-    return before._replace(status=state.status, reason=reason, status_s=now_s), True
 
 
 def due_values(
@@ -74,37 +64,38 @@ def due_values(
     """
     latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
     if now_s >= before.refresh_at_s:
-        before = before._replace(refresh_at_s=_oldest_s(before.sent) + latest_s)
+        oldest_s = min((last.at_s for last in before.sent.values()), default=inf)
+        before = before._replace(refresh_at_s=oldest_s + latest_s)
     is_refreshed = now_s >= before.refresh_at_s
-    if state.version == before.version and now_s < before.soonest_s and not is_refreshed:
+    points, known = state.points, before.points
+    if points is known and now_s < before.soonest_s and not is_refreshed:
         return before, {}
     old_s = now_s - latest_s * (1 - TOGETHER) if is_refreshed else -inf
-    is_whole = is_refreshed or not before.sent
-    names = state.points if is_whole else (*before.waiting, *state.newer_than(before.version))
+    names: Iterable[str] = points
+    if before.sent and not is_refreshed:
+        changed = [name for name, reading in points.items() if reading is not known.get(name)]
+        names = dict.fromkeys((*before.waiting, *changed))
     values: dict[str, Reading] = {}
     waiting: list[str] = []
-    for name in dict.fromkeys(names):
-        reading, last = state.points[name], before.sent.get(name)
-        if last is None or last.at_s <= old_s:
-            values[name] = reading
-        elif is_news(last.reading, reading, deadbands.get(name, 0.0)):
-            if now_s >= last.at_s + SOONEST_S:
-                values[name] = reading
-            else:
+    sent, soonest_s = dict(before.sent), inf
+    for name in names:
+        reading, last = points[name], sent.get(name)
+        is_due = last is None or last.at_s <= old_s
+        if last is not None and not is_due and is_news(last.reading, reading, deadbands.get(name, 0.0)):
+            is_due = now_s >= last.at_s + SOONEST_S
+            if not is_due:
                 waiting.append(name)
-    sent = {**before.sent, **{name: Sent(reading, now_s) for name, reading in values.items()}}
+                soonest_s = min(soonest_s, last.at_s + SOONEST_S)
+        if is_due:
+            values[name], sent[name] = reading, Sent(reading, now_s)
     after = before._replace(
-        version=state.version,
-        sent=sent,
+        points=points,
+        sent=sent if values else before.sent,
         waiting=tuple(waiting),
-        soonest_s=min((sent[name].at_s + SOONEST_S for name in waiting), default=inf),
+        soonest_s=soonest_s,
         refresh_at_s=min(before.refresh_at_s, now_s + latest_s) if values else before.refresh_at_s,
     )
     return after, values
-
-
-def _oldest_s(sent: Mapping[str, Sent]) -> float:
-    return min((last.at_s for last in sent.values()), default=inf)
 
 
 def is_news(sent: Reading, now: Reading, deadband: float) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -31,7 +31,8 @@ from gateway.contract import (
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.alarms import AlarmStatus
 from gateway.starters.state.decoding import deadbands_of, flags_of
-from gateway.starters.state.publication import REFRESH_S, TICK_S, Published, due_status, due_values
+from gateway.starters.state.publication import REFRESH_S, STATE_EVERY_S, TICK_S, Published, due_values
+from gateway.starters.state.readings import good_values
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happening, Happenings, StarterState
 from gateway.store import Documents
@@ -106,31 +107,31 @@ class StatePublisher(Emitter):
         """
         is_new = self.publish_status(state, now_s=now_s, reason=reason)
         for happening in happenings:
-            self.put(
-                self._alarm(happening)
-                if isinstance(happening, AlarmStatus)
-                else self._dated(happening, state.points)
-            )
-        self.publish_values(state, now_s=now_s)
+            self.put(self._alarm(happening) if isinstance(happening, AlarmStatus) else self._dated(happening))
+        published = self._published
+        if state.points is not published.points or now_s >= published.next_due_s:
+            self.publish_values(state, now_s=now_s)
         if is_new or happenings:
             faults = state.published_faults
             if faults is not None:
                 self._faults.note(self.starter, faults)
-        self._timer.at(min(self._published.next_due_s, state.due_s, look_s))
+        trip_s = math.inf if state.trip is None else state.due_s
+        self._timer.at(min(self._published.next_due_s, trip_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
         """Publish the state, its booleans and the starter's lock if that is due; return whether it was."""
-        self._published, is_due = due_status(self._published, state, now_s=now_s, reason=reason)
-        if not is_due:
+        status, times, before = state.status, state.times, self._published
+        is_same = (status is before.status or status == before.status) and reason == before.reason
+        if is_same and now_s < before.status_s + STATE_EVERY_S:
             return False
-        status, times = state.status, [state.points[name].time_s for name in self._status_flags]
+        self._published = before._replace(status=status, reason=reason, status_s=now_s)
         flags = {name: value if isinstance(value, bool) else None for name, value in status.flags.items()}
         self.put(
             StateRecord(
                 starter=self.starter,
                 state=status.word,
                 quality=status.quality,
-                time_s=min([each for each in times if each is not None], default=None),  # of its oldest
+                time_s=min([times[n].time_s for n in self._status_flags if n in times], default=None),
                 seq=next(self._records.sequence),
                 boot=self._records.boot,
                 flags=flags,
@@ -148,6 +149,7 @@ class StatePublisher(Emitter):
         )
         sink, boot, sequence = self._records.sink, self._records.boot, self._records.sequence
         for point, reading in values.items():
+            read = state.times.get(point)
             sink.put(
                 ValueRecord(
                     starter=self.starter,
@@ -155,7 +157,7 @@ class StatePublisher(Emitter):
                     value=reading.value,
                     unit=reading.unit,
                     quality=reading.quality,
-                    time_s=reading.time_s,
+                    time_s=None if read is None else read.time_s,
                     seq=next(sequence),
                     boot=boot,
                     label=reading.label,
@@ -192,11 +194,11 @@ class StatePublisher(Emitter):
             boot=self._records.boot,
         )
 
-    def _dated(self, happening: Happening, points: Iterable[str]) -> Record:
-        """Return an event, with the values of these points before it."""
+    def _dated(self, happening: Happening) -> Record:
+        """Return an event, with the values before it."""
         event, first = happening.event, happening.first
         if first is not None:
-            event = replace(event, data={**event.data, "before": _before(first, points)})
+            event = replace(event, data={**event.data, "before": _before(first)})
         return self._records.dated(self.starter, event, time_s=happening.time_s)
 
 
@@ -211,9 +213,7 @@ class TickTimer:
 
     def at(self, due_s: float) -> None:
         """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
-        if self._timer is not None and self._due_s <= due_s:
-            return
-        if due_s == math.inf:
+        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
             return
         now_s = self._clock.now_s()
         tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
@@ -268,12 +268,11 @@ def _status_flags(profile: Profile) -> tuple[str, ...]:
     return tuple(name for name in flags_of(profile) if profile.points[name].group == "status")
 
 
-def _before(first: FirstSeen, points: Iterable[str]) -> list[dict[str, Any]]:
+def _before(first: FirstSeen) -> list[dict[str, Any]]:
     """Return the values that were good before an event, the oldest first."""
-    names = tuple(points)
     found: list[dict[str, Any]] = []
     for then in first.earlier:
-        good = {name: value for name, value in zip(names, then.values, strict=True) if value is not None}
+        good = good_values(then.points)
         if good:
             found.append({"seconds_before": round(first.now_s - then.at_s, 3), "values": good})
     return found

@@ -1,4 +1,4 @@
-"""The readings of points: the newest of each, and those that one reply has brought."""
+"""The readings of points: what each said last, when that was, and what one reply has brought."""
 
 from __future__ import annotations
 
@@ -7,33 +7,29 @@ from math import isfinite
 from typing import NamedTuple
 
 from gateway.contract import Quality
-from gateway.families import decode
 
 Value = bool | int | float | str | None
 
 
 class Reading(NamedTuple):
-    """One point's value with its time and its quality."""
+    """What one point says, with its quality."""
 
     value: Value
     unit: str
     quality: Quality
     label: str | None = None  # of an enum
-    at_s: float | None = None  # steady clock; None when never read
-    time_s: float | None = None  # the same moment, UTC
     reason: str = ""  # why a value is bad, where that is not the point's own matter
-
-    @property
-    def is_good(self) -> bool:
-        """Return whether the value was just read."""
-        return self.quality is Quality.GOOD
-
-    def bad(self, reason: str = "") -> Reading:
-        """Return the reading without its value."""
-        return self._replace(value=None, label=None, quality=Quality.BAD, reason=reason)
 
 
 Points = Mapping[str, Reading]  # by name
+NO_POINTS: Points = {}
+
+
+class Moment(NamedTuple):
+    """When a reply left the wire."""
+
+    at_s: float  # steady clock
+    time_s: float  # UTC
 
 
 class Readings(NamedTuple):
@@ -56,28 +52,15 @@ class Readings(NamedTuple):
         return float(value)
 
 
-def read(points: Points, decoded: Mapping[str, decode.Decoded], *, at_s: float, time_s: float) -> Points:
-    """Return the readings of a reply without those that are older than the known ones.
-
-    A value that cannot be known is bad.
-    """
-    found: dict[str, Reading] = {}
-    for name, new in decoded.items():
-        known_s = points[name].at_s
-        if known_s is None or known_s <= at_s:
-            quality = Quality.BAD if new.value is None else Quality.GOOD
-            found[name] = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
-    return found
-
-
 def bad(points: Points, names: Iterable[str], reason: str = "") -> Points:
     """Return these points without their values: the starter does not give them, or they mean nothing."""
-    return {name: points[name].bad(reason) for name in names}
+    return {name: Reading(None, points[name].unit, Quality.BAD, None, reason) for name in names}
 
 
 def stale(points: Points, names: Iterable[str]) -> Points:
-    """Return the good ones of these points as no longer current; value and time stay."""
-    return {name: points[name]._replace(quality=Quality.STALE) for name in names if points[name].is_good}
+    """Return the good ones of these points as no longer current; the value stays."""
+    known = {name: points[name] for name in names}
+    return {name: r._replace(quality=Quality.STALE) for name, r in known.items() if r.quality is Quality.GOOD}
 
 
 def good_values(points: Points) -> dict[str, Value]:

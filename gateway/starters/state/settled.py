@@ -6,22 +6,22 @@ A point that is not known any more is neither settled nor waiting.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gateway.starters.state.readings import Value
+from gateway.starters.state.readings import Points, Value
 
 STARTED = frozenset({"starting", "running"})
 
 _NOTHING = object()
 
 
-class EarlierValues(NamedTuple):
+class EarlierPoints(NamedTuple):
     """What all points said when a new status came; `at_s` is the status's, on the steady clock."""
 
     at_s: float
-    values: tuple[Value, ...]  # in the order of the state's points; None: not good
+    points: Points
 
 
 class FirstSeen(NamedTuple):
@@ -31,7 +31,7 @@ class FirstSeen(NamedTuple):
     at_s: float  # of its reply, steady clock
     now_s: float  # when it was looked at
     utc_s: float
-    earlier: tuple[EarlierValues, ...]  # before it, the oldest first
+    earlier: tuple[EarlierPoints, ...]  # before it, the oldest first
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,6 @@ class Settled:
 
     values: Mapping[str, Value] = field(default_factory=dict)
     waiting: Mapping[str, FirstSeen] = field(default_factory=dict)
-
-    def is_waiting_for(self, names: Iterable[str]) -> bool:
-        """Return whether one of these points must be read once more."""
-        return not self.waiting.keys().isdisjoint(names)
 
 
 def settle(before: Settled, seen: Mapping[str, FirstSeen]) -> tuple[Settled, Mapping[str, FirstSeen]]:

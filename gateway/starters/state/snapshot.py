@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
+from gateway.contract import Quality
 from gateway.starters.state.readings import Points, Value, good_values
 from gateway.starters.state.starter_state import StarterState
 
@@ -18,6 +19,7 @@ class Snapshot:
         self.state = StarterState(points)
         self._rows: dict[str, Words] = {}
         self._rows_at_s: dict[str, float] = {}
+        self._newest_s = -math.inf
 
     @property
     def readings(self) -> Points:
@@ -32,14 +34,22 @@ class Snapshot:
     @property
     def answered_s(self) -> float | None:
         """Return when (UTC) the starter's last reply with a value came; None while none has."""
-        return max((each.time_s for each in self.readings.values() if each.time_s is not None), default=None)
+        return self.last_s(tuple(Quality))
+
+    def last_s(self, qualities: Collection[Quality]) -> float | None:
+        """Return when (UTC) a value that has one of these qualities was read last; None for never."""
+        points = self.state.points
+        times = (at.time_s for name, at in self.state.times.items() if points[name].quality in qualities)
+        return max(times, default=None)
 
     def keep_rows(self, rows: Mapping[str, Words], *, at_s: float) -> None:
         """Record raw words that have just been read; older ones than those known are ignored."""
-        for code, words in rows.items():
-            if self._rows_at_s.get(code, -math.inf) <= at_s:
-                self._rows[code] = words
-                self._rows_at_s[code] = at_s
+        if at_s < self._newest_s:
+            times = self._rows_at_s
+            rows = {code: words for code, words in rows.items() if times.get(code, -math.inf) <= at_s}
+        self._newest_s = max(self._newest_s, at_s)
+        self._rows.update(rows)
+        self._rows_at_s.update(dict.fromkeys(rows, at_s))
 
     def outdate_rows(self) -> None:
         """Let no row count as recent: another device may answer next."""

@@ -20,9 +20,9 @@ from gateway.contract import Event, EventCode, Quality, event_of, phrase
 from gateway.contract import StarterState as Word
 from gateway.families import Alarm, Profile, device_of, once_per_profile, state_of
 from gateway.starters.state.alarms import AlarmBook, AlarmStatus, active_faults, events_of, named, updated
-from gateway.starters.state.decoding import flags_of, units_of
-from gateway.starters.state.readings import Points, Reading, Value, good_values
-from gateway.starters.state.settled import STARTED, EarlierValues, FirstSeen, Settled, settle
+from gateway.starters.state.decoding import flags_of, unread_points
+from gateway.starters.state.readings import NO_POINTS, Moment, Points, Reading, Value, good_values
+from gateway.starters.state.settled import STARTED, EarlierPoints, FirstSeen, Settled, settle
 
 UNKNOWN: Word = "unknown"
 TURNING = STARTED | {"stopping"}
@@ -64,27 +64,23 @@ class Motion:
 
 
 class StarterState(NamedTuple):
-    """All that is known of a starter; `version` grows whenever a point says something else."""
+    """All that is known of a starter; `points` is another object once a point says something else."""
 
     points: Points
+    times: Mapping[str, Moment] = {}  # when each was read last; one that never was is absent
+    newest_s: float = -inf  # of these times, on the steady clock
     known_faults: tuple[str, ...] = ()  # codes of the fault that an earlier run has published
-    version: int = 0
-    versions: dict[str, int] = {}  # noqa: RUF012 - never changed. In which points began to say this, the newest last; absent: 0
     status: Status = Status()
     settled: Settled = Settled()
-    earlier: tuple[EarlierValues, ...] = ()
+    earlier: tuple[EarlierPoints, ...] = ()
     trip: StarterTrip | None = None
     motion: Motion = Motion()
     alarms: AlarmBook = {}  # noqa: RUF012 - never changed
 
-    def newer_than(self, version: int) -> list[str]:
-        """Return the points that say something else than in the state of this version."""
-        names: list[str] = []
-        for name in reversed(self.versions):
-            if self.versions[name] <= version:
-                break
-            names.append(name)
-        return names[::-1]
+    def fresh(self, points: Points, at_s: float) -> Points:
+        """Return those of a reply's points that were not read later: a command's is handled after polls'."""
+        times = self.times
+        return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
 
     @property
     def is_awaiting(self) -> bool:
@@ -107,16 +103,17 @@ class StarterState(NamedTuple):
 
 def unread(profile: Profile, known_faults: tuple[str, ...] = ()) -> StarterState:
     """Return the state of a starter before its first reply: every point is bad."""
-    points = {name: Reading(None, unit, Quality.BAD) for name, unit in units_of(profile).items()}
-    return StarterState(points, known_faults, status=_status(points, {}, UNKNOWN, profile, None))
+    status = Status(flags=dict.fromkeys(flags_of(profile)))
+    return StarterState(unread_points(profile), known_faults=known_faults, status=status)
 
 
 class NewReadings(NamedTuple):
     """The readings that are new at one moment; without any, only time has passed."""
 
-    points: Points
     now_s: float  # steady clock
-    utc_s: float  # of the newest reading
+    read: Moment  # when the newest of them left the wire; without one, now
+    points: Points = NO_POINTS  # what a reply says
+    doubts: Points = NO_POINTS  # of points without a new reply: stale or bad ones
 
 
 class Happening(NamedTuple):
@@ -132,48 +129,31 @@ Happenings = tuple[AlarmStatus | Happening, ...]  # an alarm that came or went, 
 
 def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
     """Return the state after news, and what has happened. Without news that decides this costs little."""
-    points, version, versions, is_decisive = _merged(before, news.points)
-    earlier = before.earlier
-    status, good = news.points.get(FAULT), Quality.GOOD
-    if status is not None and status.quality is good and status.at_s is not None:
-        values = [each.value if each.quality is good else None for each in before.points.values()]
-        earlier = (*earlier[1 - SETS_BEFORE :], EarlierValues(status.at_s, tuple(values)))
-    after = before._replace(points=points, version=version, versions=versions, earlier=earlier)
-    if not is_decisive and not before.is_awaiting:
-        return after, ()
-    return _judged(after, news, profile)
+    points, times, newest_s, earlier = news.points, before.times, before.newest_s, before.earlier
+    if points:
+        times = {**times, **dict.fromkeys(points, news.read)}
+        newest_s = max(newest_s, news.read.at_s)
+        status = points.get(FAULT)
+        if status is not None and status.quality is Quality.GOOD:
+            earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.read.at_s, before.points))
+    merged, is_decisive = _merged(before.points, {**news.doubts, **points} if news.doubts else points)
+    after = before._replace(points=merged, times=times, newest_s=newest_s, earlier=earlier)
+    return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
 
 
-def _merged(before: StarterState, new: Points) -> tuple[Points, int, dict[str, int], bool]:
-    """Return all points with the new readings, their versions, and whether more than a quantity is new."""
-    changed: list[str] = []
+def _merged(before: Points, new: Points) -> tuple[Points, bool]:
+    """Return all points with the new readings, and whether more than a quantity says something else."""
+    other: dict[str, Reading] = {}
     is_decisive = False
     for name, reading in new.items():
-        old = before.points[name]
-        is_same = old.value is reading.value or _is_equal(old.value, reading.value)
-        if (
-            is_same
-            and old.quality is reading.quality
-            and old.label == reading.label
-            and old.reason == reading.reason
-        ):
-            continue  # only its time is new
-        changed.append(name)
-        is_measured = is_same or isinstance(reading.value, float)
-        is_decisive = is_decisive or old.quality is not reading.quality or not is_measured
-    points = {**before.points, **new} if new else before.points
-    if not changed:
-        return points, before.version, before.versions, False
-    version, versions = before.version + 1, dict(before.versions)
-    for name in changed:
-        versions.pop(name, None)
-        versions[name] = version
-    return points, version, versions, is_decisive
-
-
-def _is_equal(one: Value, other: Value) -> bool:
-    """Return whether two values are the same: 1, 1.0 and true are not."""
-    return one == other and type(one) is type(other)
+        old, value = before[name], reading.value
+        if reading is old:  # a poll says the same again
+            continue
+        other[name] = reading
+        is_same = old.value == value and type(old.value) is type(value)  # 1 and true are not
+        if old.quality is not reading.quality or not (is_same or isinstance(value, float)):
+            is_decisive = True
+    return ({**before, **other} if other else before), is_decisive
 
 
 def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[StarterState, Happenings]:
@@ -183,7 +163,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
     before = state.settled.values
     settled, new = settle(state.settled, _seen(state, good, word, news, profile))
     oldest = min(new.values(), key=lambda first: first.utc_s, default=None)
-    time_s = news.utc_s if oldest is None else oldest.utc_s
+    time_s = news.read.time_s if oldest is None else oldest.utc_s
     trip = _followed(state, good, settled, news)
     is_over = trip is not None and trip.is_sure and settled.values.get(FAULT) is False
     motion, events = _remote(state.motion, settled, new, time_s)
@@ -201,7 +181,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
             Happening(event, time_s) for event in events_of([each for each in came if not each.is_fault])
         ]
     trip = None if is_over else trip
-    if not settled.is_waiting_for(profile.alarm_points):  # else it is open which alarms there are
+    if settled.waiting.keys().isdisjoint(profile.alarm_points):  # else it is open which alarms there are
         book, more = _booked(book, settled.values, trip, profile, time_s=time_s)
         changed += more
         events += [Happening(event, time_s) for event in events_of(more)]
@@ -209,7 +189,7 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
         motion, moves = _moved(motion, settled, new.get(STATE), time_s)
         events += moves
     after = state._replace(
-        status=_status(state.points, good, word, profile, trip),
+        status=_status(state, good, word, profile, trip),
         settled=settled,
         trip=trip,
         motion=motion,
@@ -224,33 +204,35 @@ def _seen(
     """Return what may settle: the booleans, the numbers of alarms, and the word of one reading as a whole."""
     flags = flags_of(profile)
     seen = {
-        name: FirstSeen(good[name], state.points[name].at_s or 0.0, news.now_s, news.utc_s, state.earlier)
+        name: FirstSeen(good[name], state.times[name].at_s, news.now_s, news.read.time_s, state.earlier)
         for name in (*flags, *profile.alarm_points)
         if name in good
     }
     if word != UNKNOWN:  # flags that settle one by one may never have been there together
         at_s = min([seen[name].at_s for name in flags if name in seen])
-        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.utc_s, state.earlier)
+        seen[STATE] = FirstSeen(word, at_s, news.now_s, news.read.time_s, state.earlier)
     return seen
 
 
 def _status(
-    points: Points, good: Mapping[str, Value], word: Word, profile: Profile, trip: StarterTrip | None
+    state: StarterState, good: Mapping[str, Value], word: Word, profile: Profile, trip: StarterTrip | None
 ) -> Status:
     """Return what is shown now."""
     flags = flags_of(profile)
     quality = Quality.GOOD
     if word == UNKNOWN:
-        is_lost = any(points[name].quality is Quality.STALE for name in flags)
+        is_lost = any(state.points[name].quality is Quality.STALE for name in flags)
         quality = Quality.STALE if is_lost else Quality.BAD
-    number = good.get(FAULT_CODE) if trip is not None and _is_since(points.get(FAULT_CODE), trip) else None
+    number = (
+        good.get(FAULT_CODE) if trip is not None and _is_since(state.times.get(FAULT_CODE), trip) else None
+    )
     shown = number if good.get(FAULT) and isinstance(number, int) else None
     return Status(word, quality, {name: good.get(name) for name in flags}, shown or None)
 
 
-def _is_since(number: Reading | None, trip: StarterTrip) -> bool:
+def _is_since(number: Moment | None, trip: StarterTrip) -> bool:
     """Return whether a number was read since the fault was: P014 of an SSW-07 is that of the last fault."""
-    return number is not None and number.at_s is not None and number.at_s >= trip.first.at_s
+    return number is not None and number.at_s >= trip.first.at_s
 
 
 def _followed(
@@ -261,12 +243,12 @@ def _followed(
     if trip is None:
         if not fault:
             return None
-        at_s = state.points[FAULT].at_s or 0.0
-        return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.utc_s, state.earlier))
+        at_s = state.times[FAULT].at_s
+        return StarterTrip(FirstSeen(fault, at_s, news.now_s, news.read.time_s, state.earlier))
     if not trip.is_sure and fault is False:
         return None
     number = settled.values.get(FAULT_CODE)
-    if FAULT_CODE not in settled.waiting and _is_since(state.points.get(FAULT_CODE), trip):
+    if FAULT_CODE not in settled.waiting and _is_since(state.times.get(FAULT_CODE), trip):
         trip = replace(trip, number=number if isinstance(number, int) and number else trip.number)
     return replace(trip, is_sure=trip.is_sure or settled.values.get(FAULT) is True)
 

@@ -7,7 +7,7 @@ import pytest
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.starters.state.decoding import sources_of
-from gateway.starters.state.readings import read, stale
+from gateway.starters.state.readings import Moment, stale
 from gateway.starters.state.starter_state import Happening, NewReadings, StarterState, advance, unread
 
 REST, RUN, TRIP = "VB01=4102", "VB01=5123", "VB01=8100"
@@ -26,11 +26,9 @@ def happened(state: StarterState, *steps: Step, family: str = "ssw07") -> tuple[
             code: (int(word, 16),)
             for code, word in (each.split("=") for each in words.split() if "=" in each)
         }
-        points = sources_of(profile).decode(Variant(), rows, known={}).points
-        new = read(state.points, points, at_s=at_s, time_s=at_s)
-        if words == "lost":
-            new = stale(state.points, state.points)
-        state, happenings = advance(state, NewReadings(new, at_s, at_s), profile)
+        points = sources_of(profile).decode(Variant(), rows).points
+        lost = stale(state.points, state.points) if words == "lost" else {}
+        state, happenings = advance(state, NewReadings(at_s, Moment(at_s, at_s), points, lost), profile)
         for each in happenings:
             if isinstance(each, Happening):
                 said.append(f"{each.time_s:g} {each.event.text}")
@@ -174,32 +172,14 @@ def test_the_state_shows_the_number_of_the_present_fault_only() -> None:
 def test_an_event_carries_the_values_before_its_first_reading() -> None:
     profile = load_profile("ssw07")
     state, _ = happened(unread(profile), *BEGUN, (2, RUN))
-    state, happenings = advance(state, NewReadings({}, 3, 3), profile)
+    state, happenings = advance(state, NewReadings(3, Moment(3, 3)), profile)
     assert happenings == ()
 
-    points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}, known={}).points
-    _, (started,) = advance(state, NewReadings(read(state.points, points, at_s=4, time_s=4), 4, 4), profile)
+    points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}).points
+    _, (started,) = advance(state, NewReadings(4, Moment(4, 4), points), profile)
 
     assert isinstance(started, Happening)
     assert started.first is not None
     before = started.first.earlier[-1]
     assert before.at_s == 2
-    assert dict(zip(state.points, before.values, strict=True))["running"] is False
-
-
-@pytest.mark.parametrize(
-    ("words", "newer"),
-    [
-        (REST, []),
-        (RUN, ["running", "full_voltage", "bypass_closed"]),
-        ("P003=64", ["current"]),
-        ("lost", ["current", "running"]),
-    ],
-)
-def test_a_consumer_asks_for_the_points_that_are_newer_than_its_version(words: str, newer: list[str]) -> None:
-    state, _ = happened(unread(load_profile("ssw07")), *BEGUN, (1.2, "P003=0"))
-
-    later, _ = happened(state, (2, words))
-
-    assert set(newer) <= set(later.newer_than(state.version))
-    assert bool(newer) is (later.version > state.version)
+    assert before.points["running"].value is False
