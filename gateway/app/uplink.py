@@ -156,6 +156,8 @@ class Uplink:
                 operators=rights_of(config).operators,
                 groups=policy_of(config).groups,
                 mqtt_version=self._version,
+                line_titles={line.name: line.title for line in config.lines if line.title},
+                group_titles={group.name: group.title for group in config.groups if group.title},
             )
         )
 

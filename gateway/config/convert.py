@@ -120,6 +120,7 @@ def _is_among(starter: StarterTable, patterns: tuple[str, ...]) -> bool:
 def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetup:
     return StarterSetup(
         name=starter.name,
+        title=starter.title,
         line=line.name,
         address=starter.address,
         profile=starter.profile(language),

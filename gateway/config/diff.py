@@ -104,8 +104,8 @@ def _compared(
 
 
 def _port(line: LineTable) -> LineTable:
-    """Return a line without its starters, their order and points: when it differs, it is restarted."""
-    return line.model_copy(update={"starters": (), "order": None, "points": ()})
+    """Return a line without its title, its starters, their order and points: another one is restarted."""
+    return line.model_copy(update={"title": None, "starters": (), "order": None, "points": ()})
 
 
 def _machine(starter: StarterTable) -> StarterTable:

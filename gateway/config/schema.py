@@ -34,6 +34,7 @@ from gateway.config.values import (
     Port,
     RowPattern,
     Text,
+    Title,
 )
 from gateway.contract import OWN_VERBS
 from gateway.families import ENGLISH, Profile, extension, load_profile
@@ -173,6 +174,7 @@ class GroupTable(ConfigTable):
     """`[[group]]`: starters that can be stopped by one command; no other verb works on a group."""
 
     name: Name = Field(description="Stands where a starter's name stands in command and result topics.")
+    title: Title | None = Field(default=None, description="Its name for people; absent: its name.")
     starters: tuple[Glob, ...] = Field(
         strict=False, min_length=1, description="Its members: names, with * and ? as in a shell."
     )
@@ -249,6 +251,9 @@ class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
     name: Name = Field(description="The starter's name: a level in its topics.")
+    title: Title | None = Field(
+        default=None, description='Its name for people, e.g. "Cooling water 1"; absent: its name.'
+    )
     address: int = Field(
         ge=1, le=247, description="Its Modbus address, as set in the starter."
     )  # [SERIAL 2.2]
@@ -310,6 +315,7 @@ class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
     name: Name = Field(description="The line's name: a level in the topic of its statistics.")
+    title: Title | None = Field(default=None, description="Its name for people; absent: its name.")
     port: Port = Field(description="The adapter: an absolute path, or socket://host:port.")
     baud: Baud = Field(description="Rate, the same in all starters of the line.")
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")

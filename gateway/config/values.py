@@ -131,6 +131,12 @@ def _as_listen(listen: str) -> str:
     return listen
 
 
+def _as_title(title: str) -> str:
+    if not title.isprintable() or title.isspace():
+        raise wrong(f"{short(title)} cannot be printed", "letters, digits, signs and spaces, in one line")
+    return title
+
+
 def _as_network(text: str) -> str:
     try:
         ipaddress.ip_network(text, strict=False)
@@ -152,6 +158,7 @@ BrokerUrl = Annotated[Text, AfterValidator(_as_broker)]
 Base = Annotated[Text, AfterValidator(_as_base)]
 Port = Annotated[Text, AfterValidator(_as_port)]
 Listen = Annotated[Text, AfterValidator(_as_listen)]
+Title = Annotated[str, Field(min_length=1, max_length=60), AfterValidator(_as_title)]
 Network = Annotated[Text, AfterValidator(_as_network)]
 PagePath = Annotated[str, Field(pattern=BASE_PATH_PATTERN, max_length=128), AfterValidator(_as_path)]
 

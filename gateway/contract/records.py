@@ -307,6 +307,7 @@ class InfoRecord(Record):
         Field(description="by name"),
     ]
     commands: Annotated[tuple[str, ...], Field(description="the verbs that it has")]
+    title: Annotated[str | None, _maybe("its name for people, where the configuration gives one")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -607,6 +608,12 @@ class GatewayRecord(Record):
     groups: Annotated[
         Mapping[str, tuple[str, ...]],
         _if_any("members of each group, by its name"),
+    ] = field(default_factory=dict)
+    line_titles: Annotated[
+        Mapping[str, str], _if_any("names for people, of the lines that have one, by name")
+    ] = field(default_factory=dict)
+    group_titles: Annotated[
+        Mapping[str, str], _if_any("names for people, of the groups that have one, by name")
     ] = field(default_factory=dict)
 
 

@@ -30,6 +30,7 @@ def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRe
         rating=identity.rating,
         slot=variant.slot,
         accessories=identity.accessories or None,
+        title=setup.title,
     )
 
 

@@ -30,6 +30,7 @@ class StarterSetup:
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
+    title: str | None = None  # for people; None: its name
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored
 
     def response_time_of(self, request: Request) -> float:

@@ -25,6 +25,11 @@ name = "mcc1" => name = 7 | line 2: gateway.name: is 7 (must be a text in quotes
 name = "mcc1" => nme = "mcc1" | line 2: gateway.nme: unknown key (did you mean name?)
 address = 1\n => address = true\n | line 15: line[0].starter[0].address: is true (must be a whole number)
 every_s = 2.0 => every_s = nan | line 22: line[0].starter[1].every_s: is nan (must be a finite number)
+every_s = 2.0 => title = "a\u0007" | line 22: line[0].starter[1].title: 'a\x07' cannot be printed (letters,
+every_s = 2.0 => title = " " | line 22: line[0].starter[1].title: ' ' cannot be printed
+every_s = 2.0 => title = "" | line 22: line[0].starter[1].title: is empty
+framing = "8E1" => framing = "8E1"\ntitle = "0123456789012345678901234567890123456789012345678901234567890"
+    | line 12: line[0].title: has 61 characters (at most 60)
 every_s = 2.0 => slot = 3 | line 22: line[0].starter[1].slot: is 3 (must be at most 2)
 every_s = 2.0 => enabled = "no" | line 22: line[0].starter[1].enabled: is 'no' (must be true or false)
 every_s = 2.0 => response_time_s = 0 | line 22: line[0].starter[1].response_time_s: is 0 (must be more than 0)

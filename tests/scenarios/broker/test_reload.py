@@ -62,6 +62,26 @@ CHANGES = [
         },
     ),
     row(
+        "names for people are in what describes starters, lines and groups, and a line keeps its port",
+        given=line() + starter("pump", 1, "ssw07"),
+        at={
+            5.0: reload(
+                line(title="Hall 1 · pumps")
+                + starter("pump", 1, "ssw07")
+                + starter("fan", 2, "ssw06", title="Lüfter 2")
+                + table("[group]", name="all", title="Everything", starters=["*"])
+            )
+        },
+        then={
+            9.0: [
+                retained("starter/fan/info", title="Lüfter 2"),
+                retained("gateway/info", line_titles={"pumps": "Hall 1 · pumps"}),
+                retained("gateway/info", group_titles={"all": "Everything"}),
+                untouched,
+            ]
+        },
+    ),
+    row(
         "a starter that comes to an over-full line is known within 5 s, and stays known",
         given=HALL,
         at={
