@@ -5,7 +5,8 @@ from __future__ import annotations
 import fnmatch
 from pathlib import Path
 
-from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
+from gateway.config.integration_tables import MqttTable
+from gateway.config.schema import Config, LineTable, RulesTable, StarterTable
 from gateway.contract import Operator
 from gateway.families import ENGLISH, Variant
 from gateway.line import WiredStarter

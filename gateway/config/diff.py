@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.config.schema import Config, LineTable, SimulatedTable, StarterTable
+from gateway.config.schema import NOT_SIMULATED, Config, LineTable, StarterTable
 from gateway.errors import Problem
 
 RESTART = "restart the gateway for that: systemctl restart starter-gateway"
@@ -113,5 +113,5 @@ def _machine(starter: StarterTable) -> StarterTable:
 
     The points and rows that the configuration adds stay, wherever they are asked for.
     """
-    others = {"rules": None, "simulated": SimulatedTable(), "every_s": 1.0, "points": ()}
+    others = {"rules": None, "simulated": NOT_SIMULATED, "every_s": 1.0, "points": ()}
     return starter.model_copy(update=others)
