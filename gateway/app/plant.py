@@ -105,9 +105,10 @@ class Plant:
             starter.publish_stale_values()
 
     async def close(self) -> None:
-        """End the starters; the lines end with their host."""
+        """End the starters and what goes with them; the lines end with their host."""
         for starter in self.starters.values():
             await starter.close()
+        await self._services.close()
 
     def handle(self, event: LineEvent) -> None:
         """Handle what happened on a line; what comes late of a starter that is gone is ignored."""
