@@ -20,7 +20,6 @@ from gateway.app.capacity import (
     StarterCapacity,
     extra_cost_of,
     prospects_of,
-    relief_of,
 )
 from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
@@ -201,7 +200,8 @@ def _overloads(prospects: tuple[LineCapacity, ...]) -> Iterator[Finding]:
         whole = line.forecast
         if whole.is_overloaded:
             what = f"asked for {whole.load:.0%} of its time, periods become {whole.factor:.1f} times as long"
-            yield _warning(f"line {line.table.name}", what, relief_of(line.table) or "use more lines")
+            remedy = "a higher baud, fewer starters on the line, or an every_s that is as much longer"
+            yield _warning(f"line {line.table.name}", what, remedy)
 
 
 def _warnings(site: Site, prospects: tuple[LineCapacity, ...]) -> Iterator[Finding | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.app.capacity import hint_of, relief_of
+from gateway.app.capacity import hint_of
 from gateway.config.schema import LineTable
 
 
@@ -42,9 +42,3 @@ def test_where_no_watchdog_is_long_enough_only_fewer_starters_help() -> None:
     hint = hint_of(LineTable.model_validate({**table, "starter": slow}))
 
     assert hint.endswith(" of its 247 starters on another line")
-
-
-def test_an_over_full_line_is_offered_a_rate_another_line_and_longer_periods() -> None:
-    relief = relief_of(line(*[("ssw07", 0.0)] * 10, baud=9600))
-
-    assert relief == "baud = 38400, or 4 of its 10 starters on another line, or every_s = 1.5"
