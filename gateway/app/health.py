@@ -17,6 +17,7 @@ from gateway.line import LineClient, WiredStarter, capacity
 from gateway.mqtt import Publisher
 from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import LagMeter
+from gateway.system.supervised import until_first
 from gateway.system.systemd import Notifier
 
 log = logging.getLogger(__name__)
@@ -108,11 +109,7 @@ class Health:
 
     async def run(self) -> None:
         """Watch until cancelled."""
-        measuring = asyncio.create_task(self.lag.run(), name="lag")
-        try:
-            await self._watch()
-        finally:
-            measuring.cancel()
+        await until_first(self._watch(), self.lag.run())
 
     async def _watch(self) -> None:
         loop = asyncio.get_running_loop()

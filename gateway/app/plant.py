@@ -29,10 +29,6 @@ from gateway.line import (
 from gateway.starters import REFRESH_S, Policy, Readings, StarterServices, StarterSetup, StarterTelemetry
 
 
-def _ignore(_name: str, _readings: Readings) -> None:
-    """Do nothing with what was read."""
-
-
 class Plant:
     """All calls on the app's loop. `starters` and `lines` are by name."""
 
@@ -44,7 +40,7 @@ class Plant:
         services: StarterServices,
         records: RecordWriter,
         refresh_s: float = REFRESH_S,
-        on_readings: Callable[[str, Readings], None] = _ignore,
+        on_readings: Callable[[str, Readings], None],
         language: str = ENGLISH,
         make_opener: Callable[[LineTable], PortOpener],
     ) -> None:

@@ -25,7 +25,7 @@ from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
 from gateway.starters import MAX_AHEAD_S, lock_restored
 from gateway.store import STATE_FILE, append_note, mark_restored, read_document, write_document
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 
 HELD = f"for {MAX_TTL_S + MAX_AHEAD_S:.0f} s after its first start the gateway takes no command but stop"
 
