@@ -11,7 +11,6 @@ import posixpath
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fnmatch import filter as fitting
-from fnmatch import fnmatchcase
 from typing import Any
 
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
@@ -147,7 +146,7 @@ def _feeder(key: Key, starter: StarterTable, config: Config) -> Iterator[Mistake
     """Yield a feeder that is named without a time, or a time without a feeder."""
     given = set(starter.rules.model_fields_set if starter.rules else ())
     for rules in config.rules:
-        if any(fnmatchcase(starter.name, pattern) for pattern in rules.starters):
+        if starter.is_among(rules.starters):
             given |= rules.model_fields_set
     for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
         if one in given and other not in given:

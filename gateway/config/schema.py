@@ -6,7 +6,7 @@ several tables may be together in `cross_checks.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -184,6 +184,10 @@ class StarterTable(ConfigTable):
         """Return the rows that the configuration asks for as points of this starter."""
         return self._additions.points
 
+    def is_among(self, patterns: Iterable[str]) -> bool:
+        """Return whether its name fits one of these, with * and ? as in a shell."""
+        return any(fnmatchcase(self.name, pattern) for pattern in patterns)
+
     def plain(self) -> Self:
         """Return the starter without the points that the configuration adds."""
         copy = self.model_copy()
@@ -295,8 +299,7 @@ class Config(ConfigTable):
             for starter in line.starters:
                 asked = [(code, DEFAULT_EVERY_S) for code in (*line.points, *starter.points)]
                 for table in self.points:
-                    is_among = any(fnmatchcase(starter.name, each) for each in table.starters)
-                    if table.family == starter.family and is_among:
+                    if table.family == starter.family and starter.is_among(table.starters):
                         asked += [(code, table.every_s) for code in table.codes]
                 starter.add(additions(starter.family, self.rows, asked))
         return self
