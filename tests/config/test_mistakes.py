@@ -282,6 +282,26 @@ def test_a_mistake_is_reported_with_its_key_and_the_hint_and_draws_at_most_one_o
     assert len(found) <= 2
 
 
+def test_a_mistake_in_one_table_hides_none_in_another() -> None:
+    text = changed(
+        ('name = "mcc1"', 'name = "MCC 1"'),
+        ("address = 1\n", "address = 999\n"),
+        ("every_s = 2.0", "slot = 3"),
+        ('name = "pump-2"', 'name = "pump-1"'),
+    )
+
+    with pytest.raises(ConfigError) as caught:
+        parse(f'{text}[web]\nlisten = "0.0.0.0:80"\nallow_plaintext = true\n{USER[:-6]}carol"\n', "site.toml")
+
+    assert [(each.line, each.key) for each in caught.value.problems] == [
+        (2, "gateway.name"),
+        (15, "line[0].starter[0].address"),
+        (19, "line[0].starter[1].name"),
+        (22, "line[0].starter[1].slot"),
+        (34, "web.user[0].operator"),
+    ]
+
+
 @pytest.mark.parametrize("row", RIGHT.strip().splitlines())
 def test_what_is_right_is_taken(row: str) -> None:
     parse(text_of(row), "site.toml", check=check_watchdogs)
