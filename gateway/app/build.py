@@ -10,7 +10,7 @@ import secrets
 from functools import partial
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
-from gateway.app.gateway import App, watch_lines
+from gateway.app.gateway import App
 from gateway.app.health import Health
 from gateway.app.io import MACHINE, Io
 from gateway.app.plant import Plant
@@ -117,7 +117,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     plant.build(host, config.lines, health)
-    watch_lines(health, plant, site)
+    health.reconfigure(plant.lines.values(), site)
 
     # Commands: from the broker's topics, from plugins, and by the page.
     dispatcher = Dispatcher(

@@ -23,9 +23,7 @@ class StarterCapacity:
     table: StarterTable
     gap_s: float  # an estimate of the longest time between two requests to it without commands
     first_poll_s: float  # at the latest until it gets its first request after the line's port is open
-    margin_s: (
-        float | None
-    )  # promised for its watchdog with commands under way; None when it is off or not known
+    margin_s: float | None  # of its watchdog, with commands under way; None: it is off, or not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +105,10 @@ def hint_of(line: LineTable) -> str:
         return not capacity.missed_deadlines(polls, timing, allowance_s=line.adapter_allowance_s)
 
     allowed = [set(each.profile().bauds or get_args(Baud)) for each in line.starters if each.enabled]
-    faster = sorted(set(get_args(Baud)).intersection(*allowed))
-    for baud in faster:
-        if baud > line.baud and holds(polls, LineTiming(baud, timing.framing)):
-            found.append(f"baud = {baud}")
-            break
+    faster = sorted(baud for baud in set(get_args(Baud)).intersection(*allowed) if baud > line.baud)
+    enough = next((baud for baud in faster if holds(polls, LineTiming(baud, timing.framing))), None)
+    if enough is not None:
+        found.append(f"baud = {enough}")
     units = list(dict.fromkeys(poll.unit for poll in polls))
     stay = _most(len(units), lambda count: holds([p for p in polls if p.unit in units[:count]]))
     if stay:
@@ -144,21 +141,15 @@ def _line(line: LineTable) -> LineCapacity:
     return LineCapacity(
         table=line,
         forecast=whole,
-        starters=tuple(
-            _starter(table, setup, whole, first_poll_s=firsts_s[setup.address])
-            for table, setup in zip(line.starters, setups, strict=True)
-            if setup.is_enabled
-        ),
+        starters=tuple(_starter(table, whole, firsts_s) for table in line.starters if table.enabled),
     )
 
 
-def _starter(
-    table: StarterTable, setup: StarterSetup, whole: capacity.Forecast, *, first_poll_s: float
-) -> StarterCapacity:
-    gap_s = whole.gaps_s[setup.address]
-    promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
+def _starter(table: StarterTable, whole: capacity.Forecast, firsts_s: Mapping[int, float]) -> StarterCapacity:
+    gap_s = whole.gaps_s[table.address]
+    promised_s = whole.watchdog_gaps_s.get(table.address, gap_s)
     margin_s = table.watchdog_s - promised_s if table.watchdog_s else None
-    return StarterCapacity(table, gap_s, first_poll_s, margin_s)
+    return StarterCapacity(table, gap_s, firsts_s[table.address], margin_s)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:

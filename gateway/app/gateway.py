@@ -19,7 +19,7 @@ from gateway.app.plugins import PluginRunner
 from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, setups_of, wiring_of
+from gateway.config.convert import policy_of, rights_of, setups_in, setups_of
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.schema import Config
 from gateway.contract import EventCode, PublishEvent, event_of
@@ -145,22 +145,12 @@ class App:
         for name in self.policy.apply(policy_of(config), rights=rights):
             self.plant.starters[name].republish_state()
         self.history.reconfigure(setups_in(config), changed=changes.starters_gone)
-        watch_lines(self.health, self.plant, site)
+        self.health.reconfigure(self.plant.lines.values(), site)
         self.dispatcher.apply_rights(rights)
         self.capture.lines = tuple(self.plant.lines)
         for plugin in self.plugins:
             plugin.reconfigure(site)
         return ended
-
-
-def watch_lines(health: Health, plant: Plant, site: Site) -> None:
-    """Have the health of a site's lines watched."""
-    health.reconfigure(
-        plant.lines.values(),
-        shortest_watchdog_s=least_watchdog_s(site.config),
-        computed=site.computed,
-        wiring=wiring_of(site.config),
-    )
 
 
 async def newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:

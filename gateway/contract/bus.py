@@ -1,4 +1,4 @@
-"""How records travel: a writer dates and numbers them, a bus passes them on, the newest are kept."""
+"""How records travel: a writer dates and numbers them, a bus passes them on, `Latest` has the newest."""
 
 from __future__ import annotations
 
