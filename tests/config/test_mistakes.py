@@ -134,6 +134,7 @@ address = 1 => address = "1" | line 15: line[0].starter[0].address: is '1' (must
 19200 => 1234 | line 10: line[0].baud: is 1234 (must be 1200, 2400,
 /dev/rs485-pumps => COM3
     | line 9: line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
+/dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (an absol
 [[operator]] => [[line]]\nname="b"\nport="/dev/rs485-pumps"\nbaud=9600\nframing="8N2"\nSTARTER[[operator]]
     | line 26: line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[l
 every_s = 2.0 => every_s = -1.0 | line 22: line[0].starter[1].every_s: is -1.0 (must be at least 0)
