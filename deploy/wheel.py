@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
+from gateway.system.version import MARK, checkout_mark
+
 TOP = Path(__file__).parents[1]
 DOCS = TOP / "gateway" / "docs_site"  # of `make site`
 UPLOT = TOP / "gateway" / "plugins" / "web" / "static" / "vendor" / "uPlot.iife.min.js"  # of `make web`
@@ -56,6 +58,8 @@ def build_wheel(out: Path) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(TOP / "gateway", tree / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
+        mark = checkout_mark(TOP, project_version())
+        (tree / "gateway" / MARK).write_text(f"{mark}\n", "ascii")
         kit = tree / "gateway" / "deploy_kit"
         shutil.copytree(TOP / "deploy", kit, ignore=shutil.ignore_patterns(*_LEFT_OUT))
         shutil.copytree(TOP / "config", kit / "config")

@@ -70,10 +70,8 @@ class Client:
     ) -> None:
         """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError."""
         self._broker = broker_at(url, username=username, password=password, ca_file=ca_file)
-        if not all(is_level(level) for level in base.split("/")):
-            raise UsageError(f"{base!r} is no base (levels of a-z, 0-9, _ and - between slashes)")
-        if not is_level(client):
-            raise UsageError(f"{client!r} is no client (only a-z, 0-9, _ and -)")
+        if not all(is_level(level) for level in (*base.split("/"), client)):
+            raise UsageError(f"{base!r} or {client!r} has other characters than a-z, 0-9, _ and -")
         self._topics = Topics(base)
         self._client = client
         self._operator = operator

@@ -8,7 +8,7 @@ import selectors
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 
 T = TypeVar("T")
 

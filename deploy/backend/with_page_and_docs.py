@@ -6,6 +6,8 @@ Those that `make web` and `make site` have made are taken as they are; others ar
 from __future__ import annotations
 
 import os
+import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -41,7 +43,19 @@ def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_dire
     with ExitStack() as made:
         _make(made, UPLOT, str(TOP / "deploy" / "get-uplot.sh"), target="make web")
         _make(made, SITE, *mkdocs, target="make site")
+        _mark(made)
         return str(build_meta.build_wheel(wheel_directory, config_settings, metadata_directory))
+
+
+def _mark(made: ExitStack) -> None:
+    """Write the commit into a package that is built from a git checkout; a copy of one has it already."""
+    package = TOP / "gateway"
+    version = runpy.run_path(str(package / "system" / "version.py"))
+    mark: Path = package / version["MARK"]
+    if not mark.exists():
+        (number,) = re.findall(r'^__version__ = "(.+)"$', (package / "__init__.py").read_text("utf-8"), re.M)
+        mark.write_text(f"{version['checkout_mark'](TOP, number)}\n", "ascii")
+        made.callback(mark.unlink)
 
 
 def _make(made: ExitStack, file: Path, *command: str, target: str) -> None:

@@ -10,7 +10,7 @@ import secrets
 from functools import partial
 
 from gateway.app.capture_socket import CaptureSocket, socket_path
-from gateway.app.gateway import App, Parts, watch_lines
+from gateway.app.gateway import App
 from gateway.app.health import Health
 from gateway.app.io import MACHINE, Io
 from gateway.app.plant import Plant
@@ -116,7 +116,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     plant.build(host, config.lines, health)
-    watch_lines(health, plant, site)
+    health.reconfigure(plant.lines.values(), site)
 
     # Commands: from the broker's topics, from plugins, and by the page.
     dispatcher = Dispatcher(
@@ -187,14 +187,14 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         uplink.leftovers,
         *plugins,
     )
-    parts = Parts(
+    return App(
+        site=site,
+        publish_event=publish_event,
         clock_watch=clock_watch,
-        records=records,
         state=state,
         uplink=uplink,
         policy=policy,
         history=history,
-        services=services,
         plant=plant,
         host=host,
         health=health,
@@ -203,4 +203,3 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         capture=CaptureSocket(socket_path(config, site.folder), plant.lines, host.capture, clock),
         plugins=tuple(plugins),
     )
-    return App(site, parts)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from math import ceil, isinf
+from math import isinf
 from typing import Any, NamedTuple, get_args
 
 from gateway.config.convert import setups_of, timing_of
@@ -16,10 +15,6 @@ from gateway.line import Poll, capacity
 from gateway.modbus.timing import LineTiming
 from gateway.starters import StarterSetup, polls_of
 
-LONGEST_EVERY_S = 3600.0
-
-Holds = Callable[[Sequence[Poll], LineTiming], bool]
-
 
 @dataclass(frozen=True, slots=True)
 class StarterCapacity:
@@ -28,9 +23,7 @@ class StarterCapacity:
     table: StarterTable
     gap_s: float  # an estimate of the longest time between two requests to it without commands
     first_poll_s: float  # at the latest until it gets its first request after the line's port is open
-    margin_s: (
-        float | None
-    )  # promised for its watchdog with commands under way; None when it is off or not known
+    margin_s: float | None  # of its watchdog, with commands under way; None: it is off, or not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,30 +99,23 @@ def hint_of(line: LineTable) -> str:
 
     Fewer points are none: a watchdog's request goes before all polls, and is a starter's shortest.
     """
-    polls = _polls_of(line)
-    timing = timing_of(line)
-    holds = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s)
-    found = _faster_or_fewer(line, polls, holds)
-    shortest = capacity.least_whole(lambda limit_s: holds(_with_watchdogs(polls, limit_s), timing))
+    polls, timing, found = _polls_of(line), timing_of(line), []
+
+    def holds(polls: Sequence[Poll], timing: LineTiming = timing) -> bool:
+        return not capacity.missed_deadlines(polls, timing, allowance_s=line.adapter_allowance_s)
+
+    allowed = [set(each.profile().bauds or get_args(Baud)) for each in line.starters if each.enabled]
+    faster = sorted(baud for baud in set(get_args(Baud)).intersection(*allowed) if baud > line.baud)
+    enough = next((baud for baud in faster if holds(polls, LineTiming(baud, timing.framing))), None)
+    if enough is not None:
+        found.append(f"baud = {enough}")
+    units = list(dict.fromkeys(poll.unit for poll in polls))
+    stay = _most(len(units), lambda count: holds([p for p in polls if p.unit in units[:count]]))
+    if stay:
+        found.append(f"{len(units) - stay} of its {len(units)} starters on another line")
+    shortest = capacity.least_whole(lambda limit_s: holds(_with_watchdogs(polls, limit_s)))
     if shortest is not None:
         found.append(f"no watchdog below {shortest:g} s")
-    return ", or ".join(found)
-
-
-def relief_of(line: LineTable) -> str:
-    """Return, in words, each single change after which an overloaded line meets its periods."""
-    found = _faster_or_fewer(line, _polls_of(line), _keeps_periods)
-    periods_s = {starter.every_s for starter in line.starters if starter.enabled and starter.every_s}
-    longest_s = max(periods_s)
-    slower = capacity.least_whole(
-        lambda tenths: _keeps_periods(_polls_of(_slower(line, tenths / 10)), timing_of(line)),
-        most=int(10 * LONGEST_EVERY_S / longest_s),
-    )
-    if slower is not None:
-        times = f"{slower / 10:g} times as long"
-        found.append(
-            f"every_s = {_rounded(longest_s * slower / 10):g}" if len(periods_s) == 1 else f"every_s {times}"
-        )
     return ", or ".join(found)
 
 
@@ -155,21 +141,15 @@ def _line(line: LineTable) -> LineCapacity:
     return LineCapacity(
         table=line,
         forecast=whole,
-        starters=tuple(
-            _starter(table, setup, whole, first_poll_s=firsts_s[setup.address])
-            for table, setup in zip(line.starters, setups, strict=True)
-            if setup.is_enabled
-        ),
+        starters=tuple(_starter(table, whole, firsts_s) for table in line.starters if table.enabled),
     )
 
 
-def _starter(
-    table: StarterTable, setup: StarterSetup, whole: capacity.Forecast, *, first_poll_s: float
-) -> StarterCapacity:
-    gap_s = whole.gaps_s[setup.address]
-    promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
+def _starter(table: StarterTable, whole: capacity.Forecast, firsts_s: Mapping[int, float]) -> StarterCapacity:
+    gap_s = whole.gaps_s[table.address]
+    promised_s = whole.watchdog_gaps_s.get(table.address, gap_s)
     margin_s = table.watchdog_s - promised_s if table.watchdog_s else None
-    return StarterCapacity(table, gap_s, first_poll_s, margin_s)
+    return StarterCapacity(table, gap_s, firsts_s[table.address], margin_s)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:
@@ -180,44 +160,8 @@ def _identification(setup: StarterSetup) -> list[Poll]:
     ]
 
 
-def _slower(line: LineTable, factor: float) -> LineTable:
-    starters = (each.model_copy(update={"every_s": each.every_s * factor}) for each in line.starters)
-    return line.model_copy(update={"starters": tuple(starters)})
-
-
-def _rounded(every_s: float) -> float:
-    return ceil(round(10 * every_s, 6)) / 10
-
-
 def _polls_of(line: LineTable) -> list[Poll]:
     return [poll for setup in setups_of(line) for poll in polls_of(setup)]
-
-
-def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], holds: Holds) -> list[str]:
-    """Return the next rate that helps, and how many starters are too many."""
-    timing = timing_of(line)
-    found = []
-    allowed = [
-        set(setup.profile.bauds) for setup in setups_of(line) if setup.is_enabled and setup.profile.bauds
-    ]
-    for baud in sorted(each for each in get_args(Baud) if each > line.baud):
-        is_allowed = all(baud in bauds for bauds in allowed)
-        if is_allowed and holds(polls, LineTiming(baud, timing.framing)):
-            found.append(f"baud = {baud}")
-            break
-    units = list(dict.fromkeys(poll.unit for poll in polls))
-    stay = _most(len(units), lambda count: holds([p for p in polls if p.unit in units[:count]], timing))
-    if stay:
-        found.append(f"{len(units) - stay} of its {len(units)} starters on another line")
-    return found
-
-
-def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
-    return not capacity.missed_deadlines(polls, timing, allowance_s=allowance_s)
-
-
-def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
-    return not capacity.forecast(polls, timing).is_overloaded
 
 
 def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 
 from gateway import __version__
 from gateway.app.capture_socket import CaptureSocket
@@ -20,14 +19,14 @@ from gateway.app.plugins import PluginRunner
 from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, setups_of, wiring_of
+from gateway.config.convert import policy_of, rights_of, setups_in, setups_of
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.schema import Config
-from gateway.contract import EventCode, RecordWriter, event_of
+from gateway.contract import EventCode, PublishEvent, event_of
 from gateway.errors import ConfigError, Problem
 from gateway.line import LineHost
 from gateway.plugins.history.plugin import History
-from gateway.starters import Commands, Dispatcher, KnownWatchdogs, Policy, StarterServices
+from gateway.starters import Commands, Dispatcher, KnownWatchdogs, Policy
 from gateway.store import StateStore
 from gateway.system.clock import ClockWatch
 from gateway.system.gc_tuning import spare_what_lives
@@ -40,17 +39,17 @@ MOST_REMAINS = 16  # starters that were replaced; clearing their memory stops ev
 SETTLE_S = 15.0  # for commands to starters that a change takes away; a stop lasts 10 s at most
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parts:
-    """The parts that begin, change or end with the gateway, in the order of their construction."""
+@dataclass(slots=True, kw_only=True, eq=False)
+class App:
+    """One gateway, from start to end, with the parts that begin, change or end with it. On the app's loop."""
 
+    site: Site
+    publish_event: PublishEvent  # of the gateway's own
     clock_watch: ClockWatch
-    records: RecordWriter
     state: StateStore
     uplink: Uplink
     policy: Policy
     history: History
-    services: StarterServices
     plant: Plant
     host: LineHost
     health: Health
@@ -58,68 +57,55 @@ class Parts:
     commands: Commands
     capture: CaptureSocket
     plugins: tuple[PluginRunner, ...]
-
-
-class App:
-    """One gateway, from start to end. All calls on the app's loop."""
-
-    def __init__(self, site: Site, parts: Parts) -> None:
-        self.parts = parts
-        self._site = site
-        self.publish_event = partial(parts.records.event, "")  # of the gateway's own
-        self._is_up = asyncio.Event()
+    _is_up: asyncio.Event = field(init=False, default_factory=asyncio.Event)
 
     async def run(self, ending: asyncio.Future[str]) -> None:
         """Serve until `ending` has a reason, then end in order: nothing is written to any starter."""
-        parts = self.parts
         tasks = [
             asyncio.create_task(keep_running(name, work))
             for name, work in (
-                ("health", parts.health.run),
-                ("publisher", parts.uplink.publisher.run),
-                ("broker", parts.uplink.run),
-                ("outbox", parts.uplink.disk_sync.run),
-                ("commands", parts.commands.run),
-                ("capture", parts.capture.run),
-                *((each.name, each.run) for each in parts.plugins),
+                ("health", self.health.run),
+                ("publisher", self.uplink.publisher.run),
+                ("broker", self.uplink.run),
+                ("outbox", self.uplink.disk_sync.run),
+                ("commands", self.commands.run),
+                ("capture", self.capture.run),
+                *((each.name, each.run) for each in self.plugins),
             )
         ]
-        await parts.host.start()  # before all else: the starters' watchdogs run
-        parts.state.start(__version__, on_recalled=parts.dispatcher.recall)
-        self._history = asyncio.create_task(parts.history.run())
-        await parts.plant.start()
+        await self.host.start()  # before all else: the starters' watchdogs run
+        self.state.start(__version__, on_recalled=self.dispatcher.recall)
+        history = asyncio.create_task(self.history.run())
+        await self.plant.start()
         self._is_up.set()
         try:
-            await self._end(await ending)
+            await self._end(await ending, history)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _end(self, reason: str) -> None:
+    async def _end(self, reason: str, history: asyncio.Task[None]) -> None:
         """End in order: commands, lines, starters, then everything that stores, and the connection last."""
-        parts = self.parts
         log.info("ending: %s", reason)
         await self._announce_end(reason)
-        await parts.dispatcher.close()
-        await parts.host.stop()
-        parts.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
-        await parts.plant.close()
-        await parts.services.close()
-        parts.history.end()
-        await self._history
-        await parts.state.settle()
-        await parts.uplink.close(reason)
-        await parts.uplink.end()
-        await parts.state.close(reason)
+        await self.dispatcher.close()
+        await self.host.stop()
+        self.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
+        await self.plant.close()
+        self.history.end()
+        await history
+        await self.state.settle()
+        await self.uplink.close(reason)
+        await self.uplink.end()
+        await self.state.close(reason)
 
     async def _announce_end(self, reason: str) -> None:
         """Publish, while the lines still poll, that they end, and for how long if this is a restart."""
-        parts = self.parts
-        watchdogs = parts.policy.watchdogs
-        limits_s = {setup.name: watchdogs.limit_s(setup) for setup in setups_in(self._site.config)}
+        watchdogs = self.policy.watchdogs
+        limits_s = {setup.name: watchdogs.limit_s(setup) for setup in setups_in(self.site.config)}
         self.publish_event(
-            await asyncio.to_thread(announcement, reason, self._site.prospects, limit_of=limits_s.get)
+            await asyncio.to_thread(announcement, reason, self.site.prospects, limit_of=limits_s.get)
         )
 
     async def change(self, site: Site) -> int:
@@ -129,18 +115,18 @@ class App:
         effect at one instant, as soon as no starter that is removed or replaced is under a command.
         Nothing is written to any starter.
         """
-        parts, before = self.parts, self._site.config
+        before = self.site.config
         problems = fixed(before, site.config)
-        problems = problems or await newly_missed(parts.policy.watchdogs, before, site.config)
+        problems = problems or await newly_missed(self.policy.watchdogs, before, site.config)
         if problems:
             raise ConfigError(str(site.folder), problems)
         changes = changes_of(before, site.config)
         await self._is_up.wait()
-        await parts.dispatcher.settle(changes.starters_gone, within_s=SETTLE_S)
+        await self.dispatcher.settle(changes.starters_gone, within_s=SETTLE_S)
         ended = self._reconfigure(site, changes)
         self.publish_event(EventCode.RELOADED, **changes.to_dict())
         await ended
-        await parts.uplink.move(site)
+        await self.uplink.move(site)
         return len(changes.starters_gone)
 
     def _reconfigure(self, site: Site, changes: ConfigChanges) -> Awaitable[None]:
@@ -149,31 +135,21 @@ class App:
         The plant is first, so that the parts after it still take what its starters publish at their end;
         the others follow in the order of their construction.
         """
-        parts, config, rights = self.parts, site.config, rights_of(site.config)
-        self._site = site
-        ended = parts.plant.reconfigure(changes)
-        parts.clock_watch.reconfigure(config.gateway.clock)
-        parts.state.apply(has_operators=bool(config.operators))
-        parts.uplink.reconfigure(config)
-        for name in parts.policy.apply(policy_of(config), rights=rights):
-            parts.plant.starters[name].republish_state()
-        parts.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
-        watch_lines(parts.health, parts.plant, site)
-        parts.dispatcher.apply_rights(rights)
-        parts.capture.lines = tuple(parts.plant.lines)
-        for plugin in parts.plugins:
+        config, rights = site.config, rights_of(site.config)
+        self.site = site
+        ended = self.plant.reconfigure(changes)
+        self.clock_watch.reconfigure(config.gateway.clock)
+        self.state.apply(has_operators=bool(config.operators))
+        self.uplink.reconfigure(config)
+        for name in self.policy.apply(policy_of(config), rights=rights):
+            self.plant.starters[name].republish_state()
+        self.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
+        self.health.reconfigure(self.plant.lines.values(), site)
+        self.dispatcher.apply_rights(rights)
+        self.capture.lines = tuple(self.plant.lines)
+        for plugin in self.plugins:
             plugin.reconfigure(site)
         return ended
-
-
-def watch_lines(health: Health, plant: Plant, site: Site) -> None:
-    """Have the health of a site's lines watched."""
-    health.reconfigure(
-        plant.lines.values(),
-        shortest_watchdog_s=least_watchdog_s(site.config),
-        computed=site.computed,
-        wiring=wiring_of(site.config),
-    )
 
 
 async def newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:

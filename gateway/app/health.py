@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
 
+from gateway.app.site import Site
 from gateway.app.watched_line import WatchedLine
+from gateway.config.convert import least_watchdog_s, wiring_of
 from gateway.contract import EventCode, PublishEvent, Sink
-from gateway.line import LineClient, WiredStarter, capacity
+from gateway.line import LineClient, capacity
 from gateway.mqtt import Publisher
 from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import LagMeter
+from gateway.system.supervised import until_first
 from gateway.system.systemd import Notifier
 
 log = logging.getLogger(__name__)
@@ -61,25 +63,15 @@ class Health:
         self._is_ready = False
         self._is_changed = False
 
-    def reconfigure(
-        self,
-        lines: Iterable[LineClient],
-        *,
-        shortest_watchdog_s: float | None,
-        computed: Mapping[str, Mapping[str, Any]],
-        wiring: Mapping[str, Sequence[WiredStarter]],
-    ) -> None:
-        """Watch these lines from now on.
-
-        By line, `computed` holds its computed worst-case statistics, `wiring` its starters in the order in
-        which the cable passes them.
-        """
+    def reconfigure(self, lines: Iterable[LineClient], site: Site) -> None:
+        """Watch these lines of a site from now on."""
+        shortest_watchdog_s, wiring = least_watchdog_s(site.config), wiring_of(site.config)
         before, self._lines = self._lines, {}
         for line in lines:
             watched = before.get(line.name)
             if watched is None or watched.line is not line:
                 watched = WatchedLine(line, self._publish_event)
-            watched.reconfigure(computed.get(line.name, {}), wiring.get(line.name))
+            watched.reconfigure(site.computed.get(line.name, {}), wiring.get(line.name))
             self._lines[line.name] = watched
         for place in [place for place in self._troubles if place[0] == LINE and place[1] not in self._lines]:
             del self._troubles[place]
@@ -108,11 +100,7 @@ class Health:
 
     async def run(self) -> None:
         """Watch until cancelled."""
-        measuring = asyncio.create_task(self.lag.run(), name="lag")
-        try:
-            await self._watch()
-        finally:
-            measuring.cancel()
+        await until_first(self._watch(), self.lag.run())
 
     async def _watch(self) -> None:
         loop = asyncio.get_running_loop()

@@ -26,9 +26,7 @@ class Io:
     make_opener: Callable[[str, LineTiming], PortOpener] = serial_opener  # of a port by its name
     has_line_thread: bool = True  # else the lines share the gateway's loop
     is_clock_synchronised: Callable[[], bool] = is_kernel_clock_synchronised
-    make_web_server: Callable[..., Any] | None = (
-        None  # as `gateway.plugins.web.server.Server`, which is the default
-    )
+    make_web_server: Callable[..., Any] | None = None  # None: `gateway.plugins.web.server.Server`
 
 
 MACHINE = Io()  # what commands use that open ports themselves

@@ -29,10 +29,6 @@ from gateway.line import (
 from gateway.starters import REFRESH_S, Policy, Readings, StarterServices, StarterSetup, StarterTelemetry
 
 
-def _ignore(_name: str, _readings: Readings) -> None:
-    """Do nothing with what was read."""
-
-
 class Plant:
     """All calls on the app's loop. `starters` and `lines` are by name."""
 
@@ -44,7 +40,7 @@ class Plant:
         services: StarterServices,
         records: RecordWriter,
         refresh_s: float = REFRESH_S,
-        on_readings: Callable[[str, Readings], None] = _ignore,
+        on_readings: Callable[[str, Readings], None],
         language: str = ENGLISH,
         make_opener: Callable[[LineTable], PortOpener],
     ) -> None:
@@ -105,9 +101,10 @@ class Plant:
             starter.publish_stale_values()
 
     async def close(self) -> None:
-        """End the starters; the lines end with their host."""
+        """End the starters and what goes with them; the lines end with their host."""
         for starter in self.starters.values():
             await starter.close()
+        await self._services.close()
 
     def handle(self, event: LineEvent) -> None:
         """Handle what happened on a line; what comes late of a starter that is gone is ignored."""

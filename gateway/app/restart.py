@@ -71,36 +71,26 @@ def announcement(
     gaps = list(restart_gaps(prospects, limit_of=limit_of))
     longest = max(gaps, key=lambda gap: gap.gap_s, default=None)
     too_short = [gap.starter for gap in gaps if not gap.is_safe]
-    if longest is None:
+    gap_s, starter = (None, None) if longest is None else (round(longest.gap_s, 3), longest.starter)
+    if too_short:
         return event_of(
             EventCode.STOPPING,
-            "no_starter",
-            severity=Severity.INFO,
-            reason=reason,
-            gap_s=None,
-            starter=None,
-            too_short=[],
-        )
-    gap_s = round(longest.gap_s, 3)
-    if not too_short:
-        return event_of(
-            EventCode.STOPPING,
-            "restart",
-            severity=Severity.INFO,
+            "too_long",
+            severity=Severity.WARNING,
             reason=reason,
             gap_s=gap_s,
-            starter=longest.starter,
-            too_short=[],
+            starter=starter,
+            too_short=too_short,
+            names=", ".join(too_short),
         )
     return event_of(
         EventCode.STOPPING,
-        "too_long",
-        severity=Severity.WARNING,
+        "no_starter" if longest is None else "restart",
+        severity=Severity.INFO,
         reason=reason,
         gap_s=gap_s,
-        starter=longest.starter,
-        too_short=too_short,
-        names=", ".join(too_short),
+        starter=starter,
+        too_short=[],
     )
 
 

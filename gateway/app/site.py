@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -11,14 +11,8 @@ from gateway.app.capacity import LineCapacity, computed_of, missed_deadlines, pr
 from gateway.config.load import load
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config
-from gateway.config.secrets import metrics_token, mqtt_password, sparkplug_password
+from gateway.config.secrets import SECRETS, secret_of
 from gateway.errors import ConfigError
-
-_SECRETS: Mapping[tuple[str, str], Callable[..., str | None]] = {  # given the broker's password, too
-    ("mqtt", "password_file"): lambda config, folder, _, environ: mqtt_password(config, folder, environ),
-    ("metrics", "token_file"): lambda config, folder, _, environ: metrics_token(config, folder, environ),
-    ("sparkplug", "password_file"): sparkplug_password,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,17 +21,16 @@ class Site:
 
     config: Config
     folder: Path  # the configuration's: relative paths begin there
-    password: str | None = field(repr=False)
+    secrets: Mapping[str, str | None] = field(repr=False)  # passwords and tokens, by table
     prospects: tuple[LineCapacity, ...]  # what its lines will be like
     path: Path | None = None  # the configuration's file
-    metrics_token: str | None = field(default=None, repr=False)
-    sparkplug_password: str | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, config: Config, *, folder: Path, password: str | None, path: Path | None = None) -> Self:
         """Compute what follows from a configuration; some tenths of a second for hundreds of starters."""
-        token = metrics_token(config, folder, {})
-        return cls(config, folder, password, prospects_of(config), path, token, password)
+        token = secret_of("metrics", config, folder, {})
+        secrets = {"mqtt": password, "metrics": token, "sparkplug": password}
+        return cls(config, folder, secrets, prospects_of(config), path)
 
     @classmethod
     def read(cls, path: Path, environ: Mapping[str, str]) -> Self:
@@ -52,17 +45,33 @@ class Site:
             nonlocal prospects
             prospects = prospects_of(config)
             mistakes = missed_deadlines(prospects)
-            for key, read in _SECRETS.items():
+            for table, (key, _) in SECRETS.items():
                 try:
-                    secrets[key[0]] = read(config, path.parent, secrets.get("mqtt"), environ)
+                    secrets[table] = secret_of(table, config, path.parent, environ)
                 except ConfigError as error:
-                    mistakes += [Mistake(key, f"{error.path}: {p.what}", p.hint) for p in error.problems]
+                    mistakes += [
+                        Mistake((table, key), f"{error.path}: {p.what}", p.hint) for p in error.problems
+                    ]
             return mistakes
 
         config = load(path, check=check)
-        return cls(
-            config, path.parent, secrets["mqtt"], prospects, path, secrets["metrics"], secrets["sparkplug"]
-        )
+        return cls(config, path.parent, secrets, prospects, path)
+
+    @property
+    def password(self) -> str | None:
+        """Return the broker's password."""
+        return self.secrets["mqtt"]
+
+    @property
+    def metrics_token(self) -> str | None:
+        """Return the token that a scrape must carry."""
+        return self.secrets["metrics"]
+
+    @property
+    def sparkplug_password(self) -> str | None:
+        """Return the password at Sparkplug's servers, which may be the broker."""
+        sparkplug = self.config.sparkplug
+        return self.secrets["sparkplug"] if sparkplug is not None and sparkplug.urls else self.password
 
     @property
     def computed(self) -> Mapping[str, Mapping[str, Any]]:

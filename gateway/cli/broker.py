@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gateway.config.convert import broker_of
 from gateway.config.schema import Config
-from gateway.config.secrets import VARIABLE, mqtt_password, password_in
+from gateway.config.secrets import VARIABLE, password_in, secret_of
 from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt import BrokerSettings, Incoming, Message, Session, connected
@@ -42,7 +42,7 @@ def settings_of(
     """
     username, file = (None, None) if login is None else (login.username, login.password_file)
     if username is None and file is None:
-        password = mqtt_password(config, folder, os.environ)
+        password = secret_of("mqtt", config, folder, os.environ)
     else:
         password = password_of(username or "", config.mqtt.host, password_file=file)
     return broker_of(

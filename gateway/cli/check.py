@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from gateway.app.capacity import LineCapacity, StarterCapacity, extra_cost_of, relief_of
+from gateway.app.capacity import LineCapacity, StarterCapacity, extra_cost_of
 from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
@@ -178,7 +178,9 @@ def _line_warnings(line: LineCapacity) -> Iterator[Finding]:
     table, whole, where = line.table, line.forecast, f"line {line.table.name}"
     if whole.is_overloaded:
         what = f"asked for {whole.load:.0%} of its time, periods become {whole.factor:.1f} times as long"
-        yield _warning(where, what, relief_of(table) or "use more lines")
+        yield _warning(
+            where, what, "a higher baud, fewer starters on the line, or an every_s that is as much longer"
+        )
     if table.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
         stable = stable_name(table.port)
         name = "a name below /dev/serial/by-id" if stable == table.port else stable

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fnmatch
 from pathlib import Path
 
-from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
+from gateway.config.integration_tables import MqttTable
+from gateway.config.schema import Config, LineTable, RulesTable, StarterTable
 from gateway.contract import Operator
 from gateway.families import ENGLISH, Variant
 from gateway.line import WiredStarter
@@ -56,7 +56,7 @@ def rights_of(config: Config) -> Rights:
 def policy_of(config: Config) -> PolicySettings:
     """Return what is demanded of commands, and which starters stop together."""
     groups = {
-        group.name: tuple(each.name for each in config.starters if _is_among(each, group.starters))
+        group.name: tuple(each.name for each in config.starters if each.is_among(group.starters))
         for group in config.groups
     }
     return PolicySettings(rules={each.name: _rules(config, each) for each in config.starters}, groups=groups)
@@ -103,7 +103,7 @@ def _tls_of(mqtt: MqttTable, folder: Path) -> TlsSettings:
 
 def _rules(config: Config, starter: StarterTable) -> RuleSet:
     """Return the rules of a starter, key by key: its own, else those of the last table that names it."""
-    shared = [table for table in config.rules if _is_among(starter, table.starters)]
+    shared = [table for table in config.rules if starter.is_among(table.starters)]
     tables: list[RulesTable] = [*shared, starter.rules or RulesTable()]
     given = {
         name: value
@@ -111,10 +111,6 @@ def _rules(config: Config, starter: StarterTable) -> RuleSet:
         for name, value in table.model_dump(exclude={"starters"}, exclude_none=True).items()
     }
     return RuleSet(**{**given, "two_step": frozenset(given.get("two_step", ()))})
-
-
-def _is_among(starter: StarterTable, patterns: tuple[str, ...]) -> bool:
-    return any(fnmatch.fnmatchcase(starter.name, pattern) for pattern in patterns)
 
 
 def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetup:

@@ -1,78 +1,33 @@
-"""Rules that no single value shows: between the keys of a table, and across tables.
+"""Rules across tables: names that must differ, names that must exist, and what needs the whole site.
 
-They look at the tables that are right by themselves: a mistake in one must not hide those in others. Names
-that others refer to are looked up in the whole document, so that a wrong table is not missing besides.
+Names are looked up in the document as it is written, so that a mistake in one table hides none in others; the
+rest is judged once every table is right by itself.
 """
 
 from __future__ import annotations
 
-import fnmatch
 import os
 import posixpath
-from collections.abc import Iterator
-from typing import TypeVar
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from fnmatch import filter as fitting
+from typing import Any
 
-from gateway.config.mistakes import Document, Mistake, Tables, again, choose, texts_in
-from gateway.config.network_checks import network_mistakes
-from gateway.config.schema import GroupTable, LineTable, OperatorTable, SharedRulesTable, StarterTable
-from gateway.config.site_checks import site_mistakes
-from gateway.config.site_tables import PointsTable
-from gateway.config.toml_lines import Key
-from gateway.config.values import ConfigTable, short
-from gateway.contract import CommandError
-from gateway.families import FAMILIES, Profile, diagnosis, load_profile, parameters
+from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
+from gateway.config.mistakes import Key, Mistake, choose, short, spell
+from gateway.config.schema import Config, StarterTable
+from gateway.config.site_tables import rows_of
+from gateway.config.values import GLOB_PATTERN
+from gateway.families import Profile, extension, load_profile
 
-_Table = TypeVar("_Table", bound=ConfigTable)
+SPARKPLUG_NAMESPACE = "spBv1.0"
 
-
-def broken_rules(document: Document, tables: Tables) -> Iterator[Mistake]:
-    """Yield every mistake that no single value shows."""
-    yield from network_mistakes(document, tables)
-    yield from _duplicates(tables)
-    names = texts_in(document, "line", "starter", "name")
-    for key, table in tables.items():
-        match table:
-            case LineTable():
-                yield from _order(key, table)
-                yield from _serial(key, table)
-            case StarterTable():
-                yield from _feeder(key, table, tables)
-                yield from _of_family(key, table, load_profile(table.family))
-            case OperatorTable() | SharedRulesTable() | GroupTable() | PointsTable():
-                for position, pattern in enumerate(table.starters):
-                    if not fnmatch.filter(names, pattern):
-                        hint = choose(pattern, names) if names else ""
-                        where = (*key, "starters", position)
-                        yield Mistake(where, f"{short(pattern)} fits no starter", hint)
-    yield from site_mistakes(tables)
+Document = Mapping[str, Any]
 
 
-def _of(tables: Tables, kind: type[_Table]) -> list[tuple[Key, _Table]]:
-    return [(key, table) for key, table in tables.items() if isinstance(table, kind)]
-
-
-def _duplicates(tables: Tables) -> Iterator[Mistake]:
-    lines: dict[object, Key] = {}
-    ports: dict[object, Key] = {}
-    names: dict[object, Key] = {}  # of starters and groups: a command's topic must name one target
-    addresses: dict[object, Key] = {}
-    for key, line in _of(tables, LineTable):
-        yield from again(lines, (*key, "name"), line.name, "each line needs its own name")
-        hint = "put all starters of a port under one [[line]]"
-        yield from again(ports, (*key, "port"), line.port, hint, by=_adapter(line.port))
-    for key, starter in _of(tables, StarterTable):
-        hint = "each starter needs its own name, whatever its line"
-        yield from again(names, (*key, "name"), starter.name, hint)
-        hint, by = "each starter on a line needs its own address", (key[1], starter.address)
-        yield from again(addresses, (*key, "address"), starter.address, hint, by=by)
-    for key, group in _of(tables, GroupTable):
-        hint = "each group needs a name that no starter and no other group has"
-        yield from again(names, (*key, "name"), group.name, hint)
-
-
-def _adapter(port: str) -> object:
+def _adapter(_: Key, port: object) -> object:
     """Return what all names of an adapter have in common: its device number, while it is plugged in."""
-    if not posixpath.isabs(port):
+    if not isinstance(port, str) or not posixpath.isabs(port):
         return port
     try:
         number = os.stat(port).st_rdev
@@ -81,39 +36,117 @@ def _adapter(port: str) -> object:
     return number or posixpath.normpath(port)
 
 
-def _order(key: Key, line: LineTable) -> Iterator[Mistake]:
-    """Yield what an order along the cable names that is not on the line, names twice or leaves out."""
-    names, order, where = [each.name for each in line.starters], line.order, (*key, "order")
-    for position, name in enumerate(order or ()):
-        if name not in names:
-            yield Mistake((*where, position), f"{short(name)} is not on this line", choose(name, names))
-        elif order and name in order[:position]:
-            yield Mistake((*where, position), f"{short(name)} stands twice", "name each starter once")
-    missing = [] if order is None else [name for name in names if name not in order]
-    if missing and all(name in names for name in order or ()):
-        hint = "name all starters of the line as the cable passes them"
-        yield Mistake(where, f"leaves out {short(missing[0])}", hint)
+def _itself(_: Key, value: object) -> object:
+    return value
 
 
-def _serial(key: Key, line: LineTable) -> Iterator[Mistake]:
-    """Yield what a family's serial interface cannot be set to, with a starter of it on this line."""
-    for family, name in {each.family: each.name for each in line.starters}.items():
-        profile = load_profile(family)
-        for setting, value, allowed in (
-            ("baud", line.baud, profile.bauds or (line.baud,)),
-            ("framing", line.framing, profile.framings),
-        ):
-            if value not in allowed:
-                shown = value if setting == "baud" else short(value)
-                hint = f"its manual allows {', '.join(map(str, allowed))}"
-                yield Mistake((*key, setting), f"{shown} is not for {family} ({name})", hint)
+_Seen = Callable[[Key, object], object]  # what is compared: of a key and its value
+
+# Keys of which no two may be alike, and why. A command's topic must name one target: a starter or a group.
+_UNIQUE: tuple[tuple[tuple[str, ...], _Seen, str], ...] = (
+    (("line.name",), _itself, "each line needs its own name"),
+    (("line.port",), _adapter, "put all starters of a port under one [[line]]"),
+    (
+        ("line.starter.name", "group.name"),
+        _itself,
+        "each starter needs its own name, whatever its line, and so does each group",
+    ),
+    (
+        ("line.starter.address",),
+        lambda key, address: (key[1], address),
+        "each starter on a line needs its own address",
+    ),
+    (("web.user.name",), _itself, "each login needs its own name"),
+)
 
 
-def _feeder(key: Key, starter: StarterTable, tables: Tables) -> Iterator[Mistake]:
+def wrong_names(document: Document) -> Iterator[Mistake]:
+    """Yield names that stand twice, and names of what is not there."""
+    for paths, compared, hint in _UNIQUE:
+        seen: dict[object, Key] = {}
+        for key, value in (found for path in paths for found in _at(document, path)):
+            yield from _again(seen, key, value, compared(key, value), hint)
+    names = [str(name) for _, name in _at(document, "line.starter.name")]
+    for table in ("operator", "rules", "group", "points"):
+        for key, pattern in _at(document, f"{table}.starters"):
+            is_pattern = isinstance(pattern, str) and re.fullmatch(GLOB_PATTERN[1:-1], pattern)
+            if is_pattern and not fitting(names, str(pattern)):
+                yield Mistake(
+                    key, f"{short(pattern)} fits no starter", choose(pattern, names) if names else ""
+                )
+    clients = [str(client) for _, client in _at(document, "operator.client")]
+    for table in ("web.user", "homeassistant", "sparkplug"):
+        for key, client in _at(document, f"{table}.operator"):
+            if client not in clients:
+                hint = choose(client, clients) if clients else "add an [[operator]] with this client"
+                yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)
+
+
+def broken_rules(config: Config) -> Iterator[Mistake]:
+    """Yield every mistake that no single table shows."""
+    key: Key
+    for at, line in enumerate(config.lines):
+        families = dict.fromkeys(each.family for each in line.starters)
+        yield from _codes(("line", at, "points"), line.points, config, families)
+        for place, starter in enumerate(line.starters):
+            key = ("line", at, "starter", place)
+            yield from _feeder(key, starter, config)
+            yield from _codes((*key, "points"), starter.points, config, [starter.family])
+    for at, points in enumerate(config.points):
+        yield from _codes(("points", at, "codes"), points.codes, config, [points.family])
+    codes: dict[object, Key] = {}
+    names: dict[object, Key] = {}
+    for at, row in enumerate(config.rows):
+        key, code, name = ("row", at), row.parameter, row.name
+        yield from _again(codes, (*key, "parameter"), code, (row.family, code), "describe each row once")
+        yield from _again(names, (*key, "name"), name, (row.family, name), "each row needs its own name")
+    if config.home_assistant is not None:
+        yield from _home_assistant(config.home_assistant, config.base)
+    if config.metrics is not None and config.metrics.textfile is None and config.web is None:
+        hint = "add a [web] table, whose server answers /metrics, or a textfile for node-exporter"
+        yield Mistake(("metrics",), "nothing serves them", hint)
+
+
+def _at(document: Any, path: str, key: Key = ()) -> Iterator[tuple[Key, object]]:
+    """Yield the values at a path, in all tables and items of the lists on it, with their keys."""
+    name, _, rest = path.partition(".")
+    if isinstance(document, list):
+        for place, item in enumerate(document):
+            yield from _at(item, path, (*key, place))
+    elif not path:
+        yield key, document
+    elif isinstance(document, dict) and name in document:
+        yield from _at(document[name], rest, (*key, name))
+
+
+def _again(
+    seen: dict[object, Key], key: Key, value: object, compared: object, hint: str
+) -> Iterator[Mistake]:
+    """Yield a value that another key has too; `seen` is what came before. Only texts and numbers are."""
+    if type(value) not in (str, int):
+        return
+    if compared in seen:
+        yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
+    seen.setdefault(compared, key)
+
+
+def _codes(key: Key, patterns: Sequence[str], config: Config, families: Iterable[str]) -> Iterator[Mistake]:
+    """Yield codes and patterns that fit no readable row of any of these families."""
+    profiles = [_profile(family, config) for family in families] if patterns else []
+    for position, pattern in enumerate(patterns):
+        if not any(extension.matching(profile, pattern) for profile in profiles):
+            yield Mistake((*key, position), *extension.why_no_row(profiles, pattern))
+
+
+def _profile(family: str, config: Config) -> Profile:
+    return extension.extended(load_profile(family), rows_of(family, config.rows), ())
+
+
+def _feeder(key: Key, starter: StarterTable, config: Config) -> Iterator[Mistake]:
     """Yield a feeder that is named without a time, or a time without a feeder."""
     given = set(starter.rules.model_fields_set if starter.rules else ())
-    for _, rules in _of(tables, SharedRulesTable):
-        if any(fnmatch.fnmatchcase(starter.name, pattern) for pattern in rules.starters):
+    for rules in config.rules:
+        if starter.is_among(rules.starters):
             given |= rules.model_fields_set
     for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
         if one in given and other not in given:
@@ -121,43 +154,24 @@ def _feeder(key: Key, starter: StarterTable, tables: Tables) -> Iterator[Mistake
             yield Mistake((*key, "name"), f"{short(starter.name)} has {one} without {other}", hint)
 
 
-def _of_family(key: Key, starter: StarterTable, profile: Profile) -> Iterator[Mistake]:
-    """Yield what a starter of its family, or a simulated one, does not have."""
-    if starter.slot is not None and len(profile.command_word) < 2:
-        yield Mistake((*key, "slot"), f"{profile.family} has no slots", "leave it out")
-    said = {"model": starter.model, "watchdog_s": starter.watchdog_s}
-    for name, why in diagnosis.wrong_settings(profile, **said):
-        yield Mistake((*key, name), f"{short(said[name])} {why}", "see its manual")
-    table, where = starter.simulated, (*key, "simulated")
-    for code in table.parameters:
-        row = profile.parameters.get(code)
-        if row is None or row.table.is_bits or row.words != 1:
-            hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
-            yield Mistake((*where, "parameters", code), f"{profile.family} has no such parameter", hint)
-    has_markers = "markers" in profile.simulated
-    if "markers" in table.model_fields_set and not has_markers:
-        yield Mistake((*where, "markers"), _is_for("markers"), "leave it out")
-    for code in table.markers if has_markers else ():
-        if not _is_marker(profile, code):
-            hint = "write COIL or DI and its address, such as DI7"
-            yield Mistake((*where, "markers", code), f"{profile.family} has no such marker", hint)
-    rows = profile.simulated.get("braking_s")
-    if table.braking_s and rows != ():
-        hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
-        yield Mistake((*where, "braking_s"), _is_for("braking_s"), hint)
+def _home_assistant(table: HomeAssistantTable, base: str) -> Iterator[Mistake]:
+    """Yield topics that are the gateway's own, Sparkplug's or discovery's."""
+    prefix = table.discovery_prefix
+    if "discovery_prefix" not in table.model_fields_set and _is_one_in_the_other(base, prefix):
+        hint = f"another base, or discovery_prefix, which is {short(DEFAULT_DISCOVERY_PREFIX)} by itself"
+        yield Mistake(("mqtt", "base"), "lies among the topics of Home Assistant's discovery", hint)
+    for key in table.model_fields_set & {"discovery_prefix", "birth_topic"}:
+        topic, where = getattr(table, key), ("homeassistant", key)
+        for others, whose in ((base, "the gateway's own"), (SPARKPLUG_NAMESPACE, "Sparkplug's")):
+            if _is_one_in_the_other(topic, others):
+                yield Mistake(where, f"lies among {whose} topics", f"a topic outside {short(others)}")
+    devices = f"{prefix}/device"
+    if _is_one_in_the_other(table.birth_topic or "", devices):
+        hint = f"a topic outside {short(devices)}, such as {prefix}/status"
+        yield Mistake(("homeassistant", "birth_topic"), "lies among the topics of discovery", hint)
 
 
-def _is_for(option: str) -> str:
-    known = (each for each in FAMILIES if load_profile(each).simulated.get(option) == ())
-    return f"is for {' and '.join(known)}"
-
-
-def _is_marker(profile: Profile, code: str) -> bool:
-    try:
-        return parameters.find(profile, code).table.is_bits
-    except CommandError:
-        return False
-
-
-def _fits(name: str, pattern: object) -> bool:
-    return isinstance(pattern, str) and fnmatch.fnmatchcase(name, pattern)
+def _is_one_in_the_other(one: str, other: str) -> bool:
+    """Return whether a topic is the other one, or one of its levels; False when there is none."""
+    one, other = f"{one}/", f"{other}/"
+    return one != "/" and (one.startswith(other) or other.startswith(one))

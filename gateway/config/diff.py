@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
-from gateway.config.schema import Config, LineTable, SimulatedTable, StarterTable
+from gateway.config.schema import NOT_SIMULATED, Config, LineTable, StarterTable
 from gateway.errors import Problem
 
+FIXED = ("gateway.name", "gateway.language", "gateway.state_dir", "mqtt.base")
 RESTART = "restart the gateway for that: systemctl restart starter-gateway"
 
 
@@ -52,16 +54,10 @@ class ConfigChanges:
 
 def fixed(old: Config, new: Config) -> list[Problem]:
     """Return which settings cannot change while it runs: name, language, topics and state directory."""
-    values = {
-        "gateway.name": (old.gateway.name, new.gateway.name),
-        "gateway.language": (old.gateway.language, new.gateway.language),
-        "gateway.state_dir": (old.gateway.state_dir, new.gateway.state_dir),
-        "mqtt.base": (old.mqtt.base, new.mqtt.base),
-    }
     return [
         Problem(key, f"{before} cannot become {after} while the gateway runs", RESTART)
-        for key, (before, after) in values.items()
-        if before != after
+        for key in FIXED
+        if (before := attrgetter(key)(old)) != (after := attrgetter(key)(new))
     ]
 
 
@@ -113,5 +109,5 @@ def _machine(starter: StarterTable) -> StarterTable:
 
     The points and rows that the configuration adds stay, wherever they are asked for.
     """
-    others = {"rules": None, "simulated": SimulatedTable(), "every_s": 1.0, "points": ()}
+    others = {"rules": None, "simulated": NOT_SIMULATED, "every_s": 1.0, "points": ()}
     return starter.model_copy(update=others)

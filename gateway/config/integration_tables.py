@@ -1,16 +1,17 @@
-"""The tables of the plugins: `[web]`, `[history]`, `[metrics]`, `[homeassistant]`, `[sparkplug]`."""
+"""The tables of the networks and of the history: `[mqtt]`, `[web]`, `[history]`, `[metrics]` and others."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from pydantic import Field
 
+from gateway.config.mistakes import Mistake
 from gateway.config.values import (
-    PROM_FILE_PATTERN,
-    TOPIC_PATTERN,
-    URL_PATTERN,
-    USER_PATTERN,
+    SCHEMES,
+    Base,
     BrokerUrl,
     ConfigTable,
     HostName,
@@ -18,18 +19,102 @@ from gateway.config.values import (
     Name,
     Network,
     PagePath,
+    PromFile,
+    Several,
     SparkplugId,
     Text,
+    Topic,
+    Url,
+    User,
+    is_loopback,
+    split_listen,
 )
 from gateway.system.password_hash import LINE_PATTERN
 
+DEFAULT_BASE = "starters/{gateway}"
 DEFAULT_DISCOVERY_PREFIX = "homeassistant"
+_UNENCRYPTED = "would send passwords and commands unencrypted"
+
+MqttVersion = Literal["auto", "5", "3.1.1"]
+
+
+class LoginTable(ConfigTable):
+    """How the gateway proves itself to a broker, and the broker to the gateway."""
+
+    username: Text | None = Field(None, description="Login at the broker; absent: none.")
+    password_file: Text | None = Field(
+        None,
+        description="File with the password in one line, for its owner only; or a systemd credential, "
+        "mqtt.password or sparkplug.password; or, at [mqtt], STARTER_GATEWAY_MQTT_PASSWORD.",
+    )
+    ca_file: Text | None = Field(
+        None, description="The certificate authority of the broker, PEM; absent: those of the system."
+    )
+    cert_file: Text | None = Field(None, description="The client's certificate, PEM; with key_file.")
+    key_file: Text | None = Field(None, description="The client's private key, PEM; with cert_file.")
+    allow_plaintext: bool = Field(
+        default=False, description="Permits mqtt:// to a broker on another machine."
+    )
+
+    def is_exposed(self, url: str) -> bool:
+        """Return whether a broker on another machine is reached without encryption, and may not be."""
+        split = urlsplit(url)
+        return split.scheme == "mqtt" and not is_loopback(split.hostname or "") and not self.allow_plaintext
+
+
+class MqttTable(LoginTable):
+    """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
+
+    url: BrokerUrl = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
+    base: Base = Field(
+        DEFAULT_BASE, description="What all topics begin with; {gateway} stands for the gateway's name."
+    )
+    client_id: Text | None = Field(
+        None, description="The MQTT client id; absent: the gateway's name. One connection each."
+    )
+    version: MqttVersion = Field(
+        "auto", description="The version of MQTT; auto: 5, and 3.1.1 where the broker refuses that."
+    )
+    keepalive_s: int = Field(
+        6,
+        ge=3,
+        le=3600,
+        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
+    )
+    refresh_s: float = Field(
+        300.0, ge=1, le=86400, description="After so long an unchanged value is published again."
+    )
+
+    @property
+    def host(self) -> str:
+        """Return the broker's host name or address, without brackets."""
+        return urlsplit(self.url).hostname or ""
+
+    @property
+    def port(self) -> int:
+        """Return the broker's TCP port: the URL's, else 1883 for mqtt and 8883 for mqtts."""
+        split = urlsplit(self.url)
+        return split.port or SCHEMES[split.scheme]
+
+    @property
+    def is_tls(self) -> bool:
+        """Return whether the connection is encrypted."""
+        return urlsplit(self.url).scheme == "mqtts"
+
+    def contradictions(self) -> Iterator[Mistake]:
+        """Yield an open way to another machine, and files of TLS without TLS."""
+        yield from super().contradictions()
+        if self.is_exposed(self.url):
+            yield Mistake(("url",), _UNENCRYPTED, "use mqtts://, or allow_plaintext = true")
+        for name in ("ca_file", "cert_file", "key_file"):
+            if getattr(self, name) and not self.is_tls:
+                yield Mistake((name,), "has no meaning with mqtt://", "use mqtts://, or leave it out")
 
 
 class WebUserTable(ConfigTable):
     """`[[web.user]]`: one login of the status page, with the rights of an operator."""
 
-    name: Annotated[str, Field(pattern=USER_PATTERN, max_length=64)] = Field(description="The login's name.")
+    name: User = Field(description="The login's name.")
     password: Annotated[str, Field(pattern=LINE_PATTERN)] = Field(
         description="What `starter-gateway web-password` prints: the password cannot be read from it."
     )
@@ -42,38 +127,43 @@ class WebTable(ConfigTable):
     """`[web]`: the status page; without this table nothing listens."""
 
     listen: Listen = Field(
-        default="127.0.0.1:8480",
+        "127.0.0.1:8480",
         description="address:port or [::1]:port; other addresses than loopback only with logins.",
     )
-    hosts: tuple[HostName, ...] = Field(
-        default=(), strict=False, description="Further names that the page is called by."
-    )
-    base_path: PagePath = Field(default="/", description="The path below which a proxy serves the page.")
+    hosts: Several[HostName] = Field((), description="Further names that the page is called by.")
+    base_path: PagePath = Field("/", description="The path below which a proxy serves the page.")
     cert_file: Text | None = Field(
-        default=None, description="The page's certificate, PEM; with key_file it speaks TLS only."
+        None, description="The page's certificate, PEM; with key_file it speaks TLS only."
     )
-    key_file: Text | None = Field(default=None, description="The page's private key, PEM; with cert_file.")
+    key_file: Text | None = Field(None, description="The page's private key, PEM; with cert_file.")
     allow_plaintext: bool = Field(default=False, description="Permits http:// to other machines.")
-    trusted_proxies: tuple[Network, ...] = Field(
-        default=(), strict=False, description='Addresses or networks of proxies, e.g. "::1".'
-    )
+    trusted_proxies: Several[Network] = Field((), description='Addresses or networks of proxies, e.g. "::1".')
     pages_per_address: int = Field(
-        default=32, ge=1, le=48, description="How many pages may be open at one address, or by one login."
+        32, ge=1, le=48, description="How many pages may be open at one address, or by one login."
     )
-    users: tuple[WebUserTable, ...] = Field(
-        default=(), alias="user", strict=False, description="Who may log in; none: the page is read-only."
+    users: Several[WebUserTable] = Field(
+        (), alias="user", description="Who may log in; none: the page is read-only."
     )
+
+    def contradictions(self) -> Iterator[Mistake]:
+        """Yield what would open the page to more than this machine without protection."""
+        yield from super().contradictions()
+        host, _ = split_listen(self.listen) or ("", 0)
+        if is_loopback(host):
+            return
+        if self.cert_file is None and not self.allow_plaintext:
+            hint = "give cert_file and key_file, or allow_plaintext = true, or listen on 127.0.0.1"
+            yield Mistake(("listen",), _UNENCRYPTED, hint)
+        if not self.users:
+            hint = "add a [[web.user]], or listen on 127.0.0.1"
+            yield Mistake(("listen",), "opens the page to other machines without any login", hint)
 
 
 class HistoryTable(ConfigTable):
     """`[history]`: stores values over time for seven days; starts and trips are recorded without it."""
 
-    values: tuple[Name, ...] = Field(
-        default=("current",),
-        strict=False,
-        min_length=1,
-        max_length=8,
-        description="The points, of every starter that has them.",
+    values: Several[Name] = Field(
+        ("current",), min_length=1, max_length=8, description="The points, of every starter that has them."
     )
 
 
@@ -84,86 +174,79 @@ class MetricsTable(ConfigTable):
         default=False, description="Adds every point that is a number, as point_value; many series."
     )
     token_file: Text | None = Field(
-        default=None,
+        None,
         description="File with the token that a scrape must carry, for its owner only; or a systemd "
         "credential, metrics.token; without: none is needed from this machine, or by TLS.",
     )
-    textfile: Annotated[str, Field(pattern=PROM_FILE_PATTERN, max_length=1024)] | None = Field(
-        default=None, description="File for node-exporter's textfile collector, written every 15 s."
+    textfile: PromFile | None = Field(
+        None, description="File for node-exporter's textfile collector, written every 15 s."
     )
 
 
 class HomeAssistantTable(ConfigTable):
     """`[homeassistant]`: announces the starters to Home Assistant; without this table nothing is."""
 
-    discovery_prefix: Annotated[str, Field(pattern=TOPIC_PATTERN, max_length=128)] = Field(
-        default=DEFAULT_DISCOVERY_PREFIX, description="Home Assistant's discovery prefix, as set there."
+    discovery_prefix: Topic = Field(
+        DEFAULT_DISCOVERY_PREFIX, description="Home Assistant's discovery prefix, as set there."
     )
-    birth_topic: Annotated[str, Field(pattern=TOPIC_PATTERN, max_length=128)] | None = Field(
-        default=None,
+    birth_topic: Topic | None = Field(
+        None,
         description='Where Home Assistant publishes "online" when it has begun; absent: PREFIX/status.',
     )
     operator: Name | None = Field(
-        default=None,
+        None,
         description="Home Assistant's login at the broker, the `client` of an [[operator]]; its rights "
         "decide which buttons there are. Absent: none.",
     )
     commands: bool = Field(
         default=False, description="Buttons for start and reset too; a stop needs an operator only."
     )
-    page_url: Annotated[str, Field(pattern=URL_PATTERN, max_length=256)] | None = Field(
-        default=None, description="The status page as others reach it; shown at each device."
+    page_url: Url | None = Field(
+        None, description="The status page as others reach it; shown at each device."
     )
 
 
-class SparkplugTable(ConfigTable):
+class SparkplugTable(LoginTable):
     """`[sparkplug]`: the gateway as a Sparkplug B 3.0 edge node; without this table it is none."""
 
     group: SparkplugId = Field(description="The group id: the first level that hosts sort nodes by.")
     node: SparkplugId | None = Field(
-        default=None, description="The edge node id, unique in its group; absent: the gateway's name."
+        None, description="The edge node id, unique in its group; absent: the gateway's name."
     )
-    urls: tuple[BrokerUrl, ...] = Field(
-        default=(),
-        strict=False,
-        description="Servers of its own, tried one after the other; absent: the broker, login and "
-        "certificates of [mqtt].",
+    urls: Several[BrokerUrl] = Field(
+        (),
+        description="Servers of its own, tried one after the other, with the login and certificates of this "
+        "table; absent: the broker, login and certificates of [mqtt].",
     )
-    username: Text | None = Field(default=None, description="Login at the servers in urls; absent: none.")
-    password_file: Text | None = Field(
-        default=None,
-        description="File with that login's password in one line, for its owner only; or a systemd "
-        "credential, sparkplug.password.",
-    )
-    ca_file: Text | None = Field(
-        default=None, description="The certificate authority of the servers in urls; absent: the system's."
-    )
-    cert_file: Text | None = Field(default=None, description="The client's certificate, PEM; with key_file.")
-    key_file: Text | None = Field(default=None, description="The client's private key, PEM; with cert_file.")
-    allow_plaintext: bool = Field(
-        default=False, description="Permits mqtt:// in urls to servers on other machines."
-    )
-    mqtt_version: Literal["auto", "5", "3.1.1"] = Field(
-        default="auto", description="The version of MQTT; auto: 5, and 3.1.1 where a server refuses that."
+    mqtt_version: MqttVersion = Field(
+        "auto", description="The version of MQTT; auto: 5, and 3.1.1 where a server refuses that."
     )
     keepalive_s: int = Field(
-        default=15, ge=5, le=3600, description="Without traffic for so long the server is pinged."
+        15, ge=5, le=3600, description="Without traffic for so long the server is pinged."
     )
     primary_host: SparkplugId | None = Field(
-        default=None,
-        description="Host id of the application that must be online before anything is published.",
+        None, description="Host id of the application that must be online before anything is published."
     )
     commands: bool = Field(
         default=False, description="Whether hosts may write Command/Stop, Command/Start and Command/Reset."
     )
     operator: Name | None = Field(
-        default=None,
-        description="The `client` of an [[operator]]: whose rights all Sparkplug hosts together have.",
+        None, description="The `client` of an [[operator]]: whose rights all Sparkplug hosts together have."
     )
     ttl_s: float = Field(
-        default=5.0, gt=0, le=60, description="How old a command may be, by its payload's timestamp."
+        5.0, gt=0, le=60, description="How old a command may be, by its payload's timestamp."
     )
     datatypes_in_data: bool = Field(
         default=False,
         description="Names data types in data messages too, for hosts that do not remember births.",
     )
+
+    def contradictions(self) -> Iterator[Mistake]:
+        """Yield servers without encryption, and what is for servers of its own only."""
+        yield from super().contradictions()
+        for place, url in enumerate(self.urls):
+            if self.is_exposed(url):
+                yield Mistake(("urls", place), _UNENCRYPTED, "use mqtts://, or allow_plaintext = true")
+        for name in LoginTable.model_fields:
+            if getattr(self, name) and not self.urls:
+                yield Mistake((name,), "needs urls beside it", "without urls those of [mqtt] count")

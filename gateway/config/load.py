@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.config.cross_checks import broken_rules
-from gateway.config.mistakes import Mistake, explain, spell, tables_in
+from gateway.config.cross_checks import broken_rules, wrong_names
+from gateway.config.explain import explain
+from gateway.config.mistakes import Mistake, spell
 from gateway.config.schema import Config
 from gateway.config.toml_lines import line_of, locate, syntax_problem
-from gateway.config.values import ConfigTable
 from gateway.errors import ConfigError, Problem
 
 _MAX_BYTES = 1_000_000
@@ -32,13 +32,13 @@ def load(path: str | Path, *, check: Check = lambda _: []) -> Config:
 def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
     """Do as `load` with a TOML text; `path` is what messages call it."""
     document = _document(text, path)
-    mistakes: list[Mistake] = []
-    config, made = None, dict[int, ConfigTable]()
+    mistakes = list(wrong_names(document))
+    config = None
     try:
-        config = Config.model_validate(document, context=made)
+        config = Config.model_validate(document)
+        mistakes += broken_rules(config)
     except ValidationError as error:
         mistakes += explain(error)
-    mistakes += broken_rules(document, dict(tables_in(document, made)))
     if config is not None and not mistakes:
         mistakes = check(config)
     if config is None or mistakes:

@@ -18,43 +18,29 @@ from gateway.errors import ConfigError, Problem
 from gateway.system.password_hash import unmatched_line
 
 VARIABLE = "STARTER_GATEWAY_MQTT_PASSWORD"
-CREDENTIAL = "mqtt.password"
-SPARKPLUG_CREDENTIAL = "sparkplug.password"
-METRICS_CREDENTIAL = "metrics.token"
-_ENDING = "_file"  # of a key that names a file to be read
-_SECRET = frozenset({"password_file", "key_file", "token_file"})
+SECRETS = {  # by table: the key of its file, and the credential
+    "mqtt": ("password_file", "mqtt.password"),
+    "metrics": ("token_file", "metrics.token"),
+    "sparkplug": ("password_file", "sparkplug.password"),
+}
+_SECRET_FILES = {"password_file", "token_file", "key_file"}
 
 
-def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
-    """Return the broker's password, or None when there is none.
+def secret_of(table: str, config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
+    """Return the password or token of a table, or None when there is none.
 
-    The first of these counts: `password_file` (relative to `folder`, the configuration's), the systemd
-    credential `mqtt.password`, the environment. ConfigError when a file cannot be used.
+    The first of these counts: its file (relative to `folder`, the configuration's), the credential of
+    systemd, for the broker the environment. ConfigError when a file cannot be used. Sparkplug has none of
+    its own at the broker.
     """
-    if config.mqtt.password_file is not None:
-        return password_in(Path(folder) / config.mqtt.password_file)
-    return _credential(CREDENTIAL, environ) or environ.get(VARIABLE) or None
-
-
-def metrics_token(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
-    """Return the token that a scrape must carry, or None; ConfigError when its file cannot be used."""
-    if config.metrics is None:
+    owner, (key, credential) = getattr(config, table), SECRETS[table]
+    if owner is None or not getattr(owner, "urls", True):
         return None
-    if config.metrics.token_file is None:
-        return _credential(METRICS_CREDENTIAL, environ)
-    return password_in(Path(folder) / config.metrics.token_file, key="metrics.token_file")
-
-
-def sparkplug_password(
-    config: Config, folder: str | Path, password: str | None, environ: Mapping[str, str]
-) -> str | None:
-    """Return the password at Sparkplug's servers: the broker's (`password`) where they are the broker."""
-    table = config.sparkplug
-    if table is None or not table.urls:
-        return password
-    if table.password_file is None:
-        return _credential(SPARKPLUG_CREDENTIAL, environ)
-    return password_in(Path(folder) / table.password_file, key="sparkplug.password_file")
+    file = getattr(owner, key)
+    if file is not None:
+        return password_in(Path(folder) / file, key=f"{table}.{key}")
+    by_systemd = _credential(credential, environ)
+    return by_systemd or environ.get(VARIABLE) or None if table == "mqtt" else by_systemd
 
 
 def password_in(path: Path, *, key: str = "password_file") -> str:
@@ -127,8 +113,8 @@ def _unusable(path: Path, key: str, what: str, hint: str) -> ConfigError:
 def _files_in(table: BaseModel) -> Iterator[tuple[Path, bool]]:
     for name in type(table).model_fields:
         value = getattr(table, name)
-        if name.endswith(_ENDING) and value is not None:
-            yield Path(value), name in _SECRET
+        if name.endswith("_file") and value is not None:
+            yield Path(value), name in _SECRET_FILES
         for item in value if isinstance(value, tuple) else (value,):
             if isinstance(item, BaseModel):
                 yield from _files_in(item)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from decimal import Decimal
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from gateway.config.values import ConfigTable, Glob, PointName, RowCode, RowPattern, Text
-from gateway.families import FAMILIES, LANGUAGES, Profile, extension, load_profile
+from gateway.config.mistakes import Mistake
+from gateway.config.values import ConfigTable, Glob, PointName, RowCode, RowPattern, Several, Text
+from gateway.contract import to_level
+from gateway.families import FAMILIES, LANGUAGES, TYPE_LIMITS, Profile, Type, extension, load_profile
+from gateway.starters import OWN_POINT_NAMES
 
 if TYPE_CHECKING:
     Family = str
@@ -19,7 +22,12 @@ else:
     Language = Literal[LANGUAGES]
 
 DEFAULT_EVERY_S = 10.0  # of the points of lines and starters, which have no period of their own
+REGISTERS = 65536
 SCALES = (1.0, 0.1, 0.01, 0.001, 0.0001)
+
+# What records and other programs name, beside points.
+_TAKEN = {"state", "quality", "availability", "reason", "locked", "online", "trouble", "result"}
+_TAKEN |= {"start", "stop", "reset", "thermal_load"}
 
 Asked = tuple[str, float]  # a code or a pattern, and the period, s
 
@@ -28,20 +36,17 @@ class PointsTable(ConfigTable):
     """`[[points]]`: rows of a family that are published besides its points."""
 
     family: Family = Field(description="The family whose rows these are.")
-    codes: tuple[RowPattern, ...] = Field(
-        strict=False,
+    codes: Several[RowPattern] = Field(
         min_length=1,
         description="Rows by the manual's codes, with * and ? as in a shell, such as S4.3.*.",
     )
     every_s: float = Field(
-        default=DEFAULT_EVERY_S,
+        DEFAULT_EVERY_S,
         ge=0.1,
         le=3600,
         description="How often they are read; the shortest period of a row counts.",
     )
-    starters: tuple[Glob, ...] = Field(
-        default=("*",), strict=False, min_length=1, description="Only of these starters of the family."
-    )
+    starters: Several[Glob] = Field(("*",), min_length=1, description="Only of these starters of the family.")
 
 
 class RowTable(ConfigTable):
@@ -52,27 +57,25 @@ class RowTable(ConfigTable):
     name: PointName = Field(description="The name of its point, where one is asked for.")
     title: Text = Field(description="Its name for people.")
     address: int | None = Field(
-        default=None,
+        None,
         ge=0,
         le=0xFFFF,
         description="Its register, where that is not the number in its code (e.g. ssw900: the net id).",
     )
     type: Literal["u16", "s16", "u32", "s32"] = Field(
-        default="u16", description="The number in its registers; 32 bits have the low word first."
+        "u16", description="The number in its registers; 32 bits have the low word first."
     )
-    scale: float = Field(
-        default=1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001."
-    )
-    unit: str = Field(default="", max_length=16, description="The unit of its value.")
+    scale: float = Field(1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001.")
+    unit: str = Field("", max_length=16, description="The unit of its value.")
     min: float | None = Field(
-        default=None, ge=-1e10, le=1e10, description="The smallest value to be set, in its unit."
+        None, ge=-1e10, le=1e10, description="The smallest value to be set, in its unit."
     )
     max: float | None = Field(
-        default=None, ge=-1e10, le=1e10, description="The largest value to be set, in its unit."
+        None, ge=-1e10, le=1e10, description="The largest value to be set, in its unit."
     )
     writable: bool = Field(default=False, description="Whether it may be set; it needs min and max then.")
     while_: Literal["stopped", "always"] = Field(
-        default="stopped", alias="while", description="When it may be set: at standstill only, or always."
+        "stopped", alias="while", description="When it may be set: at standstill only, or always."
     )
 
     @property
@@ -93,8 +96,55 @@ class RowTable(ConfigTable):
         scale = Decimal(str(self.scale))
         return int(Decimal(str(self.min)) / scale), int(Decimal(str(self.max)) / scale)
 
+    def contradictions(self) -> Iterator[Mistake]:
+        """Yield what first contradicts something else in this row, or in its family."""
+        if found := self._contradiction():
+            key, what, hint = found
+            yield Mistake((key,), what, hint)
+
+    def _contradiction(self) -> tuple[str, str, str] | None:
+        profile = self.profile
+        if not profile.protected.site:
+            return "family", f"the manual of {self.family} describes all its rows", "leave this [[row]] out"
+        if self.place is None and profile.raw_range is None:
+            return "parameter", "needs address beside it", "its register, as that manual prints it"
+        if self.place is None:
+            hint = "P and three digits, such as P102"
+            return "parameter", f"{self.parameter!r} is no parameter of {self.family}", hint
+        if self.address is not None and self.address != self.place:
+            return "address", f"is {self.address}, and not the number of {self.parameter}", "leave it out"
+        if self.place + (2 if self.type.endswith("32") else 1) > REGISTERS:
+            return "address", f"{self.place} and the next are no registers", "the last register is 65535"
+        if self.scale not in SCALES:
+            return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
+        if self.limits is None and (self.writable or self.min is not None or self.max is not None):
+            missing = "min" if self.min is None else "max"
+            return ("writable" if self.writable else "parameter"), f"needs {missing} beside it", "both limits"
+        for name, limit in (("min", self.min), ("max", self.max)):
+            if limit is not None and Decimal(str(limit)) % Decimal(str(self.scale)):
+                return name, f"{limit:g} is no multiple of scale", f"the row has steps of {self.scale:g}"
+        if self.limits is not None:
+            low, high = self.limits
+            lowest, highest = TYPE_LIMITS[Type(self.type)]
+            if not lowest <= low <= high <= highest:
+                return (
+                    "max",
+                    f"{self.min:g} to {self.max:g} do not fit {self.type}",
+                    "another type, or other limits",
+                )
+        why = extension.why_not_described(profile, self.described().row)
+        if why:
+            return "parameter", f"{self.parameter} is not to be described: {why}", "leave this [[row]] out"
+        codes = {to_level(code) for code in profile.parameters} - {to_level(self.parameter)}
+        points = {
+            name for family in FAMILIES for name in load_profile(family).points
+        }  # rules go by their names
+        if self.name in codes | points | OWN_POINT_NAMES | _TAKEN:
+            return "name", f"{self.name!r} means something else already", "another name"
+        return None
+
     def described(self) -> extension.SiteRow:
-        """Return the row; ValidationError or ValueError where the table contradicts itself."""
+        """Return the row as the family's own rows are."""
         return extension.site_row(
             self.profile,
             self.parameter,
@@ -118,17 +168,8 @@ class SiteAdditions(NamedTuple):
 
 
 def rows_of(family: str, tables: Iterable[RowTable]) -> tuple[extension.SiteRow, ...]:
-    """Return the rows that a site describes of a family; a table that contradicts itself gives none."""
-    found = []
-    for table in tables:
-        if table.family == family:
-            try:
-                row = table.described()
-            except (ValidationError, ValueError):
-                continue  # it is reported as a mistake
-            if not extension.why_not_described(table.profile, row.row):
-                found.append(row)
-    return tuple(found)
+    """Return the rows that a site describes of a family."""
+    return tuple(table.described() for table in tables if table.family == family)
 
 
 def additions(family: str, tables: Iterable[RowTable], asked: Iterable[Asked]) -> SiteAdditions:

@@ -6,57 +6,54 @@ import difflib
 import ipaddress
 import posixpath
 import re
-from datetime import date, time
-from typing import Annotated, Any, Self
+from collections.abc import Iterator
+from typing import Annotated, Self, TypeVar
 from urllib.parse import SplitResult, urlsplit
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ModelWrapValidatorHandler,
-    ValidationInfo,
-    model_validator,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic.fields import FieldInfo
+
+from gateway.config.mistakes import Mistake, refuse, short, wrong
+
+SCHEMES = {"mqtt": 1883, "mqtts": 8883}
+_CERTIFICATE = "a certificate and its key go together"
+_TOGETHER = {  # a key, the key that it needs beside it, and why
+    "cert_file": ("key_file", _CERTIFICATE),
+    "key_file": ("cert_file", _CERTIFICATE),
+    "password_file": ("username", "a password belongs to a user"),
+    "commands": ("operator", "name the [[operator]] whose rights these commands have"),
+}
+
+T = TypeVar("T")
+Several = Annotated[tuple[T, ...], Field(strict=False)]  # a list in TOML
+PATTERN_HINTS: dict[str, str] = {}  # what a text of each pattern must be, in words
+
+
+def _text(pattern: str, most: int, hint: str) -> FieldInfo:
+    """Return what a text of a pattern is limited to, and note its hint."""
+    PATTERN_HINTS[pattern] = hint
+    field: FieldInfo = Field(pattern=pattern, max_length=most)
+    return field
+
 
 NAME_PATTERN = r"^[a-z0-9_-]+$"
-FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
 GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
-USER_PATTERN = r"^[A-Za-z0-9_.@-]+$"
-HOST_PATTERN = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$"
-PROM_FILE_PATTERN = r"^[^\x00]*[^/\x00]\.prom$"
-BASE_PATH_PATTERN = r"^/([A-Za-z0-9_.~-]+/?)*$"
 TOPIC_PATTERN = r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$"
-URL_PATTERN = r"^https?://[^\s/]+(/\S*)?$"
-ROW_CODE_PATTERN = r"^[A-Z][A-Z0-9]*(\.[0-9]+)*$"
-ROW_PATTERN_PATTERN = r"^[A-Za-z0-9.*?]+$"
-POINT_NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
-SPARKPLUG_ID_PATTERN = r"^[^+/#\x00-\x1f\x7f]+$"
-SCHEMES = {"mqtt": 1883, "mqtts": 8883}
+_HOST_PATTERN = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$"
 
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
-Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
-HostName = Annotated[str, Field(pattern=HOST_PATTERN, max_length=253)]
 Text = Annotated[str, Field(min_length=1, max_length=1024)]
-RowCode = Annotated[str, Field(pattern=ROW_CODE_PATTERN, max_length=32)]
-RowPattern = Annotated[str, Field(pattern=ROW_PATTERN_PATTERN, max_length=32)]
-PointName = Annotated[str, Field(pattern=POINT_NAME_PATTERN, max_length=64)]
-SparkplugId = Annotated[str, Field(pattern=SPARKPLUG_ID_PATTERN, max_length=128)]
-
-
-def wrong(what: str, hint: str) -> PydanticCustomError:
-    """Return the error of a value, with a hint."""
-    return PydanticCustomError("wrong", "{what}", {"what": what, "hint": hint})
-
-
-def short(value: object) -> str:
-    """Return a foreign value for a message: quoted, and cut when it is long."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    text = str(value) if isinstance(value, (date, time)) else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+Name = Annotated[str, _text(NAME_PATTERN, 64, "only a-z, 0-9, _ and -")]
+Glob = Annotated[str, _text(GLOB_PATTERN, 64, "only a-z, 0-9, _ and -, and * or ? for any others")]
+User = Annotated[str, _text(r"^[A-Za-z0-9_.@-]+$", 64, "only letters, digits, _ . @ and -")]
+Firmware = Annotated[str, _text(r"^\d{1,2}\.\d{1,2}$", 5, "two numbers with a point, such as 1.30")]
+Topic = Annotated[str, _text(TOPIC_PATTERN, 128, "levels with only letters, digits, _ . and -: home/status")]
+Url = Annotated[str, _text(r"^https?://[^\s/]+(/\S*)?$", 256, "it begins with http:// or https://")]
+PromFile = Annotated[str, _text(r"^[^\x00]*[^/\x00]\.prom$", 1024, "a file's name that ends in .prom")]
+HostName = Annotated[str, _text(_HOST_PATTERN, 253, "a name or address without port, such as mcc1.plant")]
+RowCode = Annotated[str, _text(r"^[A-Z][A-Z0-9]*(\.[0-9]+)*$", 32, "a code in capitals: P102 or C5.3.9")]
+RowPattern = Annotated[str, _text(r"^[A-Za-z0-9.*?]+$", 32, "a code such as S1.1.1, with * and ? for others")]
+PointName = Annotated[str, _text(r"^[a-z][a-z0-9_]*$", 64, "a letter, then only a-z, 0-9 and _")]
+SparkplugId = Annotated[str, _text(r"^[^+/#\x00-\x1f\x7f]+$", 128, "a topic's level, without +, / and #")]
 
 
 def split_url(url: str) -> tuple[SplitResult, int] | None:
@@ -160,7 +157,8 @@ Port = Annotated[Text, AfterValidator(_as_port)]
 Listen = Annotated[Text, AfterValidator(_as_listen)]
 Title = Annotated[str, Field(min_length=1, max_length=60), AfterValidator(_as_title)]
 Network = Annotated[Text, AfterValidator(_as_network)]
-PagePath = Annotated[str, Field(pattern=BASE_PATH_PATTERN, max_length=128), AfterValidator(_as_path)]
+_Path = _text(r"^/([A-Za-z0-9_.~-]+/?)*$", 128, "a path such as /mcc1")
+PagePath = Annotated[str, _Path, AfterValidator(_as_path)]
 
 
 class ConfigTable(BaseModel):
@@ -168,11 +166,13 @@ class ConfigTable(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keep(cls, given: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
-        """Note a table that is right by itself in the context, by the identity of what it is made of."""
-        table = handler(given)
-        if info.context is not None:
-            info.context[id(given)] = table
-        return table
+    def contradictions(self) -> Iterator[Mistake]:
+        """Yield what contradicts something else in this table, by keys that begin below it."""
+        for name, (other, why) in _TOGETHER.items():
+            if getattr(self, name, None) and not getattr(self, other, None):
+                yield Mistake((name,), f"needs {other} beside it", why)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        refuse(self.contradictions())
+        return self

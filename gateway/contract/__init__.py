@@ -3,10 +3,9 @@
 A record is its payload; `docs/reference` and asyncapi.yaml are generated from here.
 """
 
-from gateway.contract.bus import PublishEvent, RecordBus, RecordWriter, Sink
+from gateway.contract.bus import Latest, PublishEvent, RecordBus, RecordWriter, Sink
 from gateway.contract.events import Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded, read_object
-from gateway.contract.latest import Latest
 from gateway.contract.records import (
     AlarmRecord,
     AuditRecord,

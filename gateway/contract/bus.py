@@ -1,15 +1,15 @@
-"""How records travel: a writer dates and numbers them, a bus passes them on to its subscribers."""
+"""How records travel: a writer dates and numbers them, a bus passes them on, `Latest` has the newest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import count
+from itertools import count, takewhile
 from typing import Any, Protocol
 
 from gateway.contract.events import Event, EventCode, event_of
-from gateway.contract.records import EventRecord, Record
+from gateway.contract.records import EventRecord, ForgetRecord, InfoRecord, Record
 from gateway.contract.vocabulary import Severity
 from gateway.system.clock import Clock
 
@@ -115,3 +115,42 @@ class RecordBus:
             takers = tuple(each for each in self._subscribers if kind in getattr(each, "takes", (kind,)))
             self._takers[kind] = takers
         return takers
+
+
+class Latest:
+    """A sink of records: the newest of each retained topic, numbered in the order of their changes.
+
+    A consumer that has seen everything up to a number asks for what is newer; one that begins asks for all.
+    Of what is forgotten the topic remains, without a record. On the app's loop.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0  # of the latest change
+        self._newest: dict[str, tuple[int, Record | None]] = {}  # by topic, the latest changed last
+
+    def put(self, record: Record) -> None:
+        """Take a record; only retained ones matter, and what is to be forgotten of them."""
+        if isinstance(record, ForgetRecord):
+            for topic in [topic for topic, (_, known) in self._newest.items() if known and record.has(topic)]:
+                self._set(topic, None)
+        elif record.RETAIN:
+            self._set(record.topic, record)
+
+    def newer_than(self, number: int) -> Iterator[tuple[str, Record | None]]:
+        """Yield what has changed since a number, by topic, the latest first."""
+        changed = takewhile(lambda each: each[1][0] > number, reversed(self._newest.items()))
+        return ((topic, record) for topic, (_, record) in changed)
+
+    def find(self, topic: str) -> Record | None:
+        """Return the newest record of a topic below the base."""
+        return self._newest.get(topic, (0, None))[1]
+
+    def records(self) -> Iterator[Record]:
+        """Yield all newest records, what a starter is before all else of it."""
+        known = [record for _, record in self._newest.values() if record is not None]
+        yield from sorted(known, key=lambda record: not isinstance(record, InfoRecord))
+
+    def _set(self, topic: str, record: Record | None) -> None:
+        self.number += 1
+        self._newest.pop(topic, None)
+        self._newest[topic] = self.number, record

@@ -14,7 +14,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
-from pydantic_core import PydanticSerializationError, to_json
+from pydantic_core import PydanticSerializationError, to_json, to_jsonable_python
 
 MAX_DEPTH = 8
 MAX_INT_DIGITS = 19  # enough for 64 bits
@@ -30,7 +30,9 @@ def encoded(value: Any) -> bytes:
     try:
         return with_decimals(to_json(value, inf_nan_mode="null", fallback=_fallback))
     except PydanticSerializationError:  # a lone surrogate, from the name of a file for instance
-        return with_decimals(to_json(_without_surrogates(value), inf_nan_mode="null", fallback=_fallback))
+        plain = to_jsonable_python(value, inf_nan_mode="null", fallback=_fallback)
+        text = json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
+        return with_decimals(text.encode("utf-8", "replace"))
 
 
 def with_decimals(payload: bytes) -> bytes:
@@ -71,18 +73,6 @@ def read_object(payload: bytes) -> dict[str, Any]:
 
 def _fallback(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else str(value)
-
-
-def _without_surrogates(value: Any) -> Any:
-    match value:
-        case str():
-            return value.encode("utf-8", "replace").decode()
-        case Mapping():
-            return {_without_surrogates(key): _without_surrogates(item) for key, item in value.items()}
-        case list() | tuple() | set() | frozenset():
-            return [_without_surrogates(item) for item in value]
-        case _:
-            return value
 
 
 def _require_plain(value: object, depth: int) -> None:

@@ -139,6 +139,6 @@ def read_body(payload: bytes) -> tuple[CommandBody, CommandError | None]:
 
 def _explained(error: ValidationError) -> str:
     return "; ".join(
-        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
+        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake)}"
         for mistake in error.errors(include_url=False, include_input=False)
     )

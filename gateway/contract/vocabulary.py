@@ -14,14 +14,7 @@ SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "ac
 BASELINE = "baseline"  # later starts are compared with this one
 READ = "read"  # it writes nothing
 STOP = "stop"  # judged, written and stored before everything else, or without it
-OWN_VERBS = (
-    SELECT,
-    CANCEL,
-    LOCK,
-    UNLOCK,
-    ACCEPT,
-    BASELINE,
-)  # of every family: they concern the gateway alone
+OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT, BASELINE)  # of every family: they concern the gateway
 
 
 StarterState = Literal["ready", "starting", "running", "stopping", "fault", "not_ready", "unknown"]

@@ -116,11 +116,6 @@ class HoldOff:
         return is_quiet
 
 
-def backoff_s(first_s: float, longest_s: float, attempts: int, *, factor: float = 2.0) -> float:
-    """Return the pause after so many failed attempts: `first_s` after none."""
-    return min(first_s * factor ** min(attempts, MOST_STEPS), longest_s)
-
-
 class Backoff:
     """The pauses between attempts; with a seed each but the shortest is up to a quarter shorter.
 
@@ -135,7 +130,7 @@ class Backoff:
 
     def next_s(self) -> float:
         """Return how long to wait before the next attempt."""
-        pause_s = backoff_s(self._first_s, self._longest_s, self._attempts)
+        pause_s = min(self._first_s * 2.0 ** min(self._attempts, MOST_STEPS), self._longest_s)
         self._attempts += 1
         if self._chance is not None:
             pause_s *= 1 - 0.25 * self._chance.random()

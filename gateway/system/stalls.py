@@ -7,6 +7,7 @@ import bisect
 import math
 import time
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 
@@ -20,11 +21,7 @@ class Delays(NamedTuple):
     @property
     def within(self) -> list[int]:
         """Return how many were at most as long as each bound; the last: how many there were."""
-        summed, sums = 0, []
-        for count in self.counts:
-            summed += count
-            sums.append(summed)
-        return sums
+        return list(accumulate(self.counts))
 
 
 class DelayCounts:

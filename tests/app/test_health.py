@@ -5,18 +5,20 @@ from __future__ import annotations
 import asyncio
 import logging
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gateway.app.health import Health
 from gateway.contract import Event, LineRecord, Severity, event_of
-from gateway.line.cable import WiredStarter
 from gateway.line.client import LineClient
 from gateway.system.stalls import LagMeter
+from tests.config.sites import site
 from tests.virtual_time import run_virtually
 
 LIMIT_S = 10.0
+SITE = site(("every_s = 2.0", "every_s = 2.0\nwatchdog_s = 6"))
 
 
 class Line:
@@ -45,7 +47,6 @@ class World:
     records: list[LineRecord] = field(default_factory=list)
     states: list[tuple[str, str | None]] = field(default_factory=list)
     lag: LagMeter = field(default_factory=LagMeter)
-    shortest_watchdog_s: float | None = 6.0
     line: Line = field(default_factory=Line)
     computed: dict[str, dict[str, Any]] = field(default_factory=dict)
 
@@ -85,8 +86,7 @@ class World:
             lines_lag=self.lag,
             publish_event=self.publish_event,
         )
-        watchdog_s = self.shortest_watchdog_s
-        health.reconfigure([line], shortest_watchdog_s=watchdog_s, computed=self.computed, wiring={})
+        health.reconfigure([line], SimpleNamespace(config=SITE, computed=self.computed))  # type: ignore[arg-type]
         return health
 
 
@@ -174,8 +174,6 @@ def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_an
 
     async def scenario() -> None:
         health = world.health()
-        starter = WiredStarter("pump", 1, 0.2)
-        health.reconfigure([world.line], shortest_watchdog_s=None, computed={}, wiring={"pumps": [starter]})  # type: ignore[list-item]
         running = asyncio.create_task(health.run())
         for corrupted in [8] * 20 + [0] * 30:
             ask(corrupted)
@@ -187,5 +185,5 @@ def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_an
     texts = [record.data["cable"]["texts"] for record in world.records]
     assert world.reported == [("cable", Severity.WARNING), ("cable", Severity.INFO)]
     assert texts[0] == texts[-1] == []
-    assert ["errors of pump" in text for found in texts for text in found].count(True) > 15
-    assert world.records[15].data["cable"]["starters"]["pump"]["error_rate"] == 0.2
+    assert ["errors of pump-1" in text for found in texts for text in found].count(True) > 15
+    assert world.records[15].data["cable"]["starters"]["pump-1"]["error_rate"] == 0.2

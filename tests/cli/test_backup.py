@@ -21,7 +21,7 @@ from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
 from gateway.store import HISTORY_FILE, STATE_FILE, read_document
 from gateway.store.backup import found_versions
 from gateway.store.schema import HISTORY, SCHEMAS
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 from gateway.system.password_hash import unmatched_line
 from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
 from tests.rig import run_cli

@@ -51,8 +51,8 @@ EXPECTED = {
     ("a", "b", "c", "d"): 5,
     ("a", "b", 'quoted "key".é'): 6,
     ("a", "b", "single"): 7,
-    ("a", "b", "single", 1, 1): 7,  # that of the item that it is in
-    ("a", "b", "single", 2): 9,
+    ("a", "b", "single", 1, 1): 7,  # that of the key that it is in
+    ("a", "b", "single", 2): 7,
     ("a", "b", "long"): 11,
     ("a", "b", "raw"): 15,
     ("a", "b", "inline"): 17,
@@ -65,8 +65,7 @@ EXPECTED = {
     ("line", 0, "starter", 1, "extra", "k"): 26,
     ("line", 1): 27,
     ("line", 1, "starter"): 28,
-    ("line", 1, "starter", 1): 30,
-    ("line", 1, "starter", 1, "address"): 30,
+    ("line", 1, "starter", 1, "address"): 28,
 }
 
 

@@ -29,7 +29,7 @@ every_s = 2.0 => title = "a\u0007" | line 22: line[0].starter[1].title: 'a\x07' 
 every_s = 2.0 => title = " " | line 22: line[0].starter[1].title: ' ' cannot be printed
 every_s = 2.0 => title = "" | line 22: line[0].starter[1].title: is empty
 framing = "8E1" => framing = "8E1"\ntitle = "0123456789012345678901234567890123456789012345678901234567890"
-    | line 12: line[0].title: has 61 characters (at most 60)
+    | line 12: line[0].title: is '01234567890123456789012345678901234567890123456789012345... (must have at
 every_s = 2.0 => slot = 3 | line 22: line[0].starter[1].slot: is 3 (must be at most 2)
 every_s = 2.0 => enabled = "no" | line 22: line[0].starter[1].enabled: is 'no' (must be true or false)
 every_s = 2.0 => response_time_s = 0 | line 22: line[0].starter[1].response_time_s: is 0 (must be more than 0)
@@ -41,11 +41,11 @@ framing = "8E1" => framing = "8E1"\norder = ["pump-2", "pump-1", "pump-2"]
     | line 12: line[0].order[2]: 'pump-2' stands twice (name each starter once)
 framing = "8E1" => framing = "7E1" | line 11: line[0].framing: is '7E1' (did you mean 8E1?)
 ["start", "stop"] => [] | line 26: operator[0].may: is empty (name at least one)
-["start", "stop"] => "start" | line 26: operator[0].may: is 'start' (must be a list, e.g. ["start", "stop"])
+["start", "stop"] => "start" | line 26: operator[0].may: is 'start' (must be a list)
 ["pump-*"] => ["Pump*"] | line 27: operator[0].starters[0]: is 'Pump*' (only a-z, 0-9, _ and -, and * or
 ["pump-*"] => ["fan*"] | line 27: operator[0].starters[0]: 'fan*' fits no starter
 ["start", "stop"] => ["start", 3] | line 26: operator[0].may[1]: is 3 (must be 'start', 'reset',
-name = "mcc1" => name = "A65" | line 2: gateway.name: has 65 characters (at most 64)
+name = "mcc1" => name = "A65" | line 2: gateway.name: is 'aaaaaaaa
 [mqtt] => [mqtt]\nusername = "" | line 5: mqtt.username: is empty (leave the key out, or give it a value)
 mqtts://broker.plant:8883 => mqtts://broker:99999
     | line 5: mqtt.url: 'mqtts://broker:99999' is no broker address (mqtts://host:8883)
@@ -90,7 +90,7 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [metrics] | line 28: metrics: nothing serves them (add a [web] table, whose server answers /metrics
 [metrics]\ntoken_file = "t" | line 28: metrics: nothing serves them
 [metrics]\ntextfile = "sg.txt" | line 29: metrics.textfile:
-[metrics]\ntextfile = "/var/lib/.prom" | line 29: metrics.textfile: is '/var/lib/.prom' (a file whose
+[metrics]\ntextfile = "/var/lib/.prom" | line 29: metrics.textfile: is '/var/lib/.prom' (a file's name
 [web]\n[metrics]\nall_points = "yes" | line 30: metrics.all_points:
 [web]\nlisten = "8480" | line 29: web.listen: '8480' is no address with a port
 [web]\nlisten = "127.0.0.1:99999" | line 29: web.listen: '127.0.0.1:99999' is no address with a port
@@ -128,12 +128,13 @@ address = 1 => address = 0 | line 15: line[0].starter[0].address: is 0 (must be 
 address = 1 => address = 248 | line 15: line[0].starter[0].address: is 248 (must be at most 247)
 address = 1 => address = "1" | line 15: line[0].starter[0].address: is '1' (must be a whole number)
 "ssw07" => "ssw99" | line 16: line[0].starter[0].family: is 'ssw99' (did you mean ssw900 or ssw07?)
-"ssw07" => "sst" | line 11: line[0].framing: '8E1' is not for sst (pump-1) (its manual allows 8N2)
+"ssw07" => "sst" | line 11: line[0].framing: 8E1 is not for sst (pump-1) (its manual allows 8N2)
 19200 => 115200
     | line 10: line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
 19200 => 1234 | line 10: line[0].baud: is 1234 (must be 1200, 2400,
 /dev/rs485-pumps => COM3
     | line 9: line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
+/dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (an absol
 [[operator]] => [[line]]\nname="b"\nport="/dev/rs485-pumps"\nbaud=9600\nframing="8N2"\nSTARTER[[operator]]
     | line 26: line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[l
 every_s = 2.0 => every_s = -1.0 | line 22: line[0].starter[1].every_s: is -1.0 (must be at least 0)
@@ -173,16 +174,16 @@ framing = "8E1" => framing = "8E1"\nlearn_response_times = true
 [homeassistant]\noperator = "carol"
     | line 29: homeassistant.operator: 'carol' is no [[operator]]'s client (one of alice)
 [homeassistant]\ndiscovery_prefix = "home assistant"
-    | line 29: homeassistant.discovery_prefix: is 'home assistant' (levels of a topic,
+    | line 29: homeassistant.discovery_prefix: is 'home assistant' (levels with only
 [homeassistant]\npage_url = "mcc1"
-    | line 29: homeassistant.page_url: is 'mcc1' (an address that begins with http:// or https://)
+    | line 29: homeassistant.page_url: is 'mcc1' (it begins with http:// or https://)
 every_s = 2.0 => points = ["S1.1.1", "S1.1.9"]
     | line 22: line[0].starter[1].points[1]: 'S1.1.9' fits no row of ssw900 (did you mean S1.1.
 every_s = 2.0 => points = ["D9.*"]
     | line 22: line[0].starter[1].points[0]: 'D9.*' fits no row of ssw900 (the page of
 every_s = 2.0 => points = "S1.1.1" | line 22: line[0].starter[1].points: is 'S1.1.1' (must be a list
 every_s = 2.0 => points = ["S1/1"]
-    | line 22: line[0].starter[1].points[0]: is 'S1/1' (a code of the manual, such as
+    | line 22: line[0].starter[1].points[0]: is 'S1/1' (a code such as
 framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
     | line 12: line[0].points[2]: 'R41' fits no row of ssw07 or ssw900
 [[points]]\nfamily = "ssw07"\ncodes = ["P200"] | line 30: points[0].codes[0]: P200 of ssw07 cannot be read
@@ -201,7 +202,7 @@ ROW"P102"\nmin = 9\nmax = 1 | line 34: row[0].max: 9 to 1 do not fit u16
 ROW"P102"\nmin = 0\nmax = 1\nwhile = "running" | line 35: row[0].while: is 'running' (one of
 ROW"P102"LIMITS\naddress = 7 | line 36: row[0].address: is 7, and not the number of P102
 ROW"X102"LIMITS | line 32: row[0].parameter: 'X102' is no parameter of ssw07
-ROW"p102"LIMITS | line 32: row[0].parameter: is 'p102' (a code as the manual prints it, in capitals
+ROW"p102"LIMITS | line 32: row[0].parameter: is 'p102' (a code in capitals
 ROW"P314"LIMITS | line 32: row[0].parameter: P314 is not to be described: the family's manual desc
 ROW"P220"LIMITS | line 32: row[0].parameter: P220 is not to be described
 ROW"P200"LIMITS | line 32: row[0].parameter: P200 is not to be described
@@ -211,7 +212,7 @@ ROW"P231"LIMITS | line 32: row[0].parameter: P231 is not to be described: it may
 ROW"P310"LIMITS | line 32: row[0].parameter: P310 is not to be described: it may cut the connection
 ROW"P218"LIMITS\ntype = "u32" | line 32: row[0].parameter: P218 is not to be described: it has two registers
 ROW"P000"LIMITS | line 32: row[0].parameter: P000 is not to be described: it may command the motor, cut the
-ROW"P102"\nmin = 1\nmax = 1e28\nwritable = true | line 34: row[0].max: is 1e+28 (must be at most 1e+10)
+ROW"P102"\nmin = 1\nmax = 1e28\nwritable = true | line 34: row[0].max: is 1e+28 (must be at most 10000000000)
 ROW"P204"LIMITS | line 32: row[0].parameter: P204 is not to be described: it loads or erases parameters
 [[row]]\nfamily = "ssw07"\ntitle = "X"\nparameter = "P102"\nname = "current"
     | line 32: row[0].name: 'current' means something else already
@@ -236,7 +237,7 @@ MENU"S5.2.5"\naddress = 2000 | line 35: row[0].parameter: S5.2.5 is not to be de
     | line 29: row[0].family: the manual of sst
 ROW"P102"LIMITS\nROW"P102"LIMITS
     | line 40: row[1].parameter: 'P102' is also row[0].parameter (describe each row once)
-[sparkplug]\ngroup = "a/b" | line 29: sparkplug.group: is 'a/b' (one level of a topic: without +, / and #)
+[sparkplug]\ngroup = "a/b" | line 29: sparkplug.group: is 'a/b' (a topic's level, without
 """
 RIGHT = r"""
 ROW"P102"LIMITS\nscale = 0.1\nunit = "s"\nwhile = "always"
@@ -280,6 +281,26 @@ def test_a_mistake_is_reported_with_its_key_and_the_hint_and_draws_at_most_one_o
     found = [str(each) for each in caught.value.problems]
     assert any(problem in each for each in found), found
     assert len(found) <= 2
+
+
+def test_a_mistake_in_one_table_hides_none_in_another() -> None:
+    text = changed(
+        ('name = "mcc1"', 'name = "MCC 1"'),
+        ("address = 1\n", "address = 999\n"),
+        ("every_s = 2.0", "slot = 3"),
+        ('name = "pump-2"', 'name = "pump-1"'),
+    )
+
+    with pytest.raises(ConfigError) as caught:
+        parse(f'{text}[web]\nlisten = "0.0.0.0:80"\nallow_plaintext = true\n{USER[:-6]}carol"\n', "site.toml")
+
+    assert [(each.line, each.key) for each in caught.value.problems] == [
+        (2, "gateway.name"),
+        (15, "line[0].starter[0].address"),
+        (19, "line[0].starter[1].name"),
+        (22, "line[0].starter[1].slot"),
+        (34, "web.user[0].operator"),
+    ]
 
 
 @pytest.mark.parametrize("row", RIGHT.strip().splitlines())

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.secrets import VARIABLE, metrics_token, mqtt_password, sparkplug_password
+from gateway.config.secrets import VARIABLE, secret_of
 from gateway.errors import ConfigError
 from tests.config.sites import site
 
@@ -20,7 +20,7 @@ def write(path: Path, content: bytes, mode: int = 0o600) -> None:
 def test_the_password_is_the_first_line_of_the_file_beside_the_configuration(tmp_path: Path) -> None:
     write(tmp_path / "mqtt.password", "pässword \nsecond line\n".encode())
 
-    assert mqtt_password(site(WITH_FILE), tmp_path, {VARIABLE: "other"}) == "pässword "
+    assert secret_of("mqtt", site(WITH_FILE), tmp_path, {VARIABLE: "other"}) == "pässword "
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o644])
@@ -28,7 +28,7 @@ def test_a_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> Non
     write(tmp_path / "mqtt.password", b"x", mode)
 
     with pytest.raises(ConfigError, match=r"others than its owner may use it \(chmod 600 .*mqtt.password\)"):
-        mqtt_password(site(WITH_FILE), tmp_path, {})
+        secret_of("mqtt", site(WITH_FILE), tmp_path, {})
 
 
 @pytest.mark.parametrize(
@@ -38,21 +38,21 @@ def test_a_file_without_a_password_is_refused(tmp_path: Path, content: bytes, re
     write(tmp_path / "mqtt.password", content)
 
     with pytest.raises(ConfigError, match=reason):
-        mqtt_password(site(WITH_FILE), tmp_path, {})
+        secret_of("mqtt", site(WITH_FILE), tmp_path, {})
 
 
 def test_a_credential_of_systemd_comes_before_the_environment(tmp_path: Path) -> None:
     write(tmp_path / "mqtt.password", b"credential\n", 0o440)
     environ = {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path), VARIABLE: "environment"}
 
-    assert mqtt_password(site(), "/nowhere", environ) == "credential"
+    assert secret_of("mqtt", site(), "/nowhere", environ) == "credential"
 
 
 @pytest.mark.parametrize(
     ("environ", "password"), [({VARIABLE: "x"}, "x"), ({VARIABLE: ""}, None), ({}, None)]
 )
 def test_without_a_file_the_environment_counts(environ: dict[str, str], password: str | None) -> None:
-    assert mqtt_password(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": "/nowhere", **environ}) == password
+    assert secret_of("mqtt", site(), "/nowhere", {"CREDENTIALS_DIRECTORY": "/nowhere", **environ}) == password
 
 
 SPARKPLUG = (
@@ -67,8 +67,8 @@ def test_each_secret_may_be_a_credential_of_systemd(tmp_path: Path) -> None:
     write(tmp_path / "metrics.token", b"token\n", 0o440)
     environ = {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}
 
-    assert sparkplug_password(site(SPARKPLUG), "/nowhere", "broker's", environ) == "edge's"
-    assert metrics_token(site(METRICS), "/nowhere", environ) == "token"
+    assert secret_of("sparkplug", site(SPARKPLUG), "/nowhere", environ) == "edge's"
+    assert secret_of("metrics", site(METRICS), "/nowhere", environ) == "token"
 
 
 def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path) -> None:
@@ -76,7 +76,10 @@ def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path)
     write(tmp_path / "metrics.token", b"credential\n", 0o440)
     with_file = ("[mqtt]", '[web]\n\n[metrics]\ntoken_file = "own.token"\n\n[mqtt]')
 
-    assert metrics_token(site(with_file), tmp_path, {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}) == "file"
+    assert (
+        secret_of("metrics", site(with_file), tmp_path, {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})
+        == "file"
+    )
 
 
 def test_a_credential_that_cannot_be_reached_is_an_error_with_a_remedy(
@@ -88,4 +91,4 @@ def test_a_credential_that_cannot_be_reached_is_an_error_with_a_remedy(
     monkeypatch.setattr(Path, "stat", denied)
 
     with pytest.raises(ConfigError, match=r"Permission denied \(see LoadCredential= of the unit\)"):
-        mqtt_password(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})
+        secret_of("mqtt", site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})

@@ -1,97 +1,11 @@
-from __future__ import annotations
+"""The table of events: each is explained in sentences, and made of the fields that it is given."""
 
-import ast
-from collections import Counter
+from __future__ import annotations
 
 import pytest
 
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
 from gateway.contract.events import EVENTS
-from gateway.contract.wording import names_in
-from tests.contract.event_uses import (
-    ADDED_TO_FAULT,
-    FAULT,
-    SOURCE,
-    calls_of,
-    is_composed,
-    modules,
-    uses,
-)
-
-USES = uses()
-EVENT_USES = [use for use in USES if use.callee != "phrase"]
-PHRASE_USES = [use for use in USES if use.callee == "phrase"]
-CODES = {code.name: code for code in EventCode}
-
-
-def test_the_table_has_every_code() -> None:
-    assert list(EVENTS) == list(EventCode)
-    assert all(code.name.lower() == code.value for code in EventCode)
-
-
-def test_an_event_is_given_a_case_and_exactly_its_fields() -> None:
-    for use in EVENT_USES:
-        meaning = EVENTS[CODES[use.code]]
-        assert use.case in meaning.texts, use
-        assert use.fields - meaning.optional == meaning.required(use.case), use
-
-
-def test_a_severity_is_given_where_a_code_has_several() -> None:
-    for use in EVENT_USES:
-        severities = {each.value for each in EVENTS[CODES[use.code]].severities}
-        assert bool(use.severity) is (len(severities) > 1), use
-        assert use.severity in severities | {"", "?"}, use
-
-
-def test_a_phrase_is_given_exactly_its_fields() -> None:
-    for use in PHRASE_USES:
-        assert use.fields == names_in(EVENTS[CODES[use.code]].phrases[use.case]), use
-
-
-def test_every_code_every_case_and_every_phrase_is_used() -> None:
-    said = {(CODES[use.code], use.case) for use in EVENT_USES}
-    phrases = {(CODES[use.code], use.case) for use in PHRASE_USES}
-
-    assert {(code, case) for code, event in EVENTS.items() for case in event.texts} == said
-    assert {(code, name) for code, event in EVENTS.items() for name in event.phrases} == phrases
-
-
-def test_every_severity_of_a_code_is_used() -> None:
-    given: dict[str, set[str]] = {}
-    for use in EVENT_USES:
-        given.setdefault(use.code, set()).add(use.severity)
-
-    for name, severities in given.items():
-        listed = {each.value for each in EVENTS[CODES[name]].severities}
-        assert severities in ({""}, listed) or "?" in severities
-
-
-def test_no_text_is_composed_where_an_event_is_given() -> None:
-    assert not [str(use) for use in USES if any(map(is_composed, use.values))]
-
-
-def test_only_the_contract_makes_events() -> None:
-    places = {
-        (callee, name)
-        for name, module in modules()
-        for callee in ("Event", "EventRecord")
-        for call in calls_of(module, callee)
-        if isinstance(call.func, ast.Name)  # no asyncio.Event
-    }
-
-    assert places == {("Event", "contract/events.py"), ("EventRecord", "contract/bus.py")}
-
-
-def test_a_fault_of_a_line_is_completed_in_one_place() -> None:
-    relays = [
-        (name, {each.arg for each in call.keywords} - {None})
-        for name, module in modules()
-        for call in calls_of(module, "_publish_event")
-        if any(each.arg is None for each in call.keywords)
-    ]
-
-    assert relays == [("app/plant.py", ADDED_TO_FAULT)]
-    assert {use.place.split(":")[0] for use in USES if use.callee == FAULT} == {"line/rtu/bus_faults.py"}
 
 
 @pytest.mark.parametrize("code", EventCode)
@@ -153,8 +67,3 @@ def test_a_case_that_the_code_has_not_is_an_error() -> None:
 
 def test_a_value_with_braces_stays_as_it_is() -> None:
     assert event_of(EventCode.BROKER_AWAY, trouble="{x}").text == "{x}"
-
-
-def test_the_source_was_read() -> None:
-    assert SOURCE.is_dir()
-    assert Counter(use.callee for use in USES)["event_of"] > 5

@@ -16,6 +16,9 @@ from deploy.wheel import BACKEND, TOP
 def checkout(tmp_path: Path) -> Any:
     """Return the backend of a folder in which nothing can be fetched."""
     shutil.copytree(BACKEND, tmp_path / BACKEND.relative_to(TOP))
+    (tmp_path / "gateway" / "system").mkdir(parents=True)
+    for name in ("__init__.py", "system/version.py"):
+        shutil.copyfile(TOP / "gateway" / name, tmp_path / "gateway" / name)
     script = tmp_path / "deploy" / "get-uplot.sh"
     script.write_text("#!/bin/sh\necho no network >&2\n", "utf-8")
     script.chmod(0o755)
@@ -49,6 +52,7 @@ def test_pip_installs_what_is_needed_to_make_what_is_missing(
         file.touch()
     assert checkout.get_requires_for_build_wheel() == []
     assert checkout.build_wheel("out") == "the.whl"
+    assert not (checkout.TOP / "gateway" / "commit.txt").exists()  # it was there for the build
 
 
 def test_a_build_without_network_ends_in_one_line_with_the_remedy(checkout: Any) -> None:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from gateway.config import values
 from gateway.config.schema import Config
-from gateway.system.password_hash import LINE_PATTERN
 
 HEAD = """\
 # Configuration
@@ -23,17 +22,6 @@ Names are levels of topics: `a-z`, `0-9`, `_` and `-`, at most 64 of them.
 """
 UNITS = {"baud": "bit/s", "starts_per_hour": "1/h"}  # else by the end of the key
 ENDINGS = {"_s": "s", "_pct": "%", "_a": "A", "_days": "d", "_hours": "h", "_mb": "MB"}
-PATTERNS = {  # in words
-    values.NAME_PATTERN: "`a-z` `0-9` `_` `-`",
-    values.GLOB_PATTERN: "`a-z` `0-9` `_` `-` `*` `?`",
-    values.FIRMWARE_PATTERN: 'two numbers, as `"1.30"`',
-    values.USER_PATTERN: "letters, digits, `_` `.` `@` `-`",
-    values.HOST_PATTERN: "a host name",
-    values.BASE_PATH_PATTERN: "begins with `/`",
-    values.PROM_FILE_PATTERN: "ends in `.prom`",
-    LINE_PATTERN: "printed by `web-password`",
-}
-
 Schema = Mapping[str, Any]
 
 
@@ -57,7 +45,7 @@ class Table(NamedTuple):
 
 
 def tables() -> tuple[Table, ...]:
-    """Return the tables in the order of the models; a table stands behind the one that holds it."""
+    """Return the tables in the order of the models, required keys first; inner tables stand behind."""
     schema = Config.model_json_schema()
     return tuple(_tables(schema, schema, "", is_list=False))
 
@@ -86,7 +74,7 @@ def _tables(root: Schema, node: Schema, path: str, *, is_list: bool) -> Iterator
     required = node.get("required", ())
     keys = [
         _key(root, name, each, is_required=name in required)
-        for name, each in node["properties"].items()
+        for name, each in sorted(node["properties"].items(), key=lambda item: item[0] not in required)
         if _table_of(root, each) is None
     ]
     if path:
@@ -173,7 +161,7 @@ def _limits(value: Schema) -> str:
     ]
     if "pattern" in value:
         pattern = str(value["pattern"])
-        parts.append(PATTERNS.get(pattern, f"`{pattern}`".replace("|", "\\|")) + ",")
+        parts.append(values.PATTERN_HINTS.get(pattern, "printed by `web-password`").replace("*", "\\*") + ",")
     if value.get("maxLength", 1024) < 1024:
         parts.append(f"at most {value['maxLength']} characters")
     return " ".join(filter(None, parts)).rstrip(",")

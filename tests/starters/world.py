@@ -44,8 +44,7 @@ from gateway.starters import (
     polls_of,
 )
 from gateway.store import Documents, Remembered
-from gateway.system.clock import ClockWatch
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading, ClockWatch
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events

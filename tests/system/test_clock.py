@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.system.clock import (
+    ClockReading,
     ClockWatch,
     Trust,
     is_kernel_clock_synchronised,
     is_synchronised_state,
     kernel_says_synchronised,
 )
-from gateway.system.clock_steps import ClockReading
 
 
 class Machine:

@@ -28,7 +28,7 @@ from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import StaticFile
 from gateway.plugins.web.streams import Streams
 from gateway.store import Documents
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 from tests.config.sites import site
 
 USER = WebUser("anna", "alice", "line-of-anna")

@@ -18,7 +18,8 @@ from gateway.cli.demo.knobs import simulator_topics
 from gateway.client import broker_at
 from gateway.config.convert import timing_of, version_of
 from gateway.config.load import load
-from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
+from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.config.simulated_tables import SimulatedMotorTable
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
 from gateway.sim.bus.bus import Bus

@@ -23,7 +23,7 @@ from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
 from gateway.starters import lock_restored
 from gateway.store import STATE_FILE, append_note, read_document, write_document
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 
 
 def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) -> list[str]:

@@ -153,6 +153,6 @@ def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, P
 
 def _explain(where: str, error: ValidationError) -> list[str]:
     return [
-        f"{where}: {'.'.join(map(str, detail['loc']))}: {demand_of(detail['type'], detail.get('ctx', {}))}"
+        f"{where}: {'.'.join(map(str, detail['loc']))}: {demand_of(detail)}"
         for detail in error.errors(include_url=False)
     ]

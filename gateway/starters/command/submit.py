@@ -15,8 +15,7 @@ from weakref import WeakValueDictionary
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.starters.command.dispatcher import Dispatcher
 from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
-from gateway.system.clock import Clock, ClockWatch
-from gateway.system.clock_steps import SETTLED_S
+from gateway.system.clock import SETTLED_S, Clock, ClockWatch
 from gateway.system.stalls import SuspendWatch
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from gateway.contract import LockRecord
-from gateway.system.clock_steps import ClockReading, certain_s
+from gateway.system.clock import ClockReading, certain_s
 
 LOCKS = "locks"  # the document
 HISTORY_S = 3600.0  # the longest that any rule looks back

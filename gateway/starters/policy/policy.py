@@ -24,7 +24,7 @@ from gateway.starters.policy.start_rules import PolicySettings, Rulebook
 from gateway.starters.policy.write_budget import WRITES, WriteBudget
 from gateway.starters.state import PublishedFaults
 from gateway.store import Documents, read_document, write_document
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 

@@ -218,6 +218,7 @@ async def _way() -> _Way:
         policy=policy,
         services=services,
         records=records,
+        on_readings=lambda *_: None,
         make_opener=lambda table: _Opener(bus, table, way),
     )
     host = LocalHost(plant.handle, polls_wait_s=0.0)  # each on its own

@@ -10,11 +10,11 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-import yaml
 from jsonschema import Draft7Validator
 
-from tests.reference.contract_pages import TOPICS, closed
-from tests.reference.pages import FOLDER
+from gateway.contract import EventRecord, HistoryRecord, read_record
+from gateway.contract.events import EVENTS
+from tests.reference.contract_pages import TOPICS, Topic, closed
 from tests.rig import RigPlant, ScenarioRow, play, retained, row
 from tests.rig.broker import MqttMessage
 from tests.rig.sites import (
@@ -35,8 +35,11 @@ from tests.scenarios.broker.support import codes, count
 
 BASE = "starters/plant"
 DAY = (
-    FOUR
+    FOUR.replace('name = "pumps"', 'name = "pumps"\ntitle = "Hall"').replace(
+        'name = "pump"', 'name = "pump"\ntitle = "Pump 1"'
+    )
     + ALICE
+    + table("[group]", name="hall", title="Hall", starters=["pump", "fan"])
     + WEB
     + LOGIN
     + METRICS
@@ -84,54 +87,67 @@ def day() -> list[MqttMessage]:
         return [each for each in plant.broker.log if each.topic.startswith(BASE) and each.client == "plant"]
 
 
-class Described:
-    """The messages of docs/reference/asyncapi.yaml below one base."""
+LOOSE = {"command", "result"}  # whose fields depend on the verb
+RARE = {  # what this day does not have
+    "lineStatistics": {"uart_errors"},  # of a real port
+    "starterValue": {"reason"},
+    "starterStart": {"drift", "lowest_v", "outliers"},
+    "starterTrip": {"thinned"},
+}
 
-    def __init__(self) -> None:
-        whole = yaml.safe_load((FOLDER / "reference" / "asyncapi.yaml").read_text("utf-8"))
-        self.channels: dict[str, dict[str, Any]] = whole["channels"]
-        self._addresses = {
-            name: re.compile(re.sub(r"{\w+}", "[a-z0-9_-]+", each["address"].replace("{base}", BASE)))
-            for name, each in self.channels.items()
-        }
-        self._schemas = {
-            name: Draft7Validator(each["payload"]) for name, each in whole["components"]["messages"].items()
-        }
-        # The file permits fields that it does not name, for later versions; this one has none.
-        self._closed = {topic.name: Draft7Validator(closed(topic.schema)) for topic in TOPICS}
-        self._delivery = {
-            each["channel"]["$ref"].rpartition("/")[2]: each["bindings"]["mqtt"]
-            for each in whole["operations"].values()
-        }
-        self.channel_of = cache(self._channel_of)
 
-    def _channel_of(self, topic: str) -> str:
-        return next((name for name, each in self._addresses.items() if each.fullmatch(topic)), "")
+@cache
+def topic_of(address: str) -> Topic:
+    """Return what the reference says of a topic."""
+    return next(
+        each
+        for each in TOPICS
+        if re.fullmatch(re.sub(r"{\w+}", "[a-z0-9_-]+", each.address), address.removeprefix(f"{BASE}/"))
+    )
 
-    def problems(self, message: MqttMessage) -> Iterator[str]:
-        """Yield what is not as the file says."""
-        name = self.channel_of(message.topic)
-        if not name:
-            yield f"{message}: no channel"
-            return
-        how = self._delivery[name]
-        if (message.qos, message.retain) != (how["qos"], how["retain"]):
-            yield f"{message}: delivered otherwise"
-        kind, value = (name, message.json) if message.payload else ("deleted", "")
-        if kind not in self.channels[name]["messages"]:
-            yield f"{message}: an empty payload"
-            return
-        for error in (*self._schemas[kind].iter_errors(value), *self._closed[name].iter_errors(value)):
-            if kind != "deleted":
-                yield f"{message}: {'.'.join(map(str, error.path))}: {error.message[:200]}"
+
+def problems(message: MqttMessage) -> Iterator[str]:
+    """Yield what is not as the reference says."""
+    topic = topic_of(message.topic)
+    if (message.qos, message.retain) != topic.delivery:
+        yield f"{message}: delivered otherwise"
+    if not message.payload:
+        yield from () if "deleted" in topic.messages else (f"{message}: an empty payload",)
+        return
+    for error in Draft7Validator(closed(topic.schema)).iter_errors(message.json):
+        yield f"{message}: {'.'.join(map(str, error.path))}: {error.message[:200]}"
 
 
 def test_every_message_is_as_the_reference_says(day: list[MqttMessage]) -> None:
-    described = Described()
+    assert [problem for each in day for problem in problems(each)][:5] == []
+    assert {each.name for each in TOPICS} - {topic_of(each.topic).name for each in day} <= {"command"}
 
-    assert [problem for each in day for problem in described.problems(each)][:5] == []
-    # A start's record comes once it is over, and a command comes from elsewhere.
-    assert described.channels.keys() - {described.channel_of(each.topic) for each in day} <= {"command"}
+
+def test_every_field_that_the_reference_names_is_published(day: list[MqttMessage]) -> None:
+    found: dict[str, set[str]] = {}
+    for each in day:
+        found.setdefault(topic_of(each.topic).name, set()).update(each.json if each.payload else ())
+
+    missing = {each.name: set(each.schema["properties"]) - found.get(each.name, set()) for each in TOPICS}
+    assert {name: fields for name, fields in missing.items() if fields and name not in LOOSE} == RARE
+
+
+def test_a_record_is_read_as_it_was_written(day: list[MqttMessage]) -> None:
+    for message in day:
+        topic = topic_of(message.topic)
+        if message.payload and topic.kind not in (EventRecord, HistoryRecord):
+            address = re.compile(".*/" + re.sub(r"{(\w+)}", r"(?P<\1>[a-z0-9_-]+)", topic.address))
+            found = address.fullmatch(message.topic)
+            assert topic.kind
+            assert found
+            assert read_record(topic.kind, message.payload, **found.groupdict()).payload() == message.payload
+
+
+def test_events_have_the_severity_and_data_that_the_list_says(day: list[MqttMessage]) -> None:
+    for event in (each.json for each in day if each.topic.endswith("/event")):
+        listed = EVENTS[event["code"]]
+        assert event["severity"] in {each.value for each in listed.severities}
+        assert set(event.get("data") or ()) <= set(listed.data), event
 
 
 def test_no_topic_that_carries_a_payload_is_a_prefix_of_another(day: list[MqttMessage]) -> None:

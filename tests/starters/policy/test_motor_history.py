@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from gateway.contract import LockRecord
 from gateway.starters.policy.motor_history import MOST_STARTS, MOTORS, MotorHistory
-from gateway.system.clock_steps import ClockReading
+from gateway.system.clock import ClockReading
 
 UTC_S = 1_760_000_000.0
 SAVED = ClockReading(5000.0, UTC_S, "boot-1")

@@ -1,0 +1,106 @@
+"""The tables of a simulated starter: what `simulate` and `demo` make of it; the gateway ignores them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gateway.config.mistakes import Mistake
+from gateway.config.values import ConfigTable, Firmware
+from gateway.contract import CommandError
+from gateway.families import FAMILIES, Profile, load_profile, parameters
+
+
+class SimulatedMotorTable(ConfigTable):
+    """`[line.starter.simulated.motor]`: the motor behind a simulated starter; keys may be left out."""
+
+    load_pct: float | None = Field(None, ge=0, le=1000, description="Share of the rated load.")
+    start_current_pct: float | None = Field(
+        None, ge=100, le=1000, description="Current at the start, of the rated current."
+    )
+    ramp_up_s: float | None = Field(
+        None, ge=0.1, le=999, description="Ramp of a start, until the starter is configured."
+    )
+    ramp_down_s: float | None = Field(None, ge=0, le=999, description="Ramp of a stop.")
+    friction_pct: float | None = Field(
+        None, ge=0, le=1000, description="By how much longer the motor accelerates."
+    )
+    wear_per_start_pct: float | None = Field(
+        None, ge=0, le=100, description="By so much friction_pct grows with each start."
+    )
+    wear_per_hour_pct: float | None = Field(
+        None, ge=0, le=100, description="By so much friction_pct grows with each hour of running."
+    )
+    thermal_pct: float | None = Field(
+        None, ge=0, lt=100, description="Thermal image at first, of the level that trips."
+    )
+    heating_s: float | None = Field(
+        None, ge=1, le=86400, description="Time constant of the thermal image while current flows."
+    )
+    cooling_s: float | None = Field(
+        None, ge=1, le=86400, description="Time constant of the thermal image at standstill."
+    )
+    undervoltage_pct: float | None = Field(
+        None, ge=0, le=100, description="Below this share of the rated voltage it trips."
+    )
+    undervoltage_s: float | None = Field(
+        None, ge=0.1, le=999, description="After so long an undervoltage it trips."
+    )
+    phase_loss_s: float | None = Field(
+        None, ge=0.1, le=999, description="After so long without one phase it trips."
+    )
+    line_voltage_pct: float = Field(
+        100.0, ge=0, le=120, description="Voltage of the supply, of the rated voltage."
+    )
+    lost_phase: Literal["r", "s", "t"] | None = Field(
+        None, description="The phase of the supply that is missing."
+    )
+
+
+class SimulatedTable(ConfigTable):
+    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself ignores it."""
+
+    firmware: Firmware | None = Field(None, description='The firmware that it says it has, e.g. "1.30".')
+    parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = Field(
+        {}, description="Words of its parameters by the manual's code, as on the wire."
+    )
+    markers: dict[str, bool] = Field(
+        {}, description="SSW900: bits of a SoftPLC program, by COIL or DI and the address."
+    )
+    braking_s: float = Field(
+        0.0, ge=0, le=600, description="SSW-06, SSW-07: DC braking at each stop; 0: none."
+    )
+    motor: SimulatedMotorTable = Field(SimulatedMotorTable(), description="The motor behind it.")
+
+    def not_of(self, profile: Profile) -> Iterator[Mistake]:
+        """Yield what a starter of this family cannot be given, by keys that begin below this table."""
+        for code in self.parameters:
+            row = profile.parameters.get(code)
+            if row is None or row.table.is_bits or row.words != 1:
+                hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
+                yield Mistake(("parameters", code), f"{profile.family} has no such parameter", hint)
+        has_markers = "markers" in profile.simulated
+        if self.markers and not has_markers:
+            yield Mistake(("markers",), _is_for("markers"), "leave it out")
+        for code in self.markers if has_markers else ():
+            if not _is_marker(profile, code):
+                hint = "write COIL or DI and its address, such as DI7"
+                yield Mistake(("markers", code), f"{profile.family} has no such marker", hint)
+        rows = profile.simulated.get("braking_s")
+        if self.braking_s and rows != ():
+            hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+            yield Mistake(("braking_s",), _is_for("braking_s"), hint)
+
+
+def _is_for(option: str) -> str:
+    known = (each for each in FAMILIES if load_profile(each).simulated.get(option) == ())
+    return f"is for {' and '.join(known)}"
+
+
+def _is_marker(profile: Profile, code: str) -> bool:
+    try:
+        return parameters.find(profile, code).table.is_bits
+    except CommandError:
+        return False

@@ -1,0 +1,75 @@
+"""What the source says of events and results fits their tables, all of a table is said, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Set
+
+from gateway.contract import EventCode, ResultCode
+from gateway.contract.events import EVENTS
+from gateway.contract.results import NOTES, RESULTS
+from gateway.contract.wording import names_in
+from tests.contract.uses import ADDED_TO_FAULT, FAULT, Use, calls, composed, uses
+
+USES = list(uses())
+EVENT_USES = [use for use in USES if use.table == "events"]
+
+# By table, code and case: the fields that it must be given, and those that it may.
+TABLE: Mapping[tuple[str, str, str], tuple[Set[str], Set[str]]] = {
+    **{("events", c, case): (m.required(case), m.optional) for c, m in EVENTS.items() for case in m.texts},
+    **{
+        ("phrases", c, case): (names_in(t), set()) for c, m in EVENTS.items() for case, t in m.phrases.items()
+    },
+    **{("results", c, case): (names_in(t), set()) for c, m in RESULTS.items() for case, t in m.texts.items()},
+    **{("notes", "", case): (names_in(text), set()) for case, text in NOTES.items()},
+}
+
+
+def test_the_codes_are_those_of_the_tables_in_their_order() -> None:
+    assert list(EVENTS) == list(EventCode)
+    assert list(RESULTS) == list(ResultCode)
+
+
+def is_right(use: Use) -> bool:
+    required, optional = TABLE.get((use.table, use.code, use.case), ({"?"}, set()))
+    return use.fields | optional == required | optional
+
+
+def test_each_use_names_a_text_with_exactly_its_fields() -> None:
+    assert [use for use in USES if not is_right(use)] == []
+    assert len(USES) > 300
+
+
+def test_each_text_is_used() -> None:
+    assert TABLE.keys() - {(use.table, use.code, use.case) for use in USES} == set()
+
+
+def test_a_severity_is_given_where_a_code_has_several_and_each_is_used() -> None:
+    for code, meaning in EVENTS.items():
+        given = {use.severity for use in EVENT_USES if use.code == code}
+        listed = {each.value for each in meaning.severities}
+        assert given == {""} if len(listed) == 1 else "?" in given or given == listed, code
+
+
+def test_no_sentence_is_made_elsewhere() -> None:
+    assert list(composed()) == []
+
+
+def test_only_the_contract_makes_events() -> None:
+    made = {(file, ast.unparse(call.func)) for file, call in calls("Event", "EventRecord")}
+
+    assert {each for each in made if "." not in each[1]} == {
+        ("contract/events.py", "Event"),
+        ("contract/bus.py", "EventRecord"),
+    }
+
+
+def test_a_fault_of_a_line_is_completed_in_one_place() -> None:
+    relays = [
+        (file, {each.arg for each in call.keywords} - {None})
+        for file, call in calls("_publish_event")
+        if any(each.arg is None for each in call.keywords)
+    ]
+
+    assert relays == [("app/plant.py", ADDED_TO_FAULT)]
+    assert {file for file, _ in calls(FAULT)} == {"line/rtu/bus_faults.py"}
