@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.system.rate_limits import Bucket, Rate
 
 HOUR_S = 3600.0
-
-
-@dataclass(frozen=True, slots=True)
-class RateLimits:
-    """What the gateway takes; more than a person can send by hand."""
-
-    client: Rate = Rate(20.0, 100)
-    starter: Rate = Rate(5.0, 20)  # of one client
-    everyone: Rate = Rate(200.0, 300)
-    answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,24 +82,7 @@ class Rulebook:
 
 @dataclass(frozen=True, slots=True)
 class PolicySettings:
-    """The rules by starter, the groups by name, and what is too much."""
+    """The rules by starter, and the groups by name."""
 
     rules: Mapping[str, RuleSet] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    limits: RateLimits = field(default_factory=RateLimits)
-
-
-class RateLimiter:
-    """Says which commands are too many. Keys must come from a bounded set."""
-
-    def __init__(self, limits: RateLimits) -> None:
-        self._limits = limits
-        self._clients: dict[Hashable, Bucket] = {}
-        self._starters: dict[Hashable, Bucket] = {}
-        self._everyone = Bucket(limits.everyone)
-
-    def admits(self, *, client: Hashable, starter: Hashable, now_s: float) -> bool:
-        """Count a command and return whether it is within all limits; one too many costs others nothing."""
-        of_client = self._clients.setdefault(client, Bucket(self._limits.client))
-        of_starter = self._starters.setdefault((client, starter), Bucket(self._limits.starter))
-        return of_client.take(now_s) and of_starter.take(now_s) and self._everyone.take(now_s)

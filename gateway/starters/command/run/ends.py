@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
+from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
-from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
-from gateway.starters.command.steps import Life
+from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, CommandReport, Final
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
@@ -28,12 +27,11 @@ class RunOff(Protocol):
         """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Outlook:
     """What a command was about to bring about."""
 
-    request: CommandRequest
-    life: Life
+    report: CommandReport
     can_wait: bool  # its verb moves no motor
     procedure: Procedure | None = None  # once it is being written
     refusal: Reason | None = None  # of a motion that may have begun all the same
@@ -50,8 +48,8 @@ class Outlook:
 
     def cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
-        if self.life.is_written:
-            is_pending = reason.code in _MAY_STAND and self.request.verb in command.TAKEN_BACK
+        if self.report.is_written:
+            is_pending = reason.code in _MAY_STAND and self.report.request.verb in command.TAKEN_BACK
             later = MAY_ACT_LATER if is_pending else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self.note, later))
         if reason.code == ResultCode.INTERNAL:
@@ -60,8 +58,9 @@ class Outlook:
 
     def overdue(self) -> Final:
         """Return the end of a command whose time was over before all of it was written."""
-        if not self.life.is_written:
-            age_s = self.request.until_s - self.request.received_s
+        request = self.report.request
+        if not self.report.is_written:
+            age_s = request.until_s - request.received_s
             return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
         if self.note is LOOK:
             return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
@@ -102,11 +101,6 @@ def crashed(verb: str, *, may_be_written: bool) -> Final:
     outlook = LOOK if verb in _STILL else MAY_BE_TURNING
     later = MAY_ACT_LATER if verb in command.TAKEN_BACK else None
     return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), outlook, later))
-
-
-def run_not_cleared(reason: Reason, phase: Phase) -> Final:
-    """Return the end of a command whose run = 0 was not taken: nothing else is written."""
-    return Final(phase, reason.noted(Note("nothing_else")))
 
 
 def unsafe(end: Final) -> Final:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
@@ -54,7 +54,6 @@ class StopOrder:
     came_s: float
     report: CommandReport | None = None  # None: it gets no answer of its own
     released: Expect | None = None  # of a start that is taken back: what must be read besides
-    on_end: Callable[[Final], None] | None = None  # of the gateway's own order
     over: asyncio.Event = field(default_factory=asyncio.Event)
     counts_from: float = inf  # the first reading that counts; inf: its frame has not left yet
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
@@ -117,7 +116,6 @@ class Stopping:
         self._starter = StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self._wire, next_lane=self._next_lane, on_left=self._note_written)
-        self._time = asyncio.get_running_loop().time
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
@@ -125,25 +123,25 @@ class Stopping:
 
     def ask(self) -> None:
         """Have a frame sent for one more message, and see it through; `join` gives it an answer."""
-        self._orders = [order for order in self._orders if order.report or order.is_own]
-        self._orders.append(StopOrder(self.frames.ask(), self._time()))
+        self._orders = [order for order in self._orders if order.report]
+        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s()))
 
     def join(self, report: CommandReport) -> None:
         """Report the end of the stop command, already accepted, for which `ask` was just called."""
         self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
 
-    def take_back(self, released: Expect, on_end: Callable[[Final], None]) -> StopOrder:
+    def take_back(self, released: Expect, report: CommandReport) -> StopOrder:
         """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
         self.frames.with_jog = True
-        order = StopOrder(self.frames.ask(), self._time(), released=released, on_end=on_end)
+        order = StopOrder(self.frames.ask(), self._wire.now_s(), report, released)
         self._orders.append(order)
         return order
 
     @property
     def count(self) -> int:
         """Return how many stop commands have joined."""
-        return sum(order.report is not None for order in self._orders)
+        return sum(order.report is not None and not order.is_own for order in self._orders)
 
     @property
     def is_own(self) -> bool:
@@ -223,7 +221,7 @@ class Stopping:
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
             rows |= await self._read_in_time(each.reads) or {}
-        self.frames.facts.is_answered, now_s = True, self._time()
+        self.frames.facts.is_answered, now_s = True, self._wire.now_s()
         self._shown = self._wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
 
@@ -242,7 +240,7 @@ class Stopping:
     def _end_what_is_over(self, shown: Collection[StopOrder]) -> None:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[StopOrder, Final]] = []
-        now_s = self._time()
+        now_s = self._wire.now_s()
         for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
@@ -258,15 +256,13 @@ class Stopping:
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
             self._starter.emitter.event(
-                EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.code, outcome=end.text
+                EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
             order.over.set()
             self._orders.remove(order)
             if order.report is not None:
                 order.report.finish(end)
-            if order.on_end is not None:
-                order.on_end(end)
 
     def _cut_all(self, reason: Reason) -> None:
         self.frames.close()
