@@ -24,19 +24,16 @@ class Admission:
 
     def check_sender(self, request: CommandRequest) -> None:
         """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
-        name, verb = request.starter, request.verb
-        if name in self._policy.settings.groups:
-            if verb != STOP:
-                raise CommandError(ResultCode.GROUP_ONLY_STOP, group=name)
-            if not self.stoppable(request):
-                raise CommandError(ResultCode.NOT_ALLOWED, "group", client=request.client, group=name)
-            return
-        if name not in self._starters:
+        name, is_stop = request.starter, request.verb == STOP
+        is_group = name in self._policy.settings.groups
+        if is_group and not is_stop:
+            raise CommandError(ResultCode.GROUP_ONLY_STOP, group=name)
+        if not is_group and name not in self._starters:
             raise CommandError(ResultCode.UNKNOWN_STARTER)
-        self.check_verb(name, verb)
-        if not self._may(request):
+        self.check_verb(name, request.verb)
+        if not (self.stoppable(request) if is_stop else self._may(request)):
             raise self.no_right(request)
-        if not request.id and verb != STOP:
+        if not is_stop and not request.id:
             raise CommandError(ResultCode.NO_ID)
 
     def check_verb(self, name: str, verb: str) -> None:
@@ -49,7 +46,7 @@ class Admission:
     def no_right(self, request: CommandRequest) -> CommandError:
         """Return the refusal of a command to which its client has no right."""
         client, verb, starter = request.client, request.verb, request.starter
-        return CommandError(ResultCode.NOT_ALLOWED, "starter", client=client, verb=verb, starter=starter)
+        return CommandError(ResultCode.NOT_ALLOWED, client=client, verb=verb, starter=starter)
 
     def members(self, request: CommandRequest) -> Collection[str]:
         """Return the starters that a command is for: those of a group, or the one."""

@@ -25,7 +25,7 @@ from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, LedgerEntry
 from gateway.starters.command.overload import ANSWERED_STOPS, Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
-from gateway.starters.command.report import CommandReport, GroupReport, Reporting, Retention
+from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
 from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
@@ -116,29 +116,28 @@ class Dispatcher:
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, clock = self._reporting.ledger, self._reporting.records.clock
+        ledger, now_s = self._reporting.ledger, self._reporting.now_s()
         for result, may_be_written in commands:
             known = ledger.find(result.client, result.id)
             if known is not None and known.result.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
-            if not result.phase.is_final:
-                end = crashed(result.verb, may_be_written=may_be_written)
-                code, text = end.reason.code, end.reason.text
-                result = replace(result, phase=end.phase, code=code, text=text, values={})
-                result = replace(result, time_s=clock.utc_s())
-                self._publish_crashed(result)
-            ledger.store(result, now_s=clock.now_s())  # its age begins now: no clock says it
+            if result.phase.is_final:
+                ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
+            else:
+                self._end_crashed(result, may_be_written=may_be_written)
 
-    def _publish_crashed(self, result: ResultRecord) -> None:
+    def _end_crashed(self, result: ResultRecord, *, may_be_written: bool) -> None:
         """Publish the end of a command of an earlier run, and an event where something may be written."""
-        reporting, starter = self._reporting, self._starters.get(result.starter)
-        reporting.journal.note(result, then=lambda: reporting.records.put(result))
-        client, verb = result.client, result.verb
-        reporting.audit(CommandRequest(result.starter, client, verb, result.id), result.phase, result.code)
-        if starter is not None and result.phase is Phase.UNCONFIRMED:
-            starter.emitter.event(
-                EventCode.COMMAND_CUT_SHORT, client=client, id=result.id, verb=verb, outcome=result.text
-            )
+        client, id_, verb = result.client, result.id, result.verb
+        step = CommandStep.VERIFYING if may_be_written else CommandStep.RECEIVED
+        report = CommandReport(CommandRequest(result.starter, client, verb, id_), self._reporting, step=step)
+        end = crashed(verb, may_be_written=may_be_written)
+        report.finish(end)
+        starter = self._starters.get(result.starter)
+        if starter is not None and may_be_written:
+            outcome = end.reason.text
+            event = starter.emitter.event
+            event(EventCode.COMMAND_CUT_SHORT, client=client, id=id_, verb=verb, outcome=outcome)
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `apply_rights`."""
@@ -227,8 +226,9 @@ class Dispatcher:
             else:
                 self._take(request)
         except CommandError as refusal:
-            # Without the ledger, what it has may say something else.
-            self._refuse(request, refusal, is_stored=refusal.code != ResultCode.LEDGER_UNAVAILABLE)
+            # Without the ledger, what it has may say something else; a stop is refused only at a run's end.
+            is_stored = refusal.code != ResultCode.LEDGER_UNAVAILABLE and request.verb != STOP
+            self._refuse(request, refusal, is_stored=is_stored)
 
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
@@ -263,7 +263,7 @@ class Dispatcher:
         if is_full:
             self._overload.answer(self._key(request), request, is_stopped=True)
             return
-        report = CommandReport(request, self._reporting, is_repeat=is_repeat)
+        report = CommandReport(request, self._reporting, is_repeat=is_repeat, retention=Retention.BEHIND)
         report.accept()
         if request.starter in self._starters:
             self._under_way.join(report)

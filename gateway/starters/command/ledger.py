@@ -50,19 +50,15 @@ class LedgerEntry:
         return replace(self.result, text=text, is_duplicate=True, correlation=correlation, ticket=ticket)
 
 
+@dataclass(kw_only=True)
 class Ledger:
     """Remembers (client, id) with the latest result; bounded in number and age."""
 
-    def __init__(
-        self,
-        *,
-        most_entries: int = MOST_ENTRIES,
-        provable_s: float = PROVABLE_S,
-        on_forgotten: Callable[[Sequence[Key]], None] = lambda _: None,
-    ) -> None:
-        self._most_entries = most_entries
-        self._provable_s = provable_s
-        self._on_forgotten = on_forgotten
+    most_entries: int = MOST_ENTRIES
+    provable_s: float = PROVABLE_S
+    on_forgotten: Callable[[Sequence[Key]], None] = lambda _: None
+
+    def __post_init__(self) -> None:
         self._acted: OrderedDict[Key, LedgerEntry] = OrderedDict()  # acting again could do harm
         self._harmless: OrderedDict[Key, LedgerEntry] = OrderedDict()
 
@@ -93,7 +89,7 @@ class Ledger:
 
     def _forget(self, now_s: float) -> None:
         """Drop what is too much and what is too old, as far as it may go; the oldest first."""
-        excess = len(self) - self._most_entries
+        excess = len(self) - self.most_entries
         over = (key for key, entry in self._harmless.items() if entry.result.phase.is_final)
         gone: list[Key] = []
         for entries, keys in ((self._harmless, over), (self._acted, self._unprovable(now_s))):
@@ -104,12 +100,12 @@ class Ledger:
         for key in gone:
             (self._acted if key in self._acted else self._harmless).pop(key)
         if gone:
-            self._on_forgotten(gone)
+            self.on_forgotten(gone)
 
     def _unprovable(self, now_s: float) -> Iterator[Key]:
         """Return, the oldest first, what was acted on and of which no copy can pass for fresh any more."""
         for key, entry in self._acted.items():
-            if now_s - entry.since_s <= self._provable_s:
+            if now_s - entry.since_s <= self.provable_s:
                 return  # all that follow are younger
             if entry.result.phase.is_final:
                 yield key

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from math import inf
 from typing import Any
 
 from gateway.contract import (
-    STOP,
     AuditRecord,
     CommandRequest,
     Note,
@@ -83,7 +82,8 @@ class Retention(enum.Enum):
     AUDIT = enum.auto()  # no client asked: the audit alone
     NONE = enum.auto()  # a repetition is judged again
     RUN = enum.auto()  # as long as the gateway runs
-    DISK = enum.auto()
+    BEHIND = enum.auto()  # the disk, for which a stop does not wait
+    DISK = enum.auto()  # which has a result before it is published
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,28 +131,21 @@ class Reporting:
         )
 
 
+@dataclass(slots=True, eq=False)
 class CommandReport:
     """One command's step and results; a step or an end that the table does not list raises ValueError."""
 
-    def __init__(
-        self,
-        request: CommandRequest,
-        reporting: Reporting,
-        *,
-        is_repeat: bool = False,
-        retention: Retention = Retention.DISK,
-        group: GroupReport | None = None,
-    ) -> None:
-        self.request = request
-        self.reporting = reporting
-        self.step = CommandStep.RECEIVED
-        self.is_written = False  # something has, or may have, reached the starter
-        self.before: Mapping[str, Any] = {}  # what was read before anything was written
-        self._latest: ResultRecord | None = None  # as stored
-        self._is_over = False  # its final result is published
-        self._retention = retention
-        self._group = group
-        self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
+    request: CommandRequest
+    reporting: Reporting
+    _: KW_ONLY
+    is_repeat: bool = False  # a stop whose id was used before: done again, and marked as a duplicate
+    retention: Retention = Retention.DISK
+    group: GroupReport | None = None
+    step: CommandStep = CommandStep.RECEIVED
+    is_written: bool = False  # something has, or may have, reached the starter
+    before: Mapping[str, Any] = field(default_factory=dict)  # what was read before anything was written
+    _latest: ResultRecord | None = None  # as stored
+    _is_over: bool = False  # its final result is published
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
@@ -181,15 +174,15 @@ class CommandReport:
             return
         self.advance(CommandStep.VERIFYING)
         self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")))
-        if self._group is not None:
-            self._group.whole.write()
+        if self.group is not None:
+            self.group.whole.write()
 
     def finish(self, end: Final) -> None:
         """Give the final result."""
         self.advance(end.phase)
         self._decide(end)
-        if self._group is not None:
-            self._group.note_end(self.request.starter, end)
+        if self.group is not None:
+            self.group.note_end(self.request.starter, end)
 
     def reject(self, reason: Reason) -> None:
         """Give the final result of a command that is not carried out."""
@@ -212,7 +205,7 @@ class CommandReport:
             code=end.reason.code,
             text=joined(end.reason.text, request.remark),
             time_s=self.reporting.records.clock.utc_s(),
-            is_duplicate=self._is_repeat,
+            is_duplicate=self.is_repeat,
             values=end.values,
             correlation=request.correlation,
             ticket=request.ticket,
@@ -225,18 +218,18 @@ class CommandReport:
         self.reporting.audit(self.request, end.phase, code, before=before, after=end.after)
 
     def _report(self, end: Final) -> None:
-        if self._retention is Retention.AUDIT:
+        if self.retention is Retention.AUDIT:
             return
         request, records, journal = self.request, self.reporting.records, self.reporting.journal
         result = self._result(end)
-        if self._retention is not Retention.DISK:
+        if self.retention in (Retention.NONE, Retention.RUN):
             if request.starter and request.client:  # else there is no topic for a result, only the audit
                 records.put(result)
-            if self._retention is Retention.RUN:
+            if self.retention is Retention.RUN:
                 self._store(result)
-        elif end.phase is Phase.WRITTEN or request.verb == STOP:
-            # That something may be written is on the disk already; a stop waits for no disk. Where the ledger
-            # keeps another command's result under this id, the stop is stored without it.
+        elif end.phase is Phase.WRITTEN or self.retention is Retention.BEHIND:
+            # That something may be written is on the disk already. Where the ledger keeps the result of
+            # another command under this id, a stop is stored without it.
             self._latest = result if self._store(result) else replace(result, id=None)
             journal.note(self._latest)
             records.put(result)

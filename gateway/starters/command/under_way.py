@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Collection, Coroutine, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, TypeVar
 
@@ -30,12 +30,14 @@ _Work = TypeVar("_Work", CommandRun, Stopping)
 AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
 
 
+@dataclass(eq=False)
 class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
-    def __init__(self, starters: Mapping[str, StarterIo], reporting: Reporting) -> None:
-        self._starters = starters
-        self._reporting = reporting
+    starters: Mapping[str, StarterIo]
+    reporting: Reporting
+
+    def __post_init__(self) -> None:
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
@@ -57,7 +59,7 @@ class UnderWay:
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        starter, slot = self._starters[name], None
+        starter, slot = self.starters[name], None
         if verb != READ:  # which changes nothing at the starter, and waits for nobody
             if name in self._stops:
                 self._stops.pop(name).give_way()
@@ -142,13 +144,13 @@ class UnderWay:
     def _stopping(self, name: str) -> Stopping:
         """Return the stop of a starter, which begins now unless it is under way."""
         if name not in self._stops:
-            self._carry_out(self._stops, name, Stopping(self._starters[name]))
+            self._carry_out(self._stops, name, Stopping(self.starters[name]))
         return self._stops[name]
 
     def _run_off(self, report: CommandReport, released: Expect) -> StopOrder:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
-        own = CommandReport(request, self._reporting, retention=Retention.AUDIT)
+        own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
         order = self._stopping(request.starter).take_back(released, own)
         own.accept()
         return order

@@ -10,7 +10,6 @@ from typing import Any
 from gateway.contract import (
     CommandError,
     CommandRequest,
-    EventCode,
     LockRecord,
     Record,
     RecordWriter,
@@ -26,7 +25,7 @@ from gateway.starters.policy.preconditions import Expectation, demand_unlocked
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
 from gateway.starters.policy.start_rules import PolicySettings, Rulebook, is_start
-from gateway.starters.policy.write_budget import WRITES, WriteBudget
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.state import PublishedFaults
 from gateway.store import Documents, read_document, write_document
 from gateway.system.clock_steps import ClockReading
@@ -62,12 +61,9 @@ class Policy:
         self.identities = IdentityRegistry(records, documents)
         self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
-        self.write_budget = WriteBudget(on_count=self._publish_write_count)
-        self._writes = documents.open("writes", WRITES, self.write_budget.totals, is_for_operators=True)
-        self.write_budget.restore(self._writes.loaded or {})
+        self.write_budget = WriteBudget(records, documents)
         self.document = documents.open(LOCKS, MOTORS, self._stored, is_for_operators=True)
         self.clock = records.clock
-        self._records = records
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         if self.document.loaded is not None:
             self.motor_history.restore(
@@ -84,10 +80,7 @@ class Policy:
             self.motor_history.note_state(record.starter, record.state, now_s=self.clock.now_s())
 
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
-        """Judge by other settings from now on; return the starters that are locked by it.
-
-        A command that was admitted keeps to the settings it was admitted under.
-        """
+        """Judge by other settings now, also what is not yet written; return the starters locked by it."""
         self.settings = settings
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         locked = self._lock_unsure(rights)
@@ -97,18 +90,6 @@ class Policy:
 
     def _stored(self) -> StoredMotors:
         return self.motor_history.stored(now_s=self.clock.now_s(), reading=self.clock.reading())
-
-    def _publish_write_count(self, starter: str, writes: int) -> None:
-        """Publish and store how often a starter's memory was written; a lost count is no event."""
-        self._writes.touch()
-        self._records.event(
-            starter,
-            EventCode.MEMORY_WRITTEN,
-            last_hour=self.write_budget.last_hour(starter),
-            total=self.write_budget.total(starter),
-            writes=writes,
-            limit=self.write_budget.most_per_hour,
-        )
 
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
@@ -199,16 +180,11 @@ def lock_restored(
     history, here = MotorHistory(names), reading
     if stored is not None:
         here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
-        history.restore(_moved(stored, here), now_s=here.up_s, reading=here)
+        # Its times as they are, read by the clocks of this machine
+        history.restore(stored.model_copy(update={"at": here}), now_s=here.up_s, reading=here)
     locked = [name for name in names if is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
         history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=reason))
     if stored is not None or locked:
         write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
     return locked
-
-
-def _moved(stored: StoredMotors, here: ClockReading) -> StoredMotors:
-    """Return the same with its times as they are, and read by the clocks of this machine."""
-    at = stored.at.model_copy(update={"up_s": here.up_s, "boot_id": here.boot_id})
-    return stored.model_copy(update={"at": at})

@@ -58,9 +58,6 @@ def acts(name: str, *sent: Action, given: str = SITE, at_s: float = 9.0) -> obje
 
 
 PROOFS = [
-    refuses(
-        "a token is older than a shorter ttl", "expired", old_token("pump/alice/start", of_s=5.0, ttl_s=2)
-    ),
     refuses("boot alone proves nothing", "not_fresh", boot("pump/alice/start", fresh=False)),
     acts("the present boot does no harm beside a token", boot("pump/alice/start")),
     refuses(

@@ -17,7 +17,7 @@ from math import inf
 from typing import Any
 
 from gateway.contract import READ, CommandError, CommandRequest, ResultCode
-from gateway.families import Preparation, Procedure, command, diagnosis
+from gateway.families import Preparation, Procedure, Read, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport, CommandStep
 from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire
@@ -100,63 +100,57 @@ class CommandDecision:
         return seen_s + LATER_STEP_S * (len(self.procedure.steps) - 1) + LAST_READING_S
 
 
+@dataclass(frozen=True, slots=True)
 class Judge:
     """Reads and decides for one command; what is read distinguishes its family as well."""
 
-    def __init__(
-        self,
-        report: CommandReport,
-        starter: StarterIo,
-        preparation: Preparation,
-        guard: Guard,
-        *,
-        wire: Wire,
-        lane: Priority,
-    ) -> None:
-        self._report = report
-        self._starter = starter
-        self._preparation = preparation
-        self._guard = guard
-        self._wire = wire
-        self._lane = lane
-        is_read = report.request.verb == READ
-        whole = preparation if is_read else diagnosis.with_distinctive_rows(starter.profile, preparation)
-        self._reads = whole.reads
+    report: CommandReport
+    starter: StarterIo
+    preparation: Preparation
+    guard: Guard
+    wire: Wire
+    lane: Priority
 
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
-        self._report.advance(CommandStep.READING)
+        self.report.advance(CommandStep.READING)
         earlier = self._judge_polls()
         for _ in range(MOST_READINGS):
             rows = await self._read()
-            self._report.before = self._points(rows)
-            procedure = self._judge(rows, self._guard)
+            self.report.before = self._points(rows)
+            procedure = self._judge(rows, self.guard)
             assert procedure is not None  # all rows were read
             is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
-                self._report.advance(CommandStep.DECIDED)
-                can_wait = self._report.request.verb in CAN_WAIT
+                self.report.advance(CommandStep.DECIDED)
+                can_wait = self.report.request.verb in CAN_WAIT
                 return CommandDecision(procedure, rows, can_wait and not procedure.is_source)
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
-        self._judge(await self._wire.read(self._reads, lane=self._lane), None)
+        self._judge(await self.wire.read(self._reads, lane=self.lane), None)
+
+    @property
+    def _reads(self) -> tuple[Read, ...]:
+        if self.report.request.verb == READ:
+            return self.preparation.reads
+        return diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
 
     def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
         points = self._points(rows)
-        request, starter = self._report.request, self._starter
-        return judge(request, starter, self._preparation, guard, rows=rows, points=points)
+        request, starter = self.report.request, self.starter
+        return judge(request, starter, self.preparation, guard, rows=rows, points=points)
 
     def _judge_polls(self) -> Procedure | None:
         """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""
-        since_s = self._wire.now_s() - DECIDES_FOR_S
-        if self._report.is_outdated(since_s):
+        since_s = self.wire.now_s() - DECIDES_FOR_S
+        if self.report.is_outdated(since_s):
             return None  # some of it may have been read before the gateway stood still
         try:
-            recent = self._starter.snapshot.rows_since(since_s)
-            return self._judge(rows_for(self._preparation, recent), self._guard)
+            recent = self.starter.snapshot.rows_since(since_s)
+            return self._judge(rows_for(self.preparation, recent), self.guard)
         except CommandError:
             return None
 
@@ -164,11 +158,11 @@ class Judge:
         """Read until that is answered, as long as the starter is online."""
         while True:
             try:
-                return await self._wire.read(self._reads, lane=self._lane)
+                return await self.wire.read(self._reads, lane=self.lane)
             except CommandError as error:
-                if error.code != ResultCode.NO_ANSWER or not self._starter.is_answering:
+                if error.code != ResultCode.NO_ANSWER or not self.starter.is_answering:
                     raise
-            await self._wire.pause(ASKED_AGAIN_S)
+            await self.wire.pause(ASKED_AGAIN_S)
 
     def _points(self, rows: Rows) -> dict[str, Any]:
-        return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
+        return {name: value for name, value in self.wire.values(rows).items() if name not in rows}

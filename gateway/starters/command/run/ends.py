@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
@@ -16,15 +16,6 @@ from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING,
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
-
-
-class RunOff(Protocol):
-    """The stop by which a start is taken back."""
-
-    is_local: bool  # the latest reading shows local mode, where it may not obey this line
-
-    def is_shown(self) -> bool:
-        """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""
 
 
 @dataclass(slots=True)
@@ -84,13 +75,15 @@ class Outlook:
         """Return the end of a command whose effect cannot be read back."""
         return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self.note))
 
-    def stopped(self, end: Final, run_off: RunOff) -> Final:
-        """Return the end of a start that was seen not to act, with the outcome of run = 0 after it."""
-        if run_off.is_shown():
+    def stopped(self, end: Final, *, is_shown: bool) -> Final:
+        """Return the end of a start that was seen not to act, and was taken back by run = 0.
+
+        `is_shown`: two readings show run = 0 in remote mode, with the motor at rest.
+        """
+        if is_shown:
             phase = Phase.FAILED if self.refusal is not None else end.phase
             return replace(end.noted(Note("at_rest"), Note("taken_back")), phase=phase)
-        in_local = Note("in_local") if run_off.is_local else None
-        return _doubtful(end).noted(Note("at_rest"), in_local, Note("not_taken_back"))
+        return _doubtful(end).noted(Note("at_rest"), Note("not_taken_back"))
 
 
 def crashed(verb: str, *, may_be_written: bool) -> Final:

@@ -89,7 +89,7 @@ class CommandRun:
         can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
         self._wire = self._new_wire(report.request.until_s)
-        self._judge = Judge(report, starter, preparation, guard, wire=self._wire, lane=self._lane)
+        self._judge = Judge(report, starter, preparation, guard, self._wire, self._lane)
         self._outlook = Outlook(report, can_wait)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
@@ -285,7 +285,7 @@ class CommandRun:
         order = self._run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
             await self._wire.wait_for(order.over.wait())
-        return self._outlook.stopped(end, order)
+        return self._outlook.stopped(end, is_shown=order.is_shown())
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed, after what its procedure leaves to be undone."""

@@ -59,7 +59,6 @@ class StopOrder:
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
-    is_local: bool = False  # as the latest reading showed, and not known to obey this line there
 
     @property
     def until_s(self) -> float:
@@ -89,15 +88,9 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
-        self.is_local = values.get("remote") is False and not self._obeys(values)
         self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
         self.good_s = now_s if is_shown else self.good_s
         return is_shown
-
-    def _obeys(self, values: dict[str, Any]) -> bool:
-        """Return whether these show one of the alternatives to remote mode in which run = 0 counts."""
-        demands = () if self.released is None else (self.released, *self.released.also)
-        return any(other.is_met(values) for demand in demands for other in demand.or_else)
 
     def is_seen(self, now_s: float) -> bool:
         """Return whether two readings in a row show it, and count for it."""
@@ -115,7 +108,7 @@ class Stopping:
     def __init__(self, starter: StarterIo) -> None:
         self._starter = StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
-        self.frames = Frames(self._starter, self._wire, next_lane=self._next_lane, on_left=self._note_written)
+        self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
@@ -272,9 +265,8 @@ class Stopping:
         """Return the end of a stop whose time is up."""
         facts = self.frames.facts
         if order.is_written and not facts.is_answered and not facts.is_over_babble:
-            noise = Note("noise") if facts.is_garbled else None
             reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
-            return Final(Phase.UNCONFIRMED, reason.noted(noise, MAY_BE_TURNING))
+            return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
         if order.is_written:
             reason = Reason(ResultCode.NOT_SEEN, "release" if order.is_own else "stop", within_s=DEADLINE_S)
             return Final(Phase.UNCONFIRMED, reason.noted(facts.babble, facts.refusal, MAY_BE_TURNING))
