@@ -117,7 +117,7 @@ class Wire:
                     return values
                 if count == 0 and self.now_s() >= until_s:
                     break
-                await self.pause(READ_BACK_PAUSE_S)
+                await self.wait_for(asyncio.sleep(READ_BACK_PAUSE_S))
         return None
 
     async def is_refused(self, reads: Iterable[Read], codes: Collection[int]) -> bool:
@@ -131,12 +131,8 @@ class Wire:
         decoded = decode.decode_points(self._starter.profile, self._starter.variant, rows)
         return {**rows, **{name: point.value for name, point in decoded.items()}}
 
-    async def pause(self, seconds: float) -> None:
-        """Wait, unless halted."""
-        await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
-
     async def wait_for(self, work: Coroutine[Any, Any, object]) -> None:
-        """Wait for something other than the starter, unless halted."""
+        """Wait for something other than the starter, or for some time, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
     def demand_not_halted(self) -> None:

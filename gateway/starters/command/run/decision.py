@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
@@ -162,7 +163,7 @@ class Judge:
             except CommandError as error:
                 if error.code != ResultCode.NO_ANSWER or not self.starter.is_answering:
                     raise
-            await self.wire.pause(ASKED_AGAIN_S)
+            await self.wire.wait_for(asyncio.sleep(ASKED_AGAIN_S))
 
     def _points(self, rows: Rows) -> dict[str, Any]:
         return {name: value for name, value in self.wire.values(rows).items() if name not in rows}

@@ -189,8 +189,8 @@ class Stopping:
                 self._end_what_is_over(shown)
                 self.frames.send_if_due()
                 if self._orders:
-                    is_read = self._unread < EQUAL_READINGS
-                    await self._wire.pause(READ_BACK_PAUSE_S if is_read else UNREAD_PAUSE_S)
+                    pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
+                    await self._wire.wait_for(asyncio.sleep(pause_s))
             else:
                 await self._wait_for_a_frame()
                 self.frames.procedure()  # what cannot be built cannot be sent
