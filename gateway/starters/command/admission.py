@@ -78,7 +78,7 @@ class Admission:
         if request.select is not None:
             selection = self._policy.selections.take(request, now_s=self._policy.clock.now_s())
             seen = {STATE: selection.state}
-            expectations.append(Expectation(starter.profile, seen, code=ResultCode.STATE_CHANGED))
+            expectations.append(Expectation(starter.profile, seen, ResultCode.STATE_CHANGED))
         elif request.verb in self._policy.rulebook.of(request.starter).two_step:
             raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
         return Guard(request, self._policy, expectations)

@@ -106,7 +106,10 @@ class OwnVerbs:
     # Locks
 
     def _lock(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        reason, before = reason_in(request.args, request.reason), self._lock_of(request)
+        reason, before = (
+            reason_in(request.args, request.reason),
+            self._policy.motor_history.lock_of(request.starter),
+        )
         if before is not None and before.by != request.client:
             raise refusal(before)
 
@@ -127,7 +130,7 @@ class OwnVerbs:
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "locked").noted(NOTICE))
 
     def _unlock(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        before = self._lock_of(request)
+        before = self._policy.motor_history.lock_of(request.starter)
         if before is None:
             raise CommandError(ResultCode.NOT_LOCKED)
 
@@ -164,9 +167,6 @@ class OwnVerbs:
         if before.by != GATEWAY:
             report.inform(before.by, Final(Phase.CONFIRMED, _removal(request, before), {"by": client}))
         return end.noted(Note("lock_was", owner=owner, reason=before.reason))
-
-    def _lock_of(self, request: CommandRequest) -> LockRecord | None:
-        return self._policy.motor_history.lock_of(request.starter)
 
     def _replace_lock(
         self, report: CommandReport, starter: StarterIo, before: LockRecord | None, new: LockRecord | None

@@ -60,7 +60,7 @@ class UnderWay:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
         starter, slot = self.starters[name], None
-        if verb != READ:  # which changes nothing at the starter, and waits for nobody
+        if verb != READ:  # which changes nothing at the starter, and needs no slot
             if name in self._stops:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other

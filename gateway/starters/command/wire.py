@@ -182,6 +182,11 @@ class Wire:
         return inner.result()
 
 
+def points_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the points of what rows say, without the raw words."""
+    return {name: value for name, value in values.items() if not isinstance(value, tuple)}
+
+
 def exception_result(number: int) -> ResultCode:
     """Return the result code that is named as this Modbus exception [APP 7]."""
     name = ExceptionCode(number).name if number in list(ExceptionCode) else ""

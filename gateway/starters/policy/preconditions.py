@@ -6,6 +6,7 @@ A maintenance lock forbids all that could move the motor; it replaces no physica
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from gateway.contract import CommandError, CommandRequest, LockRecord, Note, Reason, ResultCode
@@ -16,35 +17,35 @@ from gateway.starters.policy.start_rules import is_release
 STATE = "state"
 
 
+@dataclass(frozen=True, slots=True)
 class Expectation:
-    """A state, or the values of points, that must still be so; `code` is that of a refusal."""
+    """A state, or the values of points, that must still be so; CommandError for what cannot be."""
 
-    def __init__(
-        self, profile: Profile, wanted: Mapping[str, Any], *, code: ResultCode = ResultCode.NOT_AS_EXPECTED
-    ) -> None:
-        for name, value in wanted.items():
-            if name != STATE and name not in profile.points:
-                raise CommandError(ResultCode.BAD_EXPECT, "point", title=profile.title, name=name[:40])
+    profile: Profile
+    wanted: Mapping[str, Any]
+    code: ResultCode = ResultCode.NOT_AS_EXPECTED  # of a refusal
+
+    def __post_init__(self) -> None:
+        for name, value in self.wanted.items():
+            if name != STATE and name not in self.profile.points:
+                raise CommandError(ResultCode.BAD_EXPECT, "point", title=self.profile.title, name=name[:40])
             if name == STATE and value not in STATES:
                 raise CommandError(ResultCode.BAD_EXPECT, "state", states=", ".join(STATES))
-        self._profile = profile
-        self._wanted = wanted
-        self._code = code
 
     @property
     def codes(self) -> tuple[str, ...]:
         """Return the rows that must be read to judge."""
-        names = [name for name in self._wanted if name != STATE]
-        if STATE in self._wanted:
-            names += command.points_needed(self._profile, ("is_ready",))
-        return reading.rows_of_points(self._profile, names)
+        names = [name for name in self.wanted if name != STATE]
+        if STATE in self.wanted:
+            names += command.points_needed(self.profile, ("is_ready",))
+        return reading.rows_of_points(self.profile, names)
 
     def check(self, points: Mapping[str, Any]) -> None:
         """Raise CommandError unless all is as expected."""
-        for name, wanted in self._wanted.items():
-            value = state_of(self._profile, points) if name == STATE else points.get(name)
+        for name, wanted in self.wanted.items():
+            value = state_of(self.profile, points) if name == STATE else points.get(name)
             if not _is_equal(value, wanted):
-                raise CommandError(self._code, name=name, value=_word(value), wanted=_word(wanted))
+                raise CommandError(self.code, name=name, value=_word(value), wanted=_word(wanted))
 
 
 def _is_equal(value: object, wanted: object) -> bool:

@@ -42,20 +42,20 @@ def is_release(verb: str, args: Mapping[str, Any]) -> bool:
     return verb in ("jog", "general_enable") and to_switch(args.get("value")) is False
 
 
+@dataclass(frozen=True, slots=True)
 class Rulebook:
     """Judges starts by the rules and by what the motor history knows of earlier ones."""
 
-    def __init__(self, rules: Mapping[str, RuleSet], motor_history: MotorHistory) -> None:
-        self._rules = rules
-        self._motor_history = motor_history
+    rules: Mapping[str, RuleSet]
+    motor_history: MotorHistory
 
     def of(self, starter: str) -> RuleSet:
         """Return what is configured for a starter."""
-        return self._rules.get(starter, NO_RULES)
+        return self.rules.get(starter, NO_RULES)
 
     def demand_start(self, starter: str, *, now_s: float) -> None:
         """Raise CommandError for the first rule that forbids a start now."""
-        rules, history = self.of(starter), self._motor_history
+        rules, history = self.of(starter), self.motor_history
         if rules.starts_per_hour is not None:
             most, starts = rules.starts_per_hour, history.starts_since(starter, now_s - HOUR_S)
             if len(starts) >= most:
@@ -71,7 +71,7 @@ class Rulebook:
                 raise CommandError(
                     ResultCode.PAUSE_TOO_SHORT, "pause", standing_s=standing_s, pause_s=pause_s, wait_s=wait_s
                 )
-        others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
+        others = [n for n, other in self.rules.items() if other.feeder == rules.feeder and n != starter]
         for other in others if rules.feeder and rules.stagger_s > 0 else ():
             for start_s in history.starts_since(other, now_s - rules.stagger_s):
                 ago_s, wait_s = now_s - start_s, start_s + rules.stagger_s - now_s

@@ -84,7 +84,7 @@ STOP_PAYLOADS = {
     "five kilobytes": b"x" * 5000,
     "a wrong boot": b'{"id": "1", "boot": "0000000000000000"}',
 }
-MISTYPED = {  # and what is answered, where starter and client can be told
+MISTYPED = {  # with the answer, where the topic has a starter and a client
     "command/pump/alice/STOP": "STOP rejected malformed_topic",
     "command/PUMP/alice/start": "start rejected malformed_topic",
     "command/pump/Alice/start": "",

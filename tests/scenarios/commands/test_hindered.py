@@ -467,6 +467,11 @@ DECIDED = [
 ]
 
 
+def stops_in(plant: RigPlant, begin_s: float, end_s: float) -> int:
+    """Return how many frames of a stop came in that time."""
+    return sum(pdu == RUN_OFF and begin_s < at_s < end_s for at_s, pdu in plant.starter("pump").writes)
+
+
 def stop(id_: str | None = None) -> Action:
     return command("pump/alice/stop", id=id_, fresh=False)
 
@@ -490,7 +495,11 @@ STOPS = [
         sim={"pump": QUICK},
         at={3.0: [do("pump start")], 5.0: [RUNS, *[stop("1")] * 3], 6.0: [stop("1")] * 3},
         then={
-            6.5: seen("result/pump/alice", id="1", duplicate=True),
+            6.5: [
+                seen("result/pump/alice", id="1", duplicate=True),
+                lambda plant: "" if stops_in(plant, 5.0, 5.2) == 3 else "not 3 frames at 5 s",
+                lambda plant: "" if stops_in(plant, 6.0, 6.2) >= 3 else "not 3 frames at 6 s",
+            ],
             17.0: [
                 seen("result/pump/alice", times=1, id="1", phase="unconfirmed"),
                 seen("result/pump/alice", times=1, id="1", phase="accepted", duplicate=False),

@@ -12,6 +12,6 @@ from tests.virtual_time import VirtualClock
 
 
 def reporting() -> Reporting:
-    """Return what reports to nobody, in virtual time."""
+    """Return a reporting whose records go nowhere, in virtual time."""
     records = RecordWriter(RecordBus(print), VirtualClock(asyncio.get_running_loop()))
     return Reporting(records, Ledger(), NoJournal())

@@ -64,7 +64,7 @@ def test_what_was_acted_on_stays_beyond_the_room_until_its_proof_is_over() -> No
     assert known_of(*acted, ("4", START, PROOF_S + 0.1)) == "2 3 4"
 
 
-def test_an_id_is_its_clients_and_a_stop_without_one_is_not_kept() -> None:
+def test_an_id_is_its_clients_and_a_stop_without_one_has_no_entry() -> None:
     ledger = Ledger()
     ledger.store(result("1", START), now_s=0.0)
 

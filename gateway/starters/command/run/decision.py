@@ -21,7 +21,7 @@ from gateway.contract import READ, CommandError, CommandRequest, ResultCode
 from gateway.families import Preparation, Procedure, Read, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport, CommandStep
-from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire, points_of
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Guard
 from gateway.starters.view import StarterIo
@@ -118,7 +118,7 @@ class Judge:
         earlier = self._judge_polls()
         for _ in range(MOST_READINGS):
             rows = await self._read()
-            self.report.before = self._points(rows)
+            self.report.before = points_of(self.wire.values(rows))
             procedure = self._judge(rows, self.guard)
             assert procedure is not None  # all rows were read
             is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
@@ -140,8 +140,7 @@ class Judge:
         return diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
 
     def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
-        points = self._points(rows)
-        request, starter = self.report.request, self.starter
+        request, starter, points = self.report.request, self.starter, points_of(self.wire.values(rows))
         return judge(request, starter, self.preparation, guard, rows=rows, points=points)
 
     def _judge_polls(self) -> Procedure | None:
@@ -164,6 +163,3 @@ class Judge:
                 if error.code != ResultCode.NO_ANSWER or not self.starter.is_answering:
                     raise
             await self.wire.wait_for(asyncio.sleep(ASKED_AGAIN_S))
-
-    def _points(self, rows: Rows) -> dict[str, Any]:
-        return {name: value for name, value in self.wire.values(rows).items() if name not in rows}

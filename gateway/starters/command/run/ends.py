@@ -13,6 +13,7 @@ from typing import Any
 from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
 from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, CommandReport, Final
+from gateway.starters.command.wire import points_of
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
@@ -115,5 +116,5 @@ def unwritten(procedure: Procedure, values: Mapping[str, Any]) -> Final:
 
 def confirmed(procedure: Procedure, values: Mapping[str, Any], after: Mapping[str, Any]) -> Final:
     """Return the end of a command that was read back: the rows that it set, and the points that were read."""
-    points = {name: value for name, value in after.items() if not isinstance(value, tuple)}
-    return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "read_back").noted(*procedure.notes), values, points)
+    reason = Reason(ResultCode.OK, "read_back").noted(*procedure.notes)
+    return Final(Phase.CONFIRMED, reason, values, points_of(after))

@@ -285,7 +285,7 @@ class CommandRun:
         order = self._run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
             await self._wire.wait_for(order.over.wait())
-        return self._outlook.stopped(end, is_shown=order.is_shown())
+        return self._outlook.stopped(end, is_shown=order.is_seen(self._wire.now_s()))
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed, after what its procedure leaves to be undone."""

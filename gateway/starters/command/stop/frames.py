@@ -13,7 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, assert_never
+from typing import Protocol
 
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
@@ -163,16 +163,10 @@ class Frames:
 
 
 def _may_have_left(outcome: Outcome | None) -> bool:
-    """Return whether a request may have reached its starter."""
-    match outcome:
-        case Refused():
-            return False
-        case Answered() | None:
-            return True
-        case Silent(is_sent=is_sent) | Garbled(is_sent=is_sent):
-            return is_sent
-        case _:
-            assert_never(outcome)
+    """Return whether a request may have reached its starter, as one that was cut short may have."""
+    if isinstance(outcome, Silent | Garbled):
+        return outcome.is_sent
+    return not isinstance(outcome, Refused)
 
 
 def _is_mask_refused(step: WriteStep, outcome: Outcome | None) -> bool:

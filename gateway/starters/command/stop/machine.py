@@ -35,6 +35,7 @@ from gateway.starters.command.wire import (
     OverdueError,
     Rows,
     Wire,
+    points_of,
 )
 from gateway.starters.view import StarterIo
 
@@ -96,10 +97,6 @@ class StopOrder:
         """Return whether two readings in a row show it, and count for it."""
         counting = [each for each in self.good if each >= self.counts_from]
         return len(counting) == EQUAL_READINGS and now_s - self.good_s <= SEEN_WITHIN_S
-
-    def is_shown(self) -> bool:
-        """Return whether it is seen now."""
-        return self.is_seen(asyncio.get_running_loop().time())
 
 
 class Stopping:
@@ -238,7 +235,7 @@ class Stopping:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
                 reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
-                ends.append((order, Final(Phase.CONFIRMED, reason, after=_points(self._shown))))
+                ends.append((order, Final(Phase.CONFIRMED, reason, after=points_of(self._shown))))
             elif is_over and order not in shown:
                 ends.append((order, self._unseen(order)))
         self._end(ends)
@@ -279,7 +276,3 @@ class Stopping:
             return Final(Phase.UNCONFIRMED, reason.noted(Note("stop_written_before"), MAY_BE_TURNING))
         phase = Phase.FAILED if reason.code == ResultCode.INTERNAL else Phase.REJECTED
         return Final(phase, reason.noted(MAY_BE_TURNING))
-
-
-def _points(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if not isinstance(value, tuple)}
