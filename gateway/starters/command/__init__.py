@@ -1,6 +1,6 @@
 """The life of a command: admission, readings that decide, writes, read-back, result.
 
-Start at `dispatcher`; `steps` has the table, `run` the ordinary way, `stop` the one of stops.
+Start at `dispatcher`; `report` has the table of steps, `run` the ordinary way, `stop` the one of stops.
 """
 
 from gateway.starters.command.dispatcher import Dispatcher

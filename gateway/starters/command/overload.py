@@ -1,34 +1,41 @@
-"""Answers commands that are too many: for each client ten a second at most."""
+"""Which commands are too many, and their answers: for each client ten a second at most."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
-from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
-from gateway.starters.policy.start_rules import RateLimiter, RateLimits
-from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
+from gateway.contract import CommandRequest, Phase, Reason, ResultCode
+from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final, Reporting, Retention
+from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
+
+# What the gateway takes: more than a person can send by hand
+OF_CLIENT = Rate(20.0, 100)
+OF_STARTER = Rate(5.0, 20)  # by one client
+OF_EVERYONE = Rate(200.0, 300)
+ANSWERED_STOPS = 8  # of one starter at the same time; the others are carried out all the same
 
 
 class Overload:
-    """Counts commands, and answers those beyond the limits. Keys must come from a bounded set."""
+    """Counts commands, and answers those beyond the limits. Clients and starters: of a bounded set."""
 
-    def __init__(self, limits: RateLimits, reporting: Reporting) -> None:
-        self._limiter = RateLimiter(limits)
+    def __init__(self, reporting: Reporting) -> None:
         self._reporting = reporting
+        self._buckets: dict[tuple[str, ...], Bucket] = {}
         self._answers = Damped(self._answer, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
         self.close = self._answers.close  # reports what has only been counted
 
     def admits(self, client: str, starter: str) -> bool:
-        """Count a command and return whether it is within all limits."""
-        return self._limiter.admits(client=client, starter=starter, now_s=self._reporting.now_s())
+        """Count a command and return whether it is within all limits; one too many costs others nothing."""
+        now_s = self._reporting.now_s()
+        limits = {(client,): OF_CLIENT, (client, starter): OF_STARTER, (): OF_EVERYONE}
+        return all(self._buckets.setdefault(of, Bucket(rate)).take(now_s) for of, rate in limits.items())
 
     def answer(self, client: str, request: CommandRequest, *, is_stopped: bool = False) -> None:
         """Answer a command now, or count it; one whose id is known gets no answer.
 
         `is_stopped`: a stop whose frame goes out, but which is not followed up to an end of its own.
         """
-        if self._reporting.known(request) is None:
+        if self._reporting.ledger.find(request.client, request.id) is None:
             self._answers.put((client, is_stopped), (request, is_stopped))
 
     def _answer(self, item: tuple[CommandRequest, bool], count: int) -> None:
@@ -37,11 +44,10 @@ class Overload:
         if count:
             request, values = replace(request, id=None, correlation=None), {"count": count}
             reason = Reason(ResultCode.TOO_MANY, "stop_more" if is_stopped else "client_more", count=count)
-        if not is_stopped:
-            report = CommandReport(request, self._reporting, retention=Retention.RUN)
-            report.finish(Final(Phase.REJECTED, reason, values))
-            return
-        report = CommandReport(request, self._reporting, retention=Retention.NONE)
-        report.accept()
-        report.write()  # rejected would mean that nothing was written
-        report.finish(Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_turning")), values))
+        retention = Retention.NONE if is_stopped else Retention.RUN
+        report, phase = CommandReport(request, self._reporting, retention=retention), Phase.REJECTED
+        if is_stopped:
+            report.accept()
+            report.write()  # rejected would mean that nothing was written
+            reason, phase = reason.noted(MAY_BE_TURNING), Phase.UNCONFIRMED
+        report.finish(Final(phase, reason, values))

@@ -1,16 +1,19 @@
-"""What is said of one command: its phases to its client, its decisions to the audit, all to the ledger."""
+"""One command's life: its step, its results to the client and its decisions to the audit, all in the ledger.
+
+The published phases follow from the steps: `accepted` with QUEUED, `written` with VERIFYING. What has not
+reached VERIFYING has written nothing, so that it may be decided again, and be rejected.
+"""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from math import inf
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.contract import (
-    STOP,
     AuditRecord,
     CommandRequest,
     Note,
@@ -22,14 +25,41 @@ from gateway.contract import (
     joined,
 )
 from gateway.starters.command.ledger import Ledger
-from gateway.starters.command.steps import CommandStep, Life
-from gateway.starters.policy.write_budget import WriteBudget
 from gateway.store import Journal
 
 # What may be the case at a motor once something was written and not seen to act
 MAY_BE_TURNING = Note("may_be_turning")
 MAY_ACT_LATER = Note("may_act_later")
 LOOK = Note("look")
+
+MOST_NAMED = 5  # members of a group that are not confirmed
+
+
+class CommandStep(enum.Enum):
+    """Where a command is."""
+
+    RECEIVED = "received"
+    QUEUED = "queued"  # accepted; it waits for a slot on its line, or needs none
+    READING = "reading"  # what decides is being read
+    DECIDED = "decided"  # two readings in a row lead to the same writes
+    WRITING = "writing"  # the first write is handed to the line
+    VERIFYING = "verifying"  # something has, or may have, reached the starter
+    DONE = "done"  # by a final phase
+
+
+_S, _P = CommandStep, Phase
+NEXT: Mapping[CommandStep, Collection[CommandStep | Phase]] = {  # the steps, and the ends by their phase
+    _S.RECEIVED: {_S.QUEUED, _P.REJECTED},
+    # A stop reads nothing first; the gateway's own verbs are confirmed without any step.
+    _S.QUEUED: {_S.READING, _S.VERIFYING, _P.REJECTED, _P.FAILED, _P.CONFIRMED},
+    _S.READING: {_S.DECIDED, _P.REJECTED, _P.FAILED},
+    # What was read may have grown old; a read, or a value that the starter held already, is confirmed.
+    _S.DECIDED: {_S.WRITING, _S.READING, _P.REJECTED, _P.FAILED, _P.CONFIRMED},
+    # It may not have been sent in time; run = 0 may be refused, and the next write is the first.
+    _S.WRITING: {_S.WRITING, _S.VERIFYING, _S.READING, _P.REJECTED, _P.FAILED},
+    _S.VERIFYING: {_P.CONFIRMED, _P.FAILED, _P.UNCONFIRMED},  # never "nothing written"
+    _S.DONE: set(),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,27 +71,19 @@ class Final:
     values: Mapping[str, Any] = field(default_factory=dict)  # of the result
     after: Mapping[str, Any] = field(default_factory=dict)  # what was read back, for the audit
 
-    @property
-    def code(self) -> str:
-        """Return the code of its reason."""
-        return self.reason.code
-
-    @property
-    def text(self) -> str:
-        """Return its reason in words."""
-        return self.reason.text
-
     def noted(self, *more: Note | Reason | None) -> Final:
         """Return the same end with more to say."""
         return replace(self, reason=self.reason.noted(*more))
 
 
 class Retention(enum.Enum):
-    """Where a result is remembered, so that a repetition of its command gets it again."""
+    """Who has the results: the client and, so that a repetition gets them again, memory or disk."""
 
+    AUDIT = enum.auto()  # no client asked: the audit alone
     NONE = enum.auto()  # a repetition is judged again
     RUN = enum.auto()  # as long as the gateway runs
-    DISK = enum.auto()
+    BEHIND = enum.auto()  # the disk, for which a stop does not wait
+    DISK = enum.auto()  # which has a result before it is published
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +93,11 @@ class Reporting:
     records: RecordWriter
     ledger: Ledger
     journal: Journal
-    write_budget: WriteBudget = field(default_factory=WriteBudget)
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
         return self.records.clock.now_s()
-
-    def known(self, request: CommandRequest) -> ResultRecord | None:
-        """Return the latest result under a command's id."""
-        return self.ledger.find(request.client, request.id)
 
     def audit(
         self,
@@ -114,49 +131,36 @@ class Reporting:
         )
 
 
-class Group(Protocol):
-    """A command to several starters, of which this is one member's."""
-
-    def note_written(self) -> None:
-        """Record that something was written to a member."""
-
-    def note_end(self, name: str, end: Final) -> None:
-        """Record a member's end."""
-
-
+@dataclass(slots=True, eq=False)
 class CommandReport:
-    """Reports the phases of one command: each result to its client, each decision to the audit."""
+    """One command's step and results; a step or an end that the table does not list raises ValueError."""
 
-    def __init__(
-        self,
-        request: CommandRequest,
-        reporting: Reporting,
-        *,
-        is_repeat: bool = False,
-        retention: Retention = Retention.DISK,
-        group: Group | None = None,
-    ) -> None:
-        self.request = request
-        self.reporting = reporting
-        self.life = Life()
-        self.before: Mapping[str, Any] = {}  # what was read before anything was written
-        self._latest: ResultRecord | None = None  # as stored
-        self._is_over = False  # its final result is published
-        self._retention = retention
-        self._group = group
-        self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
-
-    def now_s(self) -> float:
-        """Return the steady clock's time."""
-        return self.reporting.now_s()
+    request: CommandRequest
+    reporting: Reporting
+    _: KW_ONLY
+    is_repeat: bool = False  # a stop whose id was used before: done again, and marked as a duplicate
+    retention: Retention = Retention.DISK
+    group: GroupReport | None = None
+    step: CommandStep = CommandStep.RECEIVED
+    is_written: bool = False  # something has, or may have, reached the starter
+    before: Mapping[str, Any] = field(default_factory=dict)  # what was read before anything was written
+    _latest: ResultRecord | None = None  # as stored
+    _is_over: bool = False  # its final result is published
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
         return seen_s < self.reporting.stood_still_s()
 
+    def advance(self, to: CommandStep | Phase) -> None:
+        """Go on to another step, or to the end with this phase."""
+        if to not in NEXT[self.step]:
+            raise ValueError(f"a command that is {self.step.value} cannot become {to.value}")
+        self.step = to if isinstance(to, CommandStep) else CommandStep.DONE
+        self.is_written |= to is CommandStep.VERIFYING
+
     def accept(self) -> None:
         """Say that the command will be carried out."""
-        self.life.advance(CommandStep.QUEUED)
+        self.advance(CommandStep.QUEUED)
         self._decide(Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
 
     async def intend(self) -> None:
@@ -166,19 +170,23 @@ class CommandReport:
 
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
-        if self.life.is_written:
+        if self.is_written:
             return
-        self.life.advance(CommandStep.VERIFYING)
+        self.advance(CommandStep.VERIFYING)
         self._report(Final(Phase.WRITTEN, Reason(ResultCode.OK, "written")))
-        if self._group is not None:
-            self._group.note_written()
+        if self.group is not None:
+            self.group.whole.write()
 
     def finish(self, end: Final) -> None:
         """Give the final result."""
-        self.life.end(end.phase)
+        self.advance(end.phase)
         self._decide(end)
-        if self._group is not None:
-            self._group.note_end(self.request.starter, end)
+        if self.group is not None:
+            self.group.note_end(self.request.starter, end)
+
+    def reject(self, reason: Reason) -> None:
+        """Give the final result of a command that is not carried out."""
+        self.finish(Final(Phase.REJECTED, reason))
 
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command changed for that client; a result without an id."""
@@ -194,10 +202,10 @@ class CommandReport:
             id=request.id,
             verb=request.verb,
             phase=end.phase,
-            code=end.code,
-            text=joined(end.text, request.remark),
+            code=end.reason.code,
+            text=joined(end.reason.text, request.remark),
             time_s=self.reporting.records.clock.utc_s(),
-            is_duplicate=self._is_repeat,
+            is_duplicate=self.is_repeat,
             values=end.values,
             correlation=request.correlation,
             ticket=request.ticket,
@@ -206,27 +214,34 @@ class CommandReport:
     def _decide(self, end: Final) -> None:
         """Report what was decided, which the audit has as well."""
         self._report(end)
-        self.reporting.audit(self.request, end.phase, end.code, before=self.before, after=end.after)
+        before, code = self.before, end.reason.code
+        self.reporting.audit(self.request, end.phase, code, before=before, after=end.after)
 
     def _report(self, end: Final) -> None:
-        request, reporting = self.request, self.reporting
-        ledger, now_s, result = reporting.ledger, self.now_s(), self._result(end)
-        if self._retention is not Retention.DISK:
+        if self.retention is Retention.AUDIT:
+            return
+        request, records, journal = self.request, self.reporting.records, self.reporting.journal
+        result = self._result(end)
+        if self.retention in (Retention.NONE, Retention.RUN):
             if request.starter and request.client:  # else there is no topic for a result, only the audit
-                reporting.records.put(result)
-            if self._retention is Retention.RUN:
-                ledger.store(result, now_s=now_s)
-        elif end.phase is Phase.WRITTEN or request.verb == STOP:
-            # That something may be written is on the disk already; a stop waits for no disk.
-            is_under_its_id = ledger.store(result, now_s=now_s)  # else that stands for what was acted on
-            self._latest = result if is_under_its_id else replace(result, id=None)
-            reporting.journal.note(self._latest)
-            reporting.records.put(result)
+                records.put(result)
+            if self.retention is Retention.RUN:
+                self._store(result)
+        elif end.phase is Phase.WRITTEN or self.retention is Retention.BEHIND:
+            # That something may be written is on the disk already. Where the ledger keeps the result of
+            # another command under this id, a stop is stored without it.
+            self._latest = result if self._store(result) else replace(result, id=None)
+            journal.note(self._latest)
+            records.put(result)
         else:
             if self._latest is None:  # a copy of the command must be known for one from now on
-                ledger.store(result, now_s=now_s, is_published=False)
+                self._store(result, is_published=False)
             self._latest = result
-            reporting.journal.note(result, then=partial(self._publish_end, result))
+            journal.note(result, then=partial(self._publish_end, result))
+
+    def _store(self, result: ResultRecord, *, is_published: bool = True) -> bool:
+        ledger = self.reporting.ledger
+        return ledger.store(result, now_s=self.reporting.now_s(), is_published=is_published)
 
     def _publish_end(self, result: ResultRecord) -> None:
         """Publish what is on the disk now, for repetitions too: no crash changes an end that is known.
@@ -236,5 +251,42 @@ class CommandReport:
         if self._is_over:
             return
         self._is_over = result.phase.is_final
-        self.reporting.ledger.store(result, now_s=self.now_s())
+        self._store(result)
         self.reporting.records.put(result)
+
+
+class GroupReport:
+    """The stop of a group: each member is stopped on its own, and their ends make one for the whole."""
+
+    def __init__(self, whole: CommandReport, members: Collection[str]) -> None:
+        self.whole = whole
+        self._missing = set(members)
+        self._ends: dict[str, Final] = {}
+
+    def member(self, name: str) -> CommandReport:
+        """Return the stop of one member: reported to the same client, with the same id, but not stored."""
+        request = replace(self.whole.request, starter=name, correlation=None, ticket=0)
+        return CommandReport(request, self.whole.reporting, retention=Retention.NONE, group=self)
+
+    def note_end(self, name: str, end: Final) -> None:
+        """Record a member's end; the last one ends the whole, confirmed only when all members are."""
+        self._ends[name] = end
+        self._missing.discard(name)
+        if not self._missing:
+            self.whole.finish(self._end())
+
+    def _end(self) -> Final:
+        ends = dict(sorted(self._ends.items()))
+        values = {"members": {name: {"phase": e.phase, "code": e.reason.code} for name, e in ends.items()}}
+        others = {name: end for name, end in ends.items() if end.phase is not Phase.CONFIRMED}
+        if not others:
+            return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "group", count=len(ends)), values)
+        causes = [f"{name}: {end.reason.code}, {end.reason.text}" for name, end in others.items()]
+        named = "; ".join(causes[:MOST_NAMED])
+        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(ends), causes=named)
+        if len(others) > MOST_NAMED:
+            reason = reason.noted(Note("more_members", count=len(others) - MOST_NAMED))
+        if self.whole.is_written:
+            return Final(Phase.UNCONFIRMED, reason, values)
+        is_rejected = {end.phase for end in others.values()} == {Phase.REJECTED}
+        return Final(Phase.REJECTED if is_rejected else Phase.FAILED, reason, values)

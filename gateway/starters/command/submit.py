@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import AsyncIterator, Callable
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from weakref import WeakValueDictionary
 
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
@@ -39,37 +39,30 @@ class Results(AsyncIterator[ResultRecord]):
         return result
 
 
+@dataclass(eq=False)
 class Commands:
     """Takes every command. All calls on the app's loop; `restate` publishes the boot token again."""
 
     takes = (ResultRecord,)
 
-    def __init__(
-        self,
-        dispatcher: Dispatcher,
-        tokens: Tokens,
-        *,
-        clock: Clock,
-        clock_watch: ClockWatch,
-        suspend_watch: SuspendWatch,
-        restate: Callable[[], None],
-        publish_event: PublishEvent,
-    ) -> None:
-        self._dispatcher = dispatcher
-        self._tokens = tokens
-        self._clock = clock
-        self._clock_watch = clock_watch
-        self._suspend_watch = suspend_watch
-        self._restate = restate
-        self._publish_event = publish_event
+    dispatcher: Dispatcher
+    tokens: Tokens
+    _: KW_ONLY
+    clock: Clock
+    clock_watch: ClockWatch
+    suspend_watch: SuspendWatch
+    restate: Callable[[], None]
+    publish_event: PublishEvent
+
+    def __post_init__(self) -> None:
         self._tickets = itertools.count(1)
         self._followed: WeakValueDictionary[int, Results] = WeakValueDictionary()
-        suspend_watch.on_suspended = self._note_suspension
-        clock_watch.on_change = self._note_clock
+        self.suspend_watch.on_suspended = self._note_suspension
+        self.clock_watch.on_change = self._note_clock
 
     async def run(self) -> None:
         """Watch for suspensions of the process and for steps of the clock."""
-        await self._suspend_watch.run(also=self._clock_watch.look)
+        await self.suspend_watch.run(also=self.clock_watch.look)
 
     def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> Results:
         """Judge a command at once and have it carried out; what has no proof of freshness is rejected.
@@ -79,13 +72,13 @@ class Commands:
         results = Results()
         request = replace(request, ticket=next(self._tickets))
         self._followed[request.ticket] = results
-        refusal = refusal or self._dispatcher.verb_error(request.starter, request.verb)
+        refusal = refusal or self.dispatcher.verb_error(request.starter, request.verb)
         if refusal is None and request.verb != STOP:
             try:
                 request = self._decided(request)
             except CommandError as unproven:
                 refusal = unproven
-        self._dispatcher.submit(request, refusal)
+        self.dispatcher.submit(request, refusal)
         return results
 
     def put(self, record: Record) -> None:
@@ -95,8 +88,8 @@ class Commands:
 
     def look(self) -> None:
         """Notice a standstill or a step of the clock before anything that has waited meanwhile is judged."""
-        self._suspend_watch.look()
-        self._clock_watch.look()
+        self.suspend_watch.look()
+        self.clock_watch.look()
 
     def _decided(self, request: CommandRequest) -> CommandRequest:
         """Return a fresh command with the time at which it was decided upon; CommandError for others."""
@@ -105,9 +98,9 @@ class Commands:
             request.proof,
             verb=request.verb,
             # No bridge lies between this gateway and what is part of it.
-            freshness=(BY_TOKEN,) if request.source else self._dispatcher.freshness(request),
-            tokens=self._tokens,
-            moment=Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt()),
+            freshness=(BY_TOKEN,) if request.source else self.dispatcher.freshness(request),
+            tokens=self.tokens,
+            moment=Moment(self.clock.now_s(), self.clock.utc_s(), self.clock_watch.doubt()),
         )
         expires_s = decision.since_s + request.proof.ttl_s
         if request.expires_s is not None:
@@ -116,13 +109,13 @@ class Commands:
 
     def _note_suspension(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
-        self._tokens.boot.stood_still(self._suspend_watch.ended_s())
-        self._restate()
-        self._publish_event(EventCode.STOOD_STILL, seconds=seconds)
+        self.tokens.boot.stood_still(self.suspend_watch.ended_s())
+        self.restate()
+        self.publish_event(EventCode.STOOD_STILL, seconds=seconds)
 
     def _note_clock(self, step: str | None) -> None:
         """Publish a step of the clock, and that it counts again."""
         if step is None:
-            self._publish_event(EventCode.CLOCK_TRUSTED)
+            self.publish_event(EventCode.CLOCK_TRUSTED)
         else:
-            self._publish_event(EventCode.CLOCK_STEPPED, step=step, seconds=SETTLED_S)
+            self.publish_event(EventCode.CLOCK_STEPPED, step=step, seconds=SETTLED_S)

@@ -7,20 +7,22 @@ gateway asks for: it makes no new token and cancels nothing, and it gives way to
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Coroutine, Iterable, Mapping
+from collections.abc import Collection, Coroutine, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, TypeVar
 
-from gateway.contract import READ, STOP, CommandError, CommandRequest, Phase, Reason, ResultCode
+from gateway.contract import READ, STOP, CommandError, CommandRequest, Reason, ResultCode
 from gateway.families import Expect, Preparation
-from gateway.starters.command.report import CommandReport, Final, Reporting
-from gateway.starters.command.run.pipeline import CAN_WAIT, CommandRun
+from gateway.starters.command.own_verbs import Deed, Rest
+from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
+from gateway.starters.command.run.decision import CAN_WAIT
+from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
 from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
-from gateway.starters.policy.policy import GATEWAY, Policy
-from gateway.starters.policy.preconditions import Guard, is_forbidden
+from gateway.starters.policy.policy import GATEWAY, Guard
+from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.view import StarterIo
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
@@ -28,13 +30,14 @@ _Work = TypeVar("_Work", CommandRun, Stopping)
 AT_ONCE = 4  # commands of a line that have not yet done their first write: all at once would all expire
 
 
+@dataclass(eq=False)
 class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
-    def __init__(self, starters: Mapping[str, StarterIo], reporting: Reporting, policy: Policy) -> None:
-        self._starters = starters
-        self._reporting = reporting
-        self._policy = policy
+    starters: Mapping[str, StarterIo]
+    reporting: Reporting
+
+    def __post_init__(self) -> None:
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
@@ -44,7 +47,7 @@ class UnderWay:
 
     def is_busy(self, name: str) -> bool:
         """Return whether a starter is under a command or a client's stop."""
-        return name in self._runs or self._is_stopped_by_client(name)
+        return name in self._runs or (name in self._stops and not self._stops[name].is_own)
 
     def demand_free(self, name: str) -> None:
         """Demand that a starter is under no command, and that its configuration stays as it is."""
@@ -56,21 +59,22 @@ class UnderWay:
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        if verb != READ and name in self._stops:  # a read changes nothing at the starter
-            self._stops.pop(name).give_way()
-        starter = self._starters[name]
-        key = (starter.setup.line, verb in CAN_WAIT)  # the two do not wait for each other
-        slot = self._slots.setdefault(key, asyncio.Semaphore(AT_ONCE))
-        run = self._runs[name] = CommandRun(
-            report,
-            starter,
-            preparation,
-            guard,
-            slot=None if verb == READ else slot,
-            watchdogs=self._policy.watchdogs,
-            run_off=self._run_off,
-        )
-        self.spawn(_run_out(self._runs, name, run))
+        starter, slot = self.starters[name], None
+        if verb != READ:  # which changes nothing at the starter, and needs no slot
+            if name in self._stops:
+                self._stops.pop(name).give_way()
+            line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
+            slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
+        run = CommandRun(report, starter, preparation, guard, slot=slot, run_off=self._run_off)
+        self._carry_out(self._runs, name, run)
+
+    def do(self, report: CommandReport, deed: Deed) -> None:
+        """Carry out one of the gateway's own verbs, at once but for what waits for the disk."""
+        end = deed(report)
+        if isinstance(end, Final):
+            report.finish(end)
+        else:
+            self._spawn(_finish(report, end))
 
     def stop(self, name: str, came_s: float) -> None:
         """Cut what this starter is doing, and have a frame sent for one more stop message."""
@@ -83,13 +87,13 @@ class UnderWay:
             stopping.frames.with_jog = True  # it may have been written, and not yet be seen
         stopping.ask()
 
-    def stops(self, names: Iterable[str]) -> list[Stopping]:
-        """Return the stops of these starters that clients' messages may join."""
-        return [self._stops[name] for name in names if self._is_stopped_by_client(name)]
+    def answered_stops(self, name: str) -> int:
+        """Return how many stop commands of a starter are under way and will be answered."""
+        return self._stops[name].count if name in self._stops else 0
 
-    def join(self, name: str, report: CommandReport) -> None:
+    def join(self, report: CommandReport) -> None:
         """Have an accepted stop answered, for which a frame was asked."""
-        self._stops[name].join(report)
+        self._stops[report.request.starter].join(report)
 
     def stopped_s(self) -> float:
         """Return when the latest stop of any starter came, on the steady clock."""
@@ -112,7 +116,7 @@ class UnderWay:
     def cut_for_lock(self, name: str) -> None:
         """Let a command that the lock forbids not be written any more; what is written is still read back."""
         run = self._runs.get(name)
-        if run is None or run.report.life.is_written:
+        if run is None or run.report.is_written:
             return
         if is_forbidden(run.report.request.verb, run.report.request.args):
             run.halt(Reason(ResultCode.LOCKED, "cut"))
@@ -131,41 +135,35 @@ class UnderWay:
 
     async def close(self) -> None:
         """Write nothing more, and wait for everything to end."""
-        reason = Reason(ResultCode.SHUTTING_DOWN)
-        for run in self._runs.values():
-            run.halt(reason)
-        for stopping in self._stops.values():
-            stopping.halt(reason)
+        under_way: list[CommandRun | Stopping] = [*self._runs.values(), *self._stops.values()]
+        for work in under_way:
+            work.halt(Reason(ResultCode.SHUTTING_DOWN))
         if self._tasks:
             await asyncio.wait(self._tasks)
 
-    def spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        """Carry something out in a task of its own, for whose end `close` waits."""
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)  # the loop itself keeps only a weak reference
-        task.add_done_callback(self._tasks.discard)
-
-    def _is_stopped_by_client(self, name: str) -> bool:
-        return name in self._stops and not self._stops[name].is_own
-
     def _stopping(self, name: str) -> Stopping:
         """Return the stop of a starter, which begins now unless it is under way."""
-        stopping = self._stops.get(name)
-        if stopping is None:
-            stopping = self._stops[name] = Stopping(self._starters[name])
-            self.spawn(_run_out(self._stops, name, stopping))
-        return stopping
+        if name not in self._stops:
+            self._carry_out(self._stops, name, Stopping(self.starters[name]))
+        return self._stops[name]
 
     def _run_off(self, report: CommandReport, released: Expect) -> StopOrder:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
-        take_back = self._stopping(request.starter).take_back
-        order = take_back(released, lambda end: self._audit(request, end))
-        self._audit(request, Final(Phase.ACCEPTED, Reason(ResultCode.OK, "accepted")))
+        own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
+        order = self._stopping(request.starter).take_back(released, own)
+        own.accept()
         return order
 
-    def _audit(self, request: CommandRequest, end: Final) -> None:
-        self._reporting.audit(request, end.phase, end.code, after=end.after)
+    def _carry_out(self, under_way: dict[str, _Work], name: str, work: _Work) -> None:
+        under_way[name] = work
+        self._spawn(_run_out(under_way, name, work))
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        """Carry something out in a task of its own, for whose end `close` waits."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)  # the loop itself keeps only a weak reference
+        task.add_done_callback(self._tasks.discard)
 
 
 async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
@@ -175,3 +173,7 @@ async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
     finally:
         if under_way.get(name) is work:  # else it gave way
             del under_way[name]
+
+
+async def _finish(report: CommandReport, rest: Rest) -> None:
+    report.finish(await rest)

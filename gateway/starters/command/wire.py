@@ -56,14 +56,14 @@ class RefusedError(GatewayError):
 class Wire:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterWire, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
+    def __init__(self, starter: StarterWire, *, read_back_lane: Priority, until_s: float = inf) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
+        self.until_s = until_s  # nothing is waited for any longer, whatever the line does
+        self.now_s = asyncio.get_running_loop().time
         self._halted: Reason | None = None
-        self._handed_over: set[asyncio.Future[Outcome]] = set()
-        self._inner: asyncio.Future[Any] | None = None
+        self._awaited: set[asyncio.Future[Any]] = set()
         self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
-        self.until_s = inf  # nothing is waited for any longer, whatever the line does
 
     def halt(self, reason: Reason) -> None:
         """Let nothing more go out.
@@ -71,19 +71,12 @@ class Wire:
         What waits for the line is withdrawn before anything that the caller hands to the line from now on.
         """
         self._halted = self._halted or reason
-        for asked in tuple(self._handed_over):
-            asked.cancel()
-        if self._inner is not None:
-            self._inner.cancel()
+        for awaited in tuple(self._awaited):
+            awaited.cancel()
 
     def hand_over(self, request: Request, *, lane: Priority) -> asyncio.Future[Outcome]:
         """Hand a request to the line at once; what is to become of it is cancelled when halted."""
-        asked = self._starter.ask(request, lane=lane)
-        if self._halted is not None:
-            asked.cancel()
-        self._handed_over.add(asked)
-        asked.add_done_callback(self._handed_over.discard)
-        return asked
+        return self._until_halted(self._starter.ask(request, lane=lane))
 
     async def write(self, request: Request, *, lane: Priority, until_s: float = inf) -> Outcome:
         """Send a write once, not later than `until_s`; HaltedError, OverdueError: perhaps it went out."""
@@ -113,7 +106,7 @@ class Wire:
 
     async def see(self, expect: Expect) -> dict[str, Any] | None:
         """Return the values of two readings in a row that show what is expected; None when its time is up."""
-        until_s = asyncio.get_running_loop().time() + expect.within_s
+        until_s = self.now_s() + expect.within_s
         count = 0
         with suppress(OverdueError):
             while True:
@@ -122,9 +115,9 @@ class Wire:
                 if count == EQUAL_READINGS:
                     await asyncio.sleep(0)  # they are published before the result that rests on them
                     return values
-                if count == 0 and asyncio.get_running_loop().time() >= until_s:
+                if count == 0 and self.now_s() >= until_s:
                     break
-                await self.pause(READ_BACK_PAUSE_S)
+                await self.wait_for(asyncio.sleep(READ_BACK_PAUSE_S))
         return None
 
     async def is_refused(self, reads: Iterable[Read], codes: Collection[int]) -> bool:
@@ -138,12 +131,8 @@ class Wire:
         decoded = decode.decode_points(self._starter.profile, self._starter.variant, rows)
         return {**rows, **{name: point.value for name, point in decoded.items()}}
 
-    async def pause(self, seconds: float) -> None:
-        """Wait, unless halted."""
-        await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
-
     async def wait_for(self, work: Coroutine[Any, Any, object]) -> None:
-        """Wait for something other than the starter, unless halted."""
+        """Wait for something other than the starter, or for some time, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
     def demand_not_halted(self) -> None:
@@ -153,7 +142,7 @@ class Wire:
 
     async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
         self.demand_not_halted()
-        if asyncio.get_running_loop().time() >= self.until_s:
+        if self.now_s() >= self.until_s:
             raise OverdueError
         return await self._do(self._starter.ask(request, lane=lane, until_s=until_s))
 
@@ -173,20 +162,29 @@ class Wire:
             case _:
                 assert_never(outcome)
 
-    async def _do(self, inner: asyncio.Future[T]) -> T:
+    def _until_halted(self, awaited: asyncio.Future[T]) -> asyncio.Future[T]:
         if self._halted is not None:
-            inner.cancel()
-        self._inner = inner
-        left_s = self.until_s - asyncio.get_running_loop().time()
+            awaited.cancel()
+        self._awaited.add(awaited)
+        awaited.add_done_callback(self._awaited.discard)
+        return awaited
+
+    async def _do(self, inner: asyncio.Future[T]) -> T:
+        self._until_halted(inner)
+        left_s = self.until_s - self.now_s()
         try:
             await asyncio.wait((inner,), timeout=None if left_s == inf else max(left_s, 0.0))
         finally:
-            self._inner = None
             inner.cancel()  # does nothing to what is done; else it is overdue, or we are cancelled
         await asyncio.wait((inner,))
         if inner.cancelled():
             raise OverdueError if self._halted is None else HaltedError(self._halted)
         return inner.result()
+
+
+def points_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the points of what rows say, without the raw words."""
+    return {name: value for name, value in values.items() if not isinstance(value, tuple)}
 
 
 def exception_result(number: int) -> ResultCode:

@@ -132,21 +132,16 @@ def decision_of(
     """
     if proof.boot not in (None, tokens.boot.token):
         raise CommandError(ResultCode.WRONG_BOOT)
-    now_s, made_s, issued_s = moment.now_s, None, None  # on the steady clock
-    if proof.token is not None:
-        made_s = tokens.made_s(proof.token)
+    now_s, made_s, issued_s = moment.now_s, tokens.made_s(proof.token or ""), None  # on the steady clock
     if proof.issued_s is not None and moment.clock_doubt is None:
         issued_s = now_s - (moment.utc_s - proof.issued_s)
     found = ((made_s, BY_TOKEN), (issued_s, BY_ISSUED_AT))
     dated = [(at_s, by) for at_s, by in found if at_s is not None]
     for at_s, by in dated:
-        if now_s - at_s > proof.ttl_s:
-            is_token = by == BY_TOKEN
+        age_s, ttl_s, is_token = now_s - at_s, proof.ttl_s, by == BY_TOKEN
+        if age_s > ttl_s:
             raise CommandError(
-                ResultCode.EXPIRED,
-                "token" if is_token else "issued_at",
-                age_s=now_s - at_s,
-                ttl_s=proof.ttl_s,
+                ResultCode.EXPIRED, "token" if is_token else "issued_at", age_s=age_s, ttl_s=ttl_s
             )
     trouble = None if issued_s is None else _issued_trouble(issued_s, tokens, now_s)
     is_issued = issued_s is not None and trouble is None

@@ -50,16 +50,10 @@ class _Page(_Strict):
         return self.model_copy(update={"starts": [to(at) for at in self.starts], "standing_since": since})
 
 
-class _StoredReading(_Strict):
-    up_s: float
-    utc_s: float
-    boot_id: str
-
-
 class StoredMotors(_Strict):
     """What is stored of all motors: times are UTC, and `at` all clocks when it was."""
 
-    at: _StoredReading
+    at: ClockReading
     starters: dict[str, _Page]
 
 
@@ -126,18 +120,15 @@ class MotorHistory:
         def utc_of(at_s: float) -> float:
             return reading.utc_s - (now_s - at_s)
 
-        return StoredMotors(
-            at=_StoredReading(up_s=reading.up_s, utc_s=reading.utc_s, boot_id=reading.boot_id),
-            starters={name: page.dated(utc_of) for name, page in self._pages.items()},
-        )
+        pages = {name: page.dated(utc_of) for name, page in self._pages.items()}
+        return StoredMotors(at=reading, starters=pages)
 
     def restore(self, stored: StoredMotors, *, now_s: float, reading: ClockReading) -> None:
         """Apply what was stored of the configured starters."""
-        before = ClockReading(stored.at.up_s, stored.at.utc_s, stored.at.boot_id)
-        passed_s = certain_s(before, reading)
+        passed_s = certain_s(stored.at, reading)
 
         def steady_of(utc_s: float) -> float:
-            return now_s - passed_s - max(before.utc_s - utc_s, 0.0)
+            return now_s - passed_s - max(stored.at.utc_s - utc_s, 0.0)
 
         for name in self._pages.keys() & stored.starters.keys():
             self._pages[name] = stored.starters[name].dated(steady_of)

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gateway.contract import (
+    CommandError,
     CommandRequest,
-    EventCode,
     LockRecord,
     Record,
     RecordWriter,
+    ResultCode,
     StateRecord,
 )
 from gateway.errors import DamagedError
+from gateway.families import Procedure
 from gateway.starters.identity import IdentityRegistry
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, StoredMotors
-from gateway.starters.policy.preconditions import Expectation, Guard
+from gateway.starters.policy.preconditions import Expectation, demand_unlocked
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
-from gateway.starters.policy.start_rules import PolicySettings, Rulebook
-from gateway.starters.policy.write_budget import WRITES, WriteBudget
+from gateway.starters.policy.start_rules import PolicySettings, Rulebook, is_start
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.state import PublishedFaults
 from gateway.store import Documents, read_document, write_document
 from gateway.system.clock import ClockReading
 
+SAVED_WITHIN_S = 1.0  # a start, where a rule counts starts
 GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 
 
@@ -56,16 +61,13 @@ class Policy:
         self.identities = IdentityRegistry(records, documents)
         self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
-        self.write_budget = WriteBudget(on_count=self._publish_write_count)
-        self._writes = documents.open("writes", WRITES, self.write_budget.totals, is_for_operators=True)
-        self.write_budget.restore(self._writes.loaded or {})
+        self.write_budget = WriteBudget(records, documents)
         self.document = documents.open(LOCKS, MOTORS, self._stored, is_for_operators=True)
-        self._clock = records.clock
-        self._records = records
+        self.clock = records.clock
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         if self.document.loaded is not None:
             self.motor_history.restore(
-                self.document.loaded, now_s=self._clock.now_s(), reading=self._clock.reading()
+                self.document.loaded, now_s=self.clock.now_s(), reading=self.clock.reading()
             )
         elif self.document.damage:  # lock each starter that somebody may unlock
             self._unsure = set(starters)
@@ -75,13 +77,10 @@ class Policy:
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
         if isinstance(record, StateRecord):
-            self.motor_history.note_state(record.starter, record.state, now_s=self._clock.now_s())
+            self.motor_history.note_state(record.starter, record.state, now_s=self.clock.now_s())
 
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
-        """Judge by other settings from now on; return the starters that are locked by it.
-
-        A command that was admitted keeps to the settings it was admitted under.
-        """
+        """Judge by other settings now, also what is not yet written; return the starters locked by it."""
         self.settings = settings
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         locked = self._lock_unsure(rights)
@@ -89,31 +88,8 @@ class Policy:
         self.identities.store()
         return locked
 
-    def guard(self, request: CommandRequest, expectations: Sequence[Expectation]) -> Guard:
-        """Return what watches over one command until its write."""
-        return Guard(
-            request,
-            expectations,
-            motor_history=self.motor_history,
-            rulebook=self.rulebook,
-            document=self.document,
-            clock=self._clock,
-        )
-
     def _stored(self) -> StoredMotors:
-        return self.motor_history.stored(now_s=self._clock.now_s(), reading=self._clock.reading())
-
-    def _publish_write_count(self, starter: str, writes: int) -> None:
-        """Publish and store how often a starter's memory was written; a lost count is no event."""
-        self._writes.touch()
-        self._records.event(
-            starter,
-            EventCode.MEMORY_WRITTEN,
-            last_hour=self.write_budget.last_hour(starter),
-            total=self.write_budget.total(starter),
-            writes=writes,
-            limit=self.write_budget.most_per_hour,
-        )
+        return self.motor_history.stored(now_s=self.clock.now_s(), reading=self.clock.reading())
 
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
@@ -122,9 +98,67 @@ class Policy:
         for name in locked:
             self._unsure.discard(name)
             self.motor_history.set_lock(
-                name, LockRecord(by=GATEWAY, since_s=self._clock.utc_s(), reason=reason)
+                name, LockRecord(by=GATEWAY, since_s=self.clock.utc_s(), reason=reason)
             )
         return locked
+
+
+@dataclass(slots=True)
+class Guard:
+    """Judges one command until its first write; what judges raises CommandError when it must not be."""
+
+    request: CommandRequest
+    policy: Policy
+    expectations: Sequence[Expectation] = ()
+    _is_counted: bool = False  # the start, in the motor history: it must not stand in its own way
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Return the rows that must be read besides those of the command itself."""
+        return tuple(code for expectation in self.expectations for code in expectation.codes)
+
+    @property
+    def _is_start(self) -> bool:
+        return is_start(self.request.verb, self.request.args)
+
+    def check(self, points: Mapping[str, Any] | None = None) -> None:
+        """Judge by the gateway's own rules, and by fresh points where there are some."""
+        self._check_time_and_lock()
+        if points is not None:
+            for expectation in self.expectations:
+                expectation.check(points)
+        if self._is_start and not self._is_counted:
+            self.policy.rulebook.demand_start(self.request.starter, now_s=self.policy.clock.now_s())
+
+    async def reserve(self, procedure: Procedure) -> None:
+        """Demand that the line can keep the watchdog that is set, which counts from now on; `end` follows."""
+        await self.policy.watchdogs.admit(self.request.starter, procedure)
+
+    async def admit(self, procedure: Procedure) -> None:
+        """Judge for the last time, and count the start and the writes to the starter's memory.
+
+        Where a rule counts starts, the start is stored first.
+        """
+        self.check()
+        policy, starter = self.policy, self.request.starter
+        if self._is_start:
+            self._is_counted = True
+            policy.motor_history.note_start(starter, now_s=policy.clock.now_s())
+            if policy.rulebook.of(starter).is_counting:
+                if not await policy.document.saved(within_s=SAVED_WITHIN_S):
+                    raise CommandError(ResultCode.NOT_KEPT, "start")
+                self._check_time_and_lock()
+        policy.write_budget.take(starter, procedure.wears, now_s=policy.clock.now_s())
+
+    def end(self, *, is_written: bool) -> None:
+        """Record that the command is over: a watchdog that it may have written counts until it is read."""
+        self.policy.watchdogs.end(self.request.starter, is_written=is_written)
+
+    def _check_time_and_lock(self) -> None:
+        request, now_s = self.request, self.policy.clock.now_s()
+        if now_s > request.until_s:
+            raise CommandError(ResultCode.EXPIRED, "waiting", age_s=now_s - request.received_s)
+        demand_unlocked(request, self.policy.motor_history)
 
 
 def lock_restored(
@@ -146,16 +180,11 @@ def lock_restored(
     history, here = MotorHistory(names), reading
     if stored is not None:
         here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
-        history.restore(_moved(stored, here), now_s=here.up_s, reading=here)
+        # Its times as they are, read by the clocks of this machine
+        history.restore(stored.model_copy(update={"at": here}), now_s=here.up_s, reading=here)
     locked = [name for name in names if is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
         history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=reason))
     if stored is not None or locked:
         write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
     return locked
-
-
-def _moved(stored: StoredMotors, here: ClockReading) -> StoredMotors:
-    """Return the same with its times as they are, and read by the clocks of this machine."""
-    at = stored.at.model_copy(update={"up_s": here.up_s, "boot_id": here.boot_id})
-    return stored.model_copy(update={"at": at})

@@ -5,48 +5,47 @@ A maintenance lock forbids all that could move the motor; it replaces no physica
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from gateway.contract import CommandError, CommandRequest, LockRecord, Note, Reason, ResultCode
 from gateway.families import STATES, Profile, command, reading, state_of
-from gateway.starters.policy.motor_history import MotorHistory, StoredMotors
-from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
-from gateway.store import Document
-from gateway.system.clock import Clock
+from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.start_rules import is_release
 
 STATE = "state"
 
 
+@dataclass(frozen=True, slots=True)
 class Expectation:
-    """A state, or the values of points, that must still be so; `code` is that of a refusal."""
+    """A state, or the values of points, that must still be so; CommandError for what cannot be."""
 
-    def __init__(
-        self, profile: Profile, wanted: Mapping[str, Any], *, code: ResultCode = ResultCode.NOT_AS_EXPECTED
-    ) -> None:
-        for name, value in wanted.items():
-            if name != STATE and name not in profile.points:
-                raise CommandError(ResultCode.BAD_EXPECT, "point", title=profile.title, name=name[:40])
+    profile: Profile
+    wanted: Mapping[str, Any]
+    code: ResultCode = ResultCode.NOT_AS_EXPECTED  # of a refusal
+
+    def __post_init__(self) -> None:
+        for name, value in self.wanted.items():
+            if name != STATE and name not in self.profile.points:
+                raise CommandError(ResultCode.BAD_EXPECT, "point", title=self.profile.title, name=name[:40])
             if name == STATE and value not in STATES:
                 raise CommandError(ResultCode.BAD_EXPECT, "state", states=", ".join(STATES))
-        self._profile = profile
-        self._wanted = wanted
-        self._code = code
 
     @property
     def codes(self) -> tuple[str, ...]:
         """Return the rows that must be read to judge."""
-        names = [name for name in self._wanted if name != STATE]
-        if STATE in self._wanted:
-            names += command.points_needed(self._profile, ("is_ready",))
-        return reading.rows_of_points(self._profile, names)
+        names = [name for name in self.wanted if name != STATE]
+        if STATE in self.wanted:
+            names += command.points_needed(self.profile, ("is_ready",))
+        return reading.rows_of_points(self.profile, names)
 
     def check(self, points: Mapping[str, Any]) -> None:
         """Raise CommandError unless all is as expected."""
-        for name, wanted in self._wanted.items():
-            value = state_of(self._profile, points) if name == STATE else points.get(name)
+        for name, wanted in self.wanted.items():
+            value = state_of(self.profile, points) if name == STATE else points.get(name)
             if not _is_equal(value, wanted):
-                raise CommandError(self._code, name=name, value=_word(value), wanted=_word(wanted))
+                raise CommandError(self.code, name=name, value=_word(value), wanted=_word(wanted))
 
 
 def _is_equal(value: object, wanted: object) -> bool:
@@ -96,62 +95,3 @@ def reason_in(args: Mapping[str, Any], reason: str | None) -> str:
     if len(why) > LONGEST_REASON or not why.isprintable():
         raise CommandError(ResultCode.BAD_ARGUMENTS, "reason_too_long", most=LONGEST_REASON)
     return why.strip()
-
-
-SAVED_WITHIN_S = 1.0
-
-
-class Guard:
-    """Judges one command until its first write; every method raises CommandError when it must not be."""
-
-    def __init__(
-        self,
-        request: CommandRequest,
-        expectations: Sequence[Expectation],
-        *,
-        motor_history: MotorHistory,
-        rulebook: Rulebook,
-        document: Document[StoredMotors],
-        clock: Clock,
-    ) -> None:
-        self._request = request
-        self._expectations = expectations
-        self._motor_history = motor_history
-        self._rulebook = rulebook
-        self._document = document
-        self._clock = clock
-        self._is_start = is_start(request.verb, request.args)
-        self._is_counted = False  # the start, in the motor history: it must not stand in its own way
-
-    @property
-    def codes(self) -> tuple[str, ...]:
-        """Return the rows that must be read besides those of the command itself."""
-        return tuple(code for expectation in self._expectations for code in expectation.codes)
-
-    def check(self, points: Mapping[str, Any] | None = None) -> None:
-        """Judge by the gateway's own rules, and by fresh points where there are some."""
-        self._check_time_and_lock()
-        if points is not None:
-            for expectation in self._expectations:
-                expectation.check(points)
-        if self._is_start and not self._is_counted:
-            self._rulebook.demand_start(self._request.starter, now_s=self._clock.now_s())
-
-    async def admit(self) -> None:
-        """Judge for the last time; a start is counted and, where a rule counts starts, stored first."""
-        self.check()
-        if not self._is_start:
-            return
-        starter = self._request.starter
-        self._is_counted = True
-        self._motor_history.note_start(starter, now_s=self._clock.now_s())
-        if self._rulebook.of(starter).is_counting:
-            if not await self._document.saved(within_s=SAVED_WITHIN_S):
-                raise CommandError(ResultCode.NOT_KEPT, "start")
-            self._check_time_and_lock()
-
-    def _check_time_and_lock(self) -> None:
-        request, now_s = self._request, self._clock.now_s()
-        if now_s > request.until_s:
-            raise CommandError(ResultCode.EXPIRED, "waiting", age_s=now_s - request.received_s)
-        demand_unlocked(request, self._motor_history)

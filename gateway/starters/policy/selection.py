@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -24,27 +25,22 @@ class Selection:
 
 
 class Selections:
-    """At most one selection for each starter."""
+    """At most one selection for each starter; all times on the steady clock."""
 
     def __init__(self) -> None:
         self._selections: dict[str, Selection] = {}
 
-    def check_free(self, starter: str, client: str, *, now_s: float) -> None:
-        """Raise CommandError while another client has this starter selected."""
-        selection = self._present(starter, now_s)
-        if selection is not None and selection.client != client:
-            wait_s = selection.until_s - now_s
-            raise CommandError(ResultCode.SELECTED_BY_OTHER, client=selection.client, wait_s=wait_s)
+    def of(self, starter: str, *, now_s: float) -> Selection | None:
+        """Return the selection that counts."""
+        selection = self._selections.get(starter)
+        return None if selection is None or now_s >= selection.until_s else selection
 
-    def set(self, starter: str, selection: Selection) -> None:
-        """Select; an earlier selection ends."""
-        self._selections[starter] = selection
-
-    def check_own(self, starter: str, client: str, *, now_s: float) -> None:
-        """Raise CommandError unless this client has the starter selected."""
-        selection = self._present(starter, now_s)
-        if selection is None or selection.client != client:
-            raise CommandError(ResultCode.NOT_SELECTED, "client", client=client)
+    def select(self, target: CommandRequest, state: str, *, now_s: float) -> str:
+        """Select for a command, seen in this state; return the token. An earlier selection ends."""
+        token, until_s = secrets.token_hex(8), now_s + VALID_S
+        chosen = Selection(token, target.client, target.verb, args=target.args, state=state, until_s=until_s)
+        self._selections[target.starter] = chosen
+        return token
 
     def end(self, starter: str) -> None:
         """Let a selection, if there is one, count no more."""
@@ -55,7 +51,7 @@ class Selections:
         selection = self._selections.get(request.starter)
         if selection is None or (selection.client, selection.token) != (request.client, request.select):
             raise CommandError(ResultCode.NOT_SELECTED, "token")
-        del self._selections[request.starter]
+        self.end(request.starter)
         if now_s >= selection.until_s:
             raise CommandError(ResultCode.SELECTION_EXPIRED, valid_s=VALID_S)
         if selection.verb != request.verb:
@@ -63,7 +59,3 @@ class Selections:
         if selection.args != request.args:
             raise CommandError(ResultCode.SELECTED_OTHERWISE, "args", verb=selection.verb)
         return selection
-
-    def _present(self, starter: str, now_s: float) -> Selection | None:
-        selection = self._selections.get(starter)
-        return None if selection is None or now_s >= selection.until_s else selection

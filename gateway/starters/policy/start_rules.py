@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.system.rate_limits import Bucket, Rate
 
 HOUR_S = 3600.0
-
-
-@dataclass(frozen=True, slots=True)
-class RateLimits:
-    """What the gateway takes; more than a person can send by hand."""
-
-    client: Rate = Rate(20.0, 100)
-    starter: Rate = Rate(5.0, 20)  # of one client
-    everyone: Rate = Rate(200.0, 300)
-    answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +42,20 @@ def is_release(verb: str, args: Mapping[str, Any]) -> bool:
     return verb in ("jog", "general_enable") and to_switch(args.get("value")) is False
 
 
+@dataclass(frozen=True, slots=True)
 class Rulebook:
     """Judges starts by the rules and by what the motor history knows of earlier ones."""
 
-    def __init__(self, rules: Mapping[str, RuleSet], motor_history: MotorHistory) -> None:
-        self._rules = rules
-        self._motor_history = motor_history
+    rules: Mapping[str, RuleSet]
+    motor_history: MotorHistory
 
     def of(self, starter: str) -> RuleSet:
         """Return what is configured for a starter."""
-        return self._rules.get(starter, NO_RULES)
+        return self.rules.get(starter, NO_RULES)
 
     def demand_start(self, starter: str, *, now_s: float) -> None:
         """Raise CommandError for the first rule that forbids a start now."""
-        rules, history = self.of(starter), self._motor_history
+        rules, history = self.of(starter), self.motor_history
         if rules.starts_per_hour is not None:
             most, starts = rules.starts_per_hour, history.starts_since(starter, now_s - HOUR_S)
             if len(starts) >= most:
@@ -82,7 +71,7 @@ class Rulebook:
                 raise CommandError(
                     ResultCode.PAUSE_TOO_SHORT, "pause", standing_s=standing_s, pause_s=pause_s, wait_s=wait_s
                 )
-        others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
+        others = [n for n, other in self.rules.items() if other.feeder == rules.feeder and n != starter]
         for other in others if rules.feeder and rules.stagger_s > 0 else ():
             for start_s in history.starts_since(other, now_s - rules.stagger_s):
                 ago_s, wait_s = now_s - start_s, start_s + rules.stagger_s - now_s
@@ -93,24 +82,7 @@ class Rulebook:
 
 @dataclass(frozen=True, slots=True)
 class PolicySettings:
-    """The rules by starter, the groups by name, and what is too much."""
+    """The rules by starter, and the groups by name."""
 
     rules: Mapping[str, RuleSet] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    limits: RateLimits = field(default_factory=RateLimits)
-
-
-class RateLimiter:
-    """Says which commands are too many. Keys must come from a bounded set."""
-
-    def __init__(self, limits: RateLimits) -> None:
-        self._limits = limits
-        self._clients: dict[Hashable, Bucket] = {}
-        self._starters: dict[Hashable, Bucket] = {}
-        self._everyone = Bucket(limits.everyone)
-
-    def admits(self, *, client: Hashable, starter: Hashable, now_s: float) -> bool:
-        """Count a command and return whether it is within all limits; one too many costs others nothing."""
-        of_client = self._clients.setdefault(client, Bucket(self._limits.client))
-        of_starter = self._starters.setdefault((client, starter), Bucket(self._limits.starter))
-        return of_client.take(now_s) and of_starter.take(now_s) and self._everyone.take(now_s)

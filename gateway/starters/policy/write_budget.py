@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
 
 from pydantic import NonNegativeInt, TypeAdapter
 
-from gateway.contract import CommandError, ResultCode
+from gateway.contract import CommandError, EventCode, RecordWriter, ResultCode
+from gateway.store import Documents
 
 HOUR_S = 3600.0
 MOST_PER_HOUR = 120
@@ -23,47 +23,30 @@ WRITES = TypeAdapter(dict[str, NonNegativeInt])  # totals by starter
 class WriteBudget:
     """Counts the writes of every starter, and refuses those that are too many within an hour.
 
-    `on_count` gets each count: the starter, and how many writes.
+    The totals are stored, as far back as is known; a lost count is no event.
     """
 
-    def __init__(
-        self, most_per_hour: int = MOST_PER_HOUR, *, on_count: Callable[[str, int], None] | None = None
-    ) -> None:
-        self.most_per_hour = most_per_hour
-        self._on_count = on_count
+    def __init__(self, records: RecordWriter, documents: Documents) -> None:
+        self._records = records
         self._times: dict[str, deque[float]] = {}
-        self._totals: dict[str, int] = {}
+        self._document = documents.open("writes", WRITES, lambda: self._totals, is_for_operators=True)
+        self._totals = dict(self._document.loaded or {})
 
     def take(self, starter: str, writes: int, *, now_s: float) -> None:
         """Count so many writes as done now; CommandError, and nothing is counted, when they are too many."""
         if not writes:
             return
-        times = self._times.setdefault(starter, deque())
+        times, most = self._times.setdefault(starter, deque()), MOST_PER_HOUR
         while times and times[0] <= now_s - HOUR_S:
             times.popleft()
-        excess = len(times) + writes - self.most_per_hour
+        excess = len(times) + writes - most
         if excess > len(times):
-            raise CommandError(ResultCode.WEAR_LIMIT, "never", most=self.most_per_hour)
+            raise CommandError(ResultCode.WEAR_LIMIT, "never", most=most)
         if excess > 0:
             minutes = math.ceil((times[excess - 1] + HOUR_S - now_s) / 60)
-            raise CommandError(ResultCode.WEAR_LIMIT, "wait", most=self.most_per_hour, minutes=minutes)
+            raise CommandError(ResultCode.WEAR_LIMIT, "wait", most=most, minutes=minutes)
         times.extend([now_s] * writes)
-        self._totals[starter] = self.total(starter) + writes
-        if self._on_count is not None:
-            self._on_count(starter, writes)
-
-    def total(self, starter: str) -> int:
-        """Return how many writes this starter has had, as far back as is known."""
-        return self._totals.get(starter, 0)
-
-    def last_hour(self, starter: str) -> int:
-        """Return how many of them are in the hour that counts for the limit."""
-        return len(self._times.get(starter, ()))
-
-    def totals(self) -> dict[str, int]:
-        """Return the writes of each starter, to be stored."""
-        return self._totals
-
-    def restore(self, totals: Mapping[str, int]) -> None:
-        """Go on from what an earlier run has stored."""
-        self._totals = dict(totals)
+        total = self._totals[starter] = self._totals.get(starter, 0) + writes
+        self._document.touch()
+        last_hour, event = len(times), self._records.event
+        event(starter, EventCode.MEMORY_WRITTEN, last_hour=last_hour, total=total, writes=writes, limit=most)

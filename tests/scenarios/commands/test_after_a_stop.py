@@ -18,7 +18,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action
-from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB, starter, table
+from tests.rig.sites import ALICE, QUICK, SSW07, starter, table
 from tests.scenarios.commands import issued, old_token
 
 TWO = SSW07 + starter("fan", 2, "ssw06") + ALICE
@@ -121,32 +121,3 @@ ROWS = [
 @pytest.mark.parametrize("row", ROWS)
 def test_what_was_decided_before_a_stop_moves_nothing(row: ScenarioRow) -> None:
     play(row)
-
-
-def test_a_sparkplug_hosts_start_of_before_the_stop_is_refused() -> None:
-    node = SPARKPLUG + 'commands = true\noperator = "alice"\n'
-    with RigPlant(SSW07 + ALICE + node) as plant:
-        plant.run(until=5.0)
-        start = plant.sparkplug({"Command/Start": True})
-        plant.publish("command/pump/alice/stop")
-        plant.run(until=7.0)
-        plant.publish("spBv1.0/plant/DCMD/plant/pump", start)
-        plant.run(until=8.0)
-
-        assert plant.results()[-1] == "start rejected stopped_first"
-        assert [pdu for _, pdu in plant.starter("pump").writes] == [STOP]
-
-
-def test_a_start_from_the_page_with_a_token_of_before_the_stop_is_refused() -> None:
-    with RigPlant(SSW07 + ALICE + WEB + LOGIN, sim={"pump": QUICK}) as plant:
-        plant.run(until=5.0)
-        plant.browser.log_in("anna", PASSWORD)
-        token = plant.get("/api/v1/state").json["token"]
-        plant.run(until=5.5)
-        plant.post("/api/v1/command/pump/stop", {})
-        late = plant.post("/api/v1/command/pump/start", {"id": "1", "token": token})
-        fresh = plant.get("/api/v1/state").json["token"]
-        again = plant.post("/api/v1/command/pump/start", {"id": "2", "token": fresh})
-
-        assert [answer.json["phases"][-1]["code"] for answer in (late, again)] == ["stopped_first", "ok"]
-        assert [pdu for _, pdu in plant.starter("pump").writes] == [STOP, START]

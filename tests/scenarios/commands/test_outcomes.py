@@ -199,27 +199,6 @@ NOT_SEEN = [
             ]
         },
     ),
-    *(
-        row(
-            f"of a run = 0 that is not seen in local mode, {what}",
-            given=SITE,
-            sim={"pump": {**QUICK, "settings": {229: 2}}},
-            at={
-                2.0: "pump VB01 = 0x4002",  # as READY, in local mode
-                3.0: do("pump start"),
-                3.5: ["pump VB03 = 1", *changed],
-            },
-            then={20.0: msg("result/pump/alice", phase="unconfirmed", text=re.compile(said))},
-        )
-        for what, changed, said in (
-            (
-                "it is not said that the starter may ignore it",
-                (),
-                "^(?!.*may ignore run = 0).*confirm run = 0",
-            ),
-            ("that is said where it obeys another", ("pump P229 = 0",), "may ignore run = 0"),
-        )
-    ),
     row(
         "an SSW900 without mains does not start when they return",
         given=SSW900 + ALICE,
@@ -340,18 +319,6 @@ STANDING = [  # S1: after a fault, a general disable or local mode a run command
             14.0: [
                 result("local_remote confirmed ok"),
                 never("starter/pump/state", since=10.0, state="running"),
-            ]
-        },
-    ),
-    row(
-        "a starter that hides its run bit is reset after an acknowledged run = 0 at standstill",
-        given=SITE,
-        sim={"pump": {**QUICK, "hides_command_bits": True}},
-        at={2.0: "pump trip E05", 4.0: do("pump reset")},
-        then={
-            8.0: [
-                result("reset confirmed ok"),
-                frames("pump", RUN_OFF, JOG_OFF, "05 00 6b 00 00", "05 00 6b ff 00"),
             ]
         },
     ),

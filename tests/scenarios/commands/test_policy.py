@@ -101,13 +101,6 @@ RULES = [
         then={10.0: [result("start rejected too_many_starts"), frames("pump", START, "05 00 64 00 00")]},
     ),
     row(
-        "a jog counts as a start",
-        given=SITE + rules(starts_per_hour=1),
-        sim={"pump": QUICK},
-        at={3.0: do("pump jog", value=True), 5.0: do("pump jog", value=False), 8.0: do("pump start")},
-        then={9.0: result("start rejected too_many_starts")},
-    ),
-    row(
         "a start at the keypad counts as well",
         given=SITE + rules(starts_per_hour=1),
         sim={"pump": QUICK},
@@ -118,24 +111,6 @@ RULES = [
             10.0: do("pump start"),
         },
         then={11.0: [result("start rejected too_many_starts"), frames("pump")]},
-    ),
-    row(
-        "between standstill and the next start there is a pause",
-        given=SITE + rules(minimum_pause_s=10),
-        sim={"pump": QUICK},
-        at={13.0: do("pump start"), 16.0: do("pump stop"), 20.0: do("pump start"), 30.0: do("pump start")},
-        then={
-            15.0: result("start confirmed ok"),
-            21.0: result("start rejected pause_too_short"),
-            33.0: result("start confirmed ok"),
-        },
-    ),
-    row(
-        "motors of one feeder start one after another",
-        given=TWO + rules(feeder="main", stagger_s=5),
-        sim=BOTH,
-        at={6.0: do("pump start"), 8.0: do("fan start"), 12.0: do("fan start")},
-        then={9.0: [result("start rejected feeder_busy"), frames("fan")], 15.0: result("start confirmed ok")},
     ),
     row(
         "no rule holds up a stop",

@@ -8,7 +8,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, never, play, publish, result, row, seen
 from tests.rig.rows import Action, Expectation
-from tests.rig.sites import ALICE, QUICK, SSW06, SSW07, SSW900, line, starter
+from tests.rig.sites import ALICE, QUICK, SSW07, SSW900, line, starter
 from tests.scenarios.line.wires import STOP_07, final_text, without, written
 
 MILL_1 = line() + starter("mill", 3, "ssw900", slot=1)
@@ -21,16 +21,6 @@ SILENT_READS = without(1, 2, 3, 4)
 
 def stop(name: str) -> Action:
     return publish(f"command/{name}/alice/stop", client="alice")
-
-
-def started_and_stopped(name: str, family_site: str, start: str, stopped: str, words: str) -> Any:
-    return row(
-        words,
-        given=family_site + ALICE,
-        sim={name: QUICK},
-        at={3.0: command(f"{name}/alice/start"), 7.0: stop(name)},
-        then={10.0: [result("stop confirmed ok"), frames(name, start, stopped)]},
-    )
 
 
 def stands(name: str, *, is_enabled: bool = True, is_remote: bool = True) -> Expectation:
@@ -54,25 +44,6 @@ def is_not_driven(name: str) -> Expectation:
 def swapped(name: str, family: str) -> Action:
     return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family))
 
-
-FAMILIES = [
-    started_and_stopped(
-        "pump", SSW07, "05 00 64 ff 00", STOP_07, "an SSW-07 is stopped by coil 100, and by no word of VB03"
-    ),
-    started_and_stopped(
-        "fan", SSW06, "06 13 8b 01 01", "06 13 8b 01 00", "an SSW-06 by VB03, its run bit with its mask bit"
-    ),
-    started_and_stopped(
-        "mill",
-        SSW900,
-        "06 02 ad 00 13",
-        "06 02 ad 00 12",
-        "an SSW900 by the command word of its slot as it was read, without run",
-    ),
-    started_and_stopped(
-        "belt", line() + starter("belt", 4, "sst"), "05 00 00 ff 00", "05 00 00 00 00", "an SST by coil 1"
-    ),
-]
 
 SCENARIOS = [
     row(
@@ -218,6 +189,6 @@ def _phase(plant: RigPlant, phase: str) -> str:
     return "" if body["phase"] == phase else str(body)
 
 
-@pytest.mark.parametrize("row", FAMILIES + SCENARIOS + WRONG)
+@pytest.mark.parametrize("row", SCENARIOS + WRONG)
 def test_words_of_a_stop(row: ScenarioRow) -> None:
     play(row)

@@ -293,19 +293,6 @@ SCENARIOS = [
         },
     ),
     row(
-        "of a flood of stops each is carried out, and the starters stop",
-        given=SSW07 + ALICE,
-        sim=RUNS,
-        at={3.0: START, 6.0: 60 * [STOP]},
-        then={
-            12.0: [
-                msg("starter/pump/state", state="ready"),
-                never("result/pump/alice", since=6.0, phase="rejected"),
-                lambda plant: "" if len(plant.starter("pump").writes) >= 9 else "too few frames",
-            ]
-        },
-    ),
-    row(
         "a stop in a flood of reads goes out before all that wait",
         given=TWO + ALICE,
         at={

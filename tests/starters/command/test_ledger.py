@@ -57,13 +57,17 @@ def test_what_a_copy_could_repeat_is_remembered_and_the_oldest_of_the_rest_is_fo
     assert known_of(*stored) == known
 
 
-def test_a_ledger_full_of_what_was_acted_on_has_no_room_until_the_first_proof_is_over() -> None:
-    ledger = Ledger(most_entries=2)
-    for id_, now_s in (("1", 0.0), ("2", 10.0)):
-        ledger.store(result(id_, START), now_s=now_s)
+def test_what_was_acted_on_stays_beyond_the_room_until_its_proof_is_over() -> None:
+    acted = [(id_, START, now_s) for id_, now_s in (("1", 0.0), ("2", 10.0), ("3", PROOF_S))]
 
-    assert not ledger.has_room(PROOF_S)
-    assert ledger.has_room(PROOF_S + 0.1)
+    assert known_of(*acted) == "1 2 3"
+    assert known_of(*acted, ("4", START, PROOF_S + 0.1)) == "2 3 4"
+
+
+def test_an_id_is_its_clients_and_a_stop_without_one_has_no_entry() -> None:
+    ledger = Ledger()
+    ledger.store(result("1", START), now_s=0.0)
+
     assert ledger.find("bob", "1") is None
     assert not ledger.store(result(None, STOP), now_s=11.0)
 

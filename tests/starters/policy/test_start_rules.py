@@ -6,7 +6,7 @@ import pytest
 
 from gateway.contract import CommandError
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.start_rules import Rulebook, RuleSet, is_release, is_start
+from gateway.starters.policy.start_rules import NO_RULES, Rulebook, RuleSet, is_release, is_start
 
 TWO_AN_HOUR = {"a": RuleSet(starts_per_hour=2)}
 ONE_AN_HOUR = {"a": RuleSet(starts_per_hour=1)}
@@ -73,13 +73,10 @@ def test_a_start_is_refused_for_what_was_before(
     assert violation.text.endswith(end)
 
 
-def test_nothing_is_counted_where_nothing_is_configured() -> None:
-    assert not Rulebook({}, MotorHistory(["other"])).of("other").is_counting
-
-
 @pytest.mark.parametrize(
     ("rules", "is_counting"),
     [
+        (NO_RULES, False),
         (RuleSet(two_step=frozenset({"start"})), False),
         (RuleSet(starts_per_hour=3), True),
         (RuleSet(minimum_pause_s=1.0), True),

@@ -11,25 +11,28 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 from gateway.contract import READ, CommandError, CommandRequest, ResultCode
-from gateway.families import Preparation, Procedure, command, diagnosis
+from gateway.families import Preparation, Procedure, Read, command, diagnosis
 from gateway.line import Priority
-from gateway.starters.command.report import CommandReport
-from gateway.starters.command.steps import CommandStep
-from gateway.starters.command.wire import DECIDES_FOR_S, Rows, Wire
+from gateway.starters.command.report import CommandReport, CommandStep
+from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire, points_of
 from gateway.starters.identity import IdentityStatus, not_matching
-from gateway.starters.policy.preconditions import Guard
+from gateway.starters.policy.policy import Guard
 from gateway.starters.view import StarterIo
 
-WAITS_FOR_S = 10.0  # the same for what moves no motor, and may wait for the line
+CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
+
+WAITS_FOR_S = 10.0  # DECIDES_FOR_S of what moves no motor, and may wait for the line
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
-MOST_READINGS = 4  # until two in a row agree
+LATER_STEP_S = 2.0  # the line may take so long for each write after the first
 ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
+MOST_READINGS = 4  # until two in a row agree
 
 
 def judge(
@@ -46,7 +49,11 @@ def judge(
     CommandError when a rule forbids them. `guard` is what the gateway itself demands.
     """
     if request.verb != READ:  # which does no harm, in whatever words
-        demand_identity(starter, rows)
+        demand_answering(starter)
+        if starter.identity_standing is not IdentityStatus.MATCHING:
+            raise not_matching(starter.identity_standing, starter.identity_reason)
+        if why := diagnosis.contradiction(starter.profile, rows):
+            raise not_matching(IdentityStatus.MISMATCHED, why)
     known = {**rows, **points}  # a rule may hang on a raw row
     command.demand(starter.profile, preparation.requires, known, variant=starter.variant)
     if guard is not None:
@@ -61,93 +68,89 @@ def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> 
     return {code: known[code] for code in _codes(preparation) & known.keys()}
 
 
+def demand_answering(starter: StarterIo) -> None:
+    """Demand that the starter is online."""
+    if not starter.is_answering:
+        raise CommandError(ResultCode.OFFLINE, "starter")
+
+
 def _codes(preparation: Preparation) -> set[str]:
     return {code for read in preparation.reads for code in read.codes}
 
 
-def demand_identity(starter: StarterIo, rows: Rows) -> None:
-    """Demand that the configured device answers, and that none of these rows denies it."""
-    if not starter.is_answering:
-        raise CommandError(ResultCode.OFFLINE, "starter")
-    status = starter.identity_standing
-    if status is not IdentityStatus.MATCHING:
-        raise not_matching(status, starter.identity_reason)
-    if why := diagnosis.contradiction(starter.profile, rows):
-        raise not_matching(IdentityStatus.MISMATCHED, why)
-
-
 @dataclass(frozen=True, slots=True)
 class CommandDecision:
-    """The writes that follow from a reading, and that reading."""
+    """The writes that follow from a reading, that reading, and how long it decides."""
 
     procedure: Procedure
     rows: Rows
+    is_patient: bool  # no write of it can move a motor
 
-    def until_s(self, seen_s: float, *, cleared_s: float = inf, can_wait: bool) -> float:
+    def until_s(self, seen_s: float, *, cleared_s: float = inf) -> float:
         """Return until when a write may go out that rests on rows which were asked for at `seen_s`.
 
-        `can_wait`: its verb moves no motor. `cleared_s` is when run = 0 was taken.
+        `cleared_s` is when run = 0 was taken.
         """
-        is_patient = can_wait and not self.procedure.is_source
-        return min(seen_s + (WAITS_FOR_S if is_patient else DECIDES_FOR_S), cleared_s + CLEARS_FOR_S)
+        return min(seen_s + (WAITS_FOR_S if self.is_patient else DECIDES_FOR_S), cleared_s + CLEARS_FOR_S)
+
+    @property
+    def seen_within_s(self) -> float:
+        """Return how long after its first write the whole command is to be seen: the family's times."""
+        expected = (*(step.then for step in self.procedure.steps), self.procedure.verify)
+        seen_s = sum(expect.within_s for expect in expected if expect is not None)
+        return seen_s + LATER_STEP_S * (len(self.procedure.steps) - 1) + LAST_READING_S
 
 
+@dataclass(frozen=True, slots=True)
 class Judge:
     """Reads and decides for one command; what is read distinguishes its family as well."""
 
-    def __init__(
-        self,
-        report: CommandReport,
-        starter: StarterIo,
-        preparation: Preparation,
-        guard: Guard | None,
-        *,
-        wire: Wire,
-        lane: Priority,
-    ) -> None:
-        self._report = report
-        self._starter = starter
-        self._preparation = preparation
-        self._guard = guard
-        self._wire = wire
-        self._lane = lane
-        is_read = report.request.verb == READ
-        whole = preparation if is_read else diagnosis.with_distinctive_rows(starter.profile, preparation)
-        self._reads = whole.reads
+    report: CommandReport
+    starter: StarterIo
+    preparation: Preparation
+    guard: Guard
+    wire: Wire
+    lane: Priority
 
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
-        self._report.life.advance(CommandStep.READING)
+        self.report.advance(CommandStep.READING)
         earlier = self._judge_polls()
         for _ in range(MOST_READINGS):
             rows = await self._read()
-            self._report.before = self._points(rows)
-            procedure = self._judge(rows, self._guard)
+            self.report.before = points_of(self.wire.values(rows))
+            procedure = self._judge(rows, self.guard)
             assert procedure is not None  # all rows were read
             is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
-                self._report.life.advance(CommandStep.DECIDED)
-                return CommandDecision(procedure, rows)
+                self.report.advance(CommandStep.DECIDED)
+                can_wait = self.report.request.verb in CAN_WAIT
+                return CommandDecision(procedure, rows, can_wait and not procedure.is_source)
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
-        self._judge(await self._wire.read(self._reads, lane=self._lane), None)
+        self._judge(await self.wire.read(self._reads, lane=self.lane), None)
+
+    @property
+    def _reads(self) -> tuple[Read, ...]:
+        if self.report.request.verb == READ:
+            return self.preparation.reads
+        return diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
 
     def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
-        points = self._points(rows)
-        request, starter = self._report.request, self._starter
-        return judge(request, starter, self._preparation, guard, rows=rows, points=points)
+        request, starter, points = self.report.request, self.starter, points_of(self.wire.values(rows))
+        return judge(request, starter, self.preparation, guard, rows=rows, points=points)
 
     def _judge_polls(self) -> Procedure | None:
         """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""
-        since_s = self._report.now_s() - DECIDES_FOR_S
-        if self._report.is_outdated(since_s):
+        since_s = self.wire.now_s() - DECIDES_FOR_S
+        if self.report.is_outdated(since_s):
             return None  # some of it may have been read before the gateway stood still
         try:
-            recent = self._starter.snapshot.rows_since(since_s)
-            return self._judge(rows_for(self._preparation, recent), self._guard)
+            recent = self.starter.snapshot.rows_since(since_s)
+            return self._judge(rows_for(self.preparation, recent), self.guard)
         except CommandError:
             return None
 
@@ -155,11 +158,8 @@ class Judge:
         """Read until that is answered, as long as the starter is online."""
         while True:
             try:
-                return await self._wire.read(self._reads, lane=self._lane)
+                return await self.wire.read(self._reads, lane=self.lane)
             except CommandError as error:
-                if error.code != ResultCode.NO_ANSWER or not self._starter.is_answering:
+                if error.code != ResultCode.NO_ANSWER or not self.starter.is_answering:
                     raise
-            await self._wire.pause(ASKED_AGAIN_S)
-
-    def _points(self, rows: Rows) -> dict[str, Any]:
-        return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
+            await self.wire.wait_for(asyncio.sleep(ASKED_AGAIN_S))

@@ -8,32 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
-from gateway.contract import CommandRequest, Note, Phase, Reason, ResultCode
+from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
-from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, Final
-from gateway.starters.command.steps import Life
+from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, CommandReport, Final
+from gateway.starters.command.wire import points_of
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 _MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
 
 
-class RunOff(Protocol):
-    """The stop by which a start is taken back."""
-
-    is_local: bool  # the latest reading shows local mode, where it may not obey this line
-
-    def is_shown(self) -> bool:
-        """Return whether the latest two readings show run = 0 in remote mode, with the motor at rest."""
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Outlook:
     """What a command was about to bring about."""
 
-    request: CommandRequest
-    life: Life
+    report: CommandReport
     can_wait: bool  # its verb moves no motor
     procedure: Procedure | None = None  # once it is being written
     refusal: Reason | None = None  # of a motion that may have begun all the same
@@ -50,8 +40,8 @@ class Outlook:
 
     def cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""
-        if self.life.is_written:
-            is_pending = reason.code in _MAY_STAND and self.request.verb in command.TAKEN_BACK
+        if self.report.is_written:
+            is_pending = reason.code in _MAY_STAND and self.report.request.verb in command.TAKEN_BACK
             later = MAY_ACT_LATER if is_pending else None
             return Final(Phase.UNCONFIRMED, reason.noted(Note("written_before"), self.note, later))
         if reason.code == ResultCode.INTERNAL:
@@ -60,8 +50,9 @@ class Outlook:
 
     def overdue(self) -> Final:
         """Return the end of a command whose time was over before all of it was written."""
-        if not self.life.is_written:
-            age_s = self.request.until_s - self.request.received_s
+        request = self.report.request
+        if not self.report.is_written:
+            age_s = request.until_s - request.received_s
             return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
         if self.note is LOOK:
             return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
@@ -85,13 +76,15 @@ class Outlook:
         """Return the end of a command whose effect cannot be read back."""
         return Final(Phase.UNCONFIRMED, Reason(ResultCode.NOT_READABLE, "command").noted(self.note))
 
-    def stopped(self, end: Final, run_off: RunOff) -> Final:
-        """Return the end of a start that was seen not to act, with the outcome of run = 0 after it."""
-        if run_off.is_shown():
+    def stopped(self, end: Final, *, is_shown: bool) -> Final:
+        """Return the end of a start that was seen not to act, and was taken back by run = 0.
+
+        `is_shown`: two readings show run = 0 in remote mode, with the motor at rest.
+        """
+        if is_shown:
             phase = Phase.FAILED if self.refusal is not None else end.phase
             return replace(end.noted(Note("at_rest"), Note("taken_back")), phase=phase)
-        in_local = Note("in_local") if run_off.is_local else None
-        return _doubtful(end).noted(Note("at_rest"), in_local, Note("not_taken_back"))
+        return _doubtful(end).noted(Note("at_rest"), Note("not_taken_back"))
 
 
 def crashed(verb: str, *, may_be_written: bool) -> Final:
@@ -102,11 +95,6 @@ def crashed(verb: str, *, may_be_written: bool) -> Final:
     outlook = LOOK if verb in _STILL else MAY_BE_TURNING
     later = MAY_ACT_LATER if verb in command.TAKEN_BACK else None
     return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), outlook, later))
-
-
-def run_not_cleared(reason: Reason, phase: Phase) -> Final:
-    """Return the end of a command whose run = 0 was not taken: nothing else is written."""
-    return Final(phase, reason.noted(Note("nothing_else")))
 
 
 def unsafe(end: Final) -> Final:
@@ -128,5 +116,5 @@ def unwritten(procedure: Procedure, values: Mapping[str, Any]) -> Final:
 
 def confirmed(procedure: Procedure, values: Mapping[str, Any], after: Mapping[str, Any]) -> Final:
     """Return the end of a command that was read back: the rows that it set, and the points that were read."""
-    points = {name: value for name, value in after.items() if not isinstance(value, tuple)}
-    return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "read_back").noted(*procedure.notes), values, points)
+    reason = Reason(ResultCode.OK, "read_back").noted(*procedure.notes)
+    return Final(Phase.CONFIRMED, reason, values, points_of(after))

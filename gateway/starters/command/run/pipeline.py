@@ -17,12 +17,12 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from math import inf
 from typing import Any, assert_never
 
-from gateway.contract import CommandError, Phase, Reason, ResultCode
+from gateway.contract import CommandError, Note, Phase, Reason, ResultCode
 from gateway.families import (
     Expect,
     Preparation,
@@ -35,22 +35,18 @@ from gateway.families import (
 )
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
-from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, Final
+from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, CommandStep, Final
 from gateway.starters.command.run import ends
-from gateway.starters.command.run.decision import CommandDecision, Judge
+from gateway.starters.command.run.decision import CAN_WAIT, CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
-from gateway.starters.command.steps import CommandStep
-from gateway.starters.command.stop.machine import StopOrder, Stopping
-from gateway.starters.command.wire import LAST_READING_S, HaltedError, OverdueError, RefusedError, Wire
+from gateway.starters.command.stop.machine import StopOrder
+from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError, Wire
 from gateway.starters.identity import IdentityStatus
-from gateway.starters.known_watchdogs import KnownWatchdogs
-from gateway.starters.policy.preconditions import Guard
+from gateway.starters.policy.policy import Guard
 from gateway.starters.view import StarterIo
 
 logger = logging.getLogger(__name__)
 
-CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
-LATER_STEP_S = 2.0  # the line may take so long for each write after the first
 ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
@@ -79,25 +75,22 @@ class CommandRun:
         report: CommandReport,
         starter: StarterIo,
         preparation: Preparation,
-        guard: Guard | None = None,
+        guard: Guard,
         *,
-        slot: asyncio.Semaphore | None = None,
-        watchdogs: KnownWatchdogs | None = None,
-        run_off: RunOffBy | None = None,
+        slot: asyncio.Semaphore | None,
+        run_off: RunOffBy,
     ) -> None:
         self.report = report
         self._starter = starter
         self._guard = guard
         self._slot = slot  # among the commands of its line, until its first write; None: it does not wait
-        self._has_slot = False
-        self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
-        self._run_off = run_off or self._run_off_alone
-        self._stopping: asyncio.Task[None] | None = None  # where no other part stops this starter
-        self._can_wait = report.request.verb in CAN_WAIT
-        self._lane = Priority.PARAMETERS if self._can_wait else Priority.COMMAND
+        self._held_slot = ExitStack()
+        self._run_off = run_off
+        can_wait = report.request.verb in CAN_WAIT
+        self._lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
         self._wire = self._new_wire(report.request.until_s)
-        self._judge = Judge(report, starter, preparation, guard, wire=self._wire, lane=self._lane)
-        self._outlook = Outlook(report.request, report.life, self._can_wait)
+        self._judge = Judge(report, starter, preparation, guard, self._wire, self._lane)
+        self._outlook = Outlook(report, can_wait)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
     def halt(self, reason: Reason) -> None:
@@ -113,8 +106,8 @@ class CommandRun:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._outlook.cut(Reason(ResultCode.INTERNAL))
-        self._leave_slot()
-        self._watchdogs.end(self.report.request.starter, is_written=self.report.life.is_written)
+        self._held_slot.close()
+        self._guard.end(is_written=self.report.is_written)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
@@ -136,10 +129,13 @@ class CommandRun:
     async def _carried_out(self) -> Final:
         if self._slot is not None:
             await self._wire.wait_for(self._slot.acquire())
-            self._has_slot = True
+            self._held_slot.callback(self._slot.release)
         decision = await self._judge.decide()
         if decision.procedure.steps:
-            await self._intend(decision.procedure)
+            # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
+            await self._wire.wait_for(self._guard.reserve(decision.procedure))
+            await self._wire.wait_for(self.report.intend())
+            await self._wire.wait_for(self._guard.admit(decision.procedure))
         while decision.procedure.steps:
             try:
                 return await self._write_all(decision)
@@ -147,21 +143,11 @@ class CommandRun:
                 decision = await self._judge.decide()
         return ends.unwritten(decision.procedure, self._subject(decision.procedure, decision.rows))
 
-    async def _intend(self, procedure: Procedure) -> None:
-        """Have it admitted, and stored that something is about to be written; CommandError when it is not."""
-        await self._wire.wait_for(self._watchdogs.admit(self.report.request.starter, procedure))
-        await self._wire.wait_for(self.report.intend())
-        if self._guard is not None:
-            await self._wire.wait_for(self._guard.admit())
-        reporting = self.report.reporting
-        reporting.write_budget.take(self.report.request.starter, procedure.wears, now_s=reporting.now_s())
-
     # Writing
 
     async def _write_all(self, decision: CommandDecision) -> Final:
         """Write each step once, each only after what the one before has to bring about; then read back."""
-        procedure = decision.procedure
-        self._outlook = replace(self._outlook, procedure=procedure)
+        procedure = self._outlook.procedure = decision.procedure
         for place, step in enumerate(procedure.steps, 1):
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(decision, step, is_last=is_last)
@@ -196,68 +182,66 @@ class CommandRun:
 
     async def _run_off_taken(self, step: WriteStep, outcome: Outcome, end: Final | None) -> Final | None:
         """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
-        if end is not None:
-            if not isinstance(outcome, Refused):
-                return end
-            exception = exception_name(outcome.code)
-            reason = Reason(ResultCode.RUN_NOT_CLEARED, "refused", exception=exception)
-            return ends.run_not_cleared(reason, Phase.FAILED)
-        if isinstance(outcome, Silent | Garbled):
+        if end is not None and not isinstance(outcome, Refused):
+            return end  # it was not sent
+        phase = Phase.FAILED
+        if isinstance(outcome, Refused) and end is not None:
+            reason = Reason(ResultCode.RUN_NOT_CLEARED, "refused", exception=exception_name(outcome.code))
+        elif isinstance(outcome, Silent | Garbled):
             reason = Reason(ResultCode.NO_ANSWER, "run_off", reason=outcome.reason)
-            return ends.run_not_cleared(reason, Phase.UNCONFIRMED)
-        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
-        if step.then is None or await self._wire.see(step.then) is not None:
-            return None
-        if isinstance(outcome, Answered) and await self._wire.is_refused(step.then.reads, _NOT_SET_UP):
-            # A starter that does not let the bit be read: the acknowledgement and the standstill suffice.
-            await self._judge.demand_again()
-            return None
-        point, within_s = step.then.name, step.then.within_s
-        reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
-        return ends.run_not_cleared(reason, Phase.FAILED)
+            phase = Phase.UNCONFIRMED
+        else:
+            self._cleared_s = min(self._cleared_s, self._wire.seen_s)
+            if step.then is None or await self._wire.see(step.then) is not None:
+                return None
+            if isinstance(outcome, Answered) and await self._wire.is_refused(step.then.reads, _NOT_SET_UP):
+                # A starter that does not let the bit be read: acknowledgement and standstill suffice.
+                await self._judge.demand_again()
+                return None
+            point, within_s = step.then.name, step.then.within_s
+            reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
+        return Final(phase, reason.noted(Note("nothing_else")))
 
     async def _write(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send one write, once, while it may go out."""
         if step.is_silence_expected:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
-        is_first = not self.report.life.is_written
+        send = self._send_later if self.report.is_written else self._send_first
         try:
-            outcome = await (self._send_first if is_first else self._send_later)(decision, step)
+            outcome = await send(decision, step)
         except (HaltedError, OverdueError):
             self.report.write()  # it may have been on its way already
             raise
-        self._leave_slot()
+        self._held_slot.close()
         return outcome
 
     async def _send_first(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
-        self.report.life.advance(CommandStep.WRITING)
+        self.report.advance(CommandStep.WRITING)
         deadline_s = min(self._wire.until_s, self.report.request.until_s)
-        until_s = min(deadline_s, decision.until_s(self._wire.seen_s, can_wait=self._can_wait))
-        self._wire.until_s = until_s + self._seen_within_s(decision.procedure)
+        until_s = min(deadline_s, decision.until_s(self._wire.seen_s))
+        self._wire.until_s = until_s + decision.seen_within_s
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self._is_outdated():
             outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
-        now_s, is_unsent = self.report.now_s(), _is_held(outcome)
-        self._wire.until_s = deadline_s if is_unsent else now_s + self._seen_within_s(decision.procedure)
+        now_s, is_unsent = self._wire.now_s(), _is_held(outcome)
+        self._wire.until_s = deadline_s if is_unsent else now_s + decision.seen_within_s
         if is_unsent and now_s < deadline_s:
             raise _OutdatedError
         return outcome
 
     async def _send_later(self, decision: CommandDecision, step: WriteStep) -> Outcome:
-        """Send a write after the first; one that chooses who commands the motor only while that is safe.
+        """Send a write after the first; one that may move a motor only while what was read decides.
 
         One that was held, because an earlier reply of its starter may still come, is handed over again.
         """
-        is_patient = self._can_wait and not decision.procedure.is_source
         until_s = self._wire.until_s
-        if not is_patient:
-            decides_s = decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s, can_wait=False)
-            until_s = min(until_s, decides_s)
-        while is_patient or not self._is_outdated():
+        if not decision.is_patient:
+            until_s = min(until_s, decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s))
+        while decision.is_patient or not self._is_outdated():
             outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
-            if not _is_held(outcome) or self.report.now_s() >= until_s:
+            if not _is_held(outcome) or self._wire.now_s() >= until_s:
                 return outcome
         return Silent(TOO_LATE, is_sent=False)
 
@@ -265,61 +249,52 @@ class CommandRun:
         """Return whether the gateway stood still since what was read, or since run = 0."""
         return self.report.is_outdated(min(self._wire.seen_s, self._cleared_s))
 
-    def _seen_within_s(self, procedure: Procedure) -> float:
-        """Return how long after its first write the whole command is to be seen: the family's times."""
-        expected = (*(step.then for step in procedure.steps), procedure.verify)
-        seen_s = sum(expect.within_s for expect in expected if expect is not None)
-        return seen_s + LATER_STEP_S * (len(procedure.steps) - 1) + LAST_READING_S
-
     def _taken(self, outcome: Outcome) -> Final | None:
         """Record the outcome of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
-                return None
             case Refused():
                 refusal = RefusedError(self._starter.profile, outcome.code).reason
                 procedure = self._outlook.procedure
-                if outcome.code in _MAY_ACT and procedure is not None and procedure.is_motion:
-                    self._outlook = replace(self._outlook, refusal=refusal)
-                    self.report.write()
-                    return None
-                return Final(Phase.FAILED, refusal)
+                if outcome.code not in _MAY_ACT or procedure is None or not procedure.is_motion:
+                    return Final(Phase.FAILED, refusal)
+                self._outlook.refusal = refusal
+                self.report.write()
             case Silent(is_sent=False) if _is_held(outcome):
                 return self._outlook.overdue()
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._outlook.cut(Reason(ResultCode.LINE_DOWN, "write", reason=outcome.reason))
             case Silent() | Garbled():
-                self.report.write()
-                return None  # whether it acted is for the read-back to say
+                self.report.write()  # whether it acted is for the read-back to say
             case _:
                 assert_never(outcome)
-
-    def _leave_slot(self) -> None:
-        if self._slot is not None and self._has_slot:
-            self._has_slot = False
-            self._slot.release()
+        return None
 
     # Ending
 
     async def _taken_back(self, end: Final, at_rest: Expect, released: Expect) -> Final:
         """Have a start taken back that is seen not to have acted; else it might act later."""
-        self._wire.until_s = self.report.now_s() + ENDED_WITHIN_S
+        self._wire.until_s = self._wire.now_s() + ENDED_WITHIN_S
         profile = self._starter.profile
         rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
         if values is None or self._is_another or diagnosis.contradiction(profile, values):
             return end.noted(MAY_ACT_LATER)
-        return await self._stopped(end, released)
+        self._wire.demand_not_halted()  # at shut-down nothing is written
+        order = self._run_off(self.report, released)
+        with suppress(OverdueError):  # the stop goes on; the command's time is over
+            await self._wire.wait_for(order.over.wait())
+        return self._outlook.stopped(end, is_shown=order.is_seen(self._wire.now_s()))
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed, after what its procedure leaves to be undone."""
         procedure = self._outlook.procedure
-        if procedure is None or not self.report.life.is_written or not procedure.abandon:
+        if procedure is None or not self.report.is_written or not procedure.abandon:
             return end
         if self._is_another:
             return ends.unsafe(end)
-        self._wire = self._new_wire(self.report.now_s() + ENDED_WITHIN_S)  # the other may be halted
+        self._wire = self._new_wire(self._wire.now_s() + ENDED_WITHIN_S)  # the other may be halted
         try:
             for request in procedure.abandon:
                 outcome = await self._wire.write(request, lane=Priority.FOLLOW_UP)
@@ -328,29 +303,13 @@ class CommandRun:
             return ends.unsafe(end)
         return end
 
-    async def _stopped(self, end: Final, released: Expect) -> Final:
-        """Return the end of a start that is taken back: the stop never waits for its step."""
-        self._wire.demand_not_halted()  # at shut-down nothing is written
-        order = self._run_off(self.report, released)
-        with suppress(OverdueError):  # the stop goes on; the command's time is over
-            await self._wire.wait_for(order.over.wait())
-        return self._outlook.stopped(end, order)
-
-    def _run_off_alone(self, _report: CommandReport, released: Expect) -> StopOrder:
-        stopping = Stopping(self._starter)
-        order = stopping.take_back(released, lambda _: None)
-        self._stopping = asyncio.get_running_loop().create_task(stopping.run())
-        return order
-
     @property
     def _is_another(self) -> bool:
         """Return whether another device may answer since a silence: the procedure is not in its words."""
         return self._starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
 
     def _new_wire(self, until_s: float) -> Wire:
-        wire = Wire(self._starter, read_back_lane=max(self._lane, Priority.READ_BACK))
-        wire.until_s = until_s
-        return wire
+        return Wire(self._starter, until_s=until_s, read_back_lane=max(self._lane, Priority.READ_BACK))
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""

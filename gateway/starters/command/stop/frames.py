@@ -13,7 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, assert_never
+from typing import Protocol
 
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
@@ -40,13 +40,11 @@ class FrameFacts:
     refusal: Reason | None = None  # the latest
     is_answered: bool = False  # the starter answered anything at all
     is_over_babble: bool = False  # a frame was sent although the line was not quiet
-    is_garbled: bool = False  # something came instead of an answer
     families: list[str] = field(default_factory=list)  # in whose words they were sent
 
     def note(self, outcomes: Sequence[Outcome]) -> None:
         """Record what came of one frame."""
         self.is_over_babble |= any(outcome.is_over_babble for outcome in outcomes)
-        self.is_garbled |= any(isinstance(outcome, Garbled) and outcome.is_sent for outcome in outcomes)
         self.is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
 
     @property
@@ -62,25 +60,19 @@ class OnLeft(Protocol):
         """Record it."""
 
 
+@dataclass(eq=False)
 class Frames:
     """Sends the frames of one starter's stop.
 
     `next_lane` says whether one more is needed, and how soon.
     """
 
-    def __init__(
-        self,
-        starter: StopAddressee,
-        wire: Wire,
-        *,
-        next_lane: Callable[[], Priority | None],
-        on_left: OnLeft,
-    ) -> None:
-        self._starter = starter
-        self._wire = wire
-        self._next_lane = next_lane
-        self._on_left = on_left
-        self._time = asyncio.get_running_loop().time
+    starter: StopAddressee
+    wire: Wire
+    next_lane: Callable[[], Priority | None]
+    on_left: OnLeft
+
+    def __post_init__(self) -> None:
         self._own = Bucket(OWN_FRAMES)
         self.with_jog = False  # jog = 0 is a part of each frame: a jog may stand that was not seen
         self.wanted = 0  # the number of the frame that the latest message counts on
@@ -94,18 +86,18 @@ class Frames:
 
     def ask(self) -> int:
         """Have a frame sent for one more message; return its number."""
-        if self._own.take(self._time()):
+        if self._own.take(self.wire.now_s()):
             self._send(Priority.STOP)
         else:
             self.wanted = self.handed + 1
-            self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
+            self._plan(min(self._due_s, self.wire.now_s() + SHARED_WITHIN_S))
         return self.wanted
 
     def procedure(self) -> Procedure:
         """Return what stops the starter."""
-        starter, seen = self._starter, self._starter.snapshot.rows
+        starter, seen = self.starter, self.starter.snapshot.rows
         if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
-            fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
+            fresh = starter.snapshot.rows_since(self.wire.now_s() - DECIDES_FOR_S)
             # The device shows only a part of the word: without its status the rest is not known.
             words = {*starter.profile.command_word, starter.profile.status_word}
             seen = fresh if fresh.keys() >= words else {}
@@ -113,7 +105,7 @@ class Frames:
 
     def send_if_due(self) -> None:
         """Send the next frame at its time, unless one is still under way or none is needed."""
-        lane = None if self._time() < self._due_s or self._under_way else self._next_lane()
+        lane = None if self.wire.now_s() < self._due_s or self._under_way else self.next_lane()
         if lane is not None:
             self._send(lane)
 
@@ -122,20 +114,20 @@ class Frames:
         if self._timer is not None:
             self._timer.cancel()
         if self._under_way:
-            self._on_left(self.handed, is_acknowledged=False)
+            self.on_left(self.handed, is_acknowledged=False)
 
     def _send(self, lane: Priority) -> None:
         """Hand one frame to the line."""
         self.handed += 1
         self.wanted = max(self.wanted, self.handed)
-        self._plan(self._time() + REPEAT_S)
-        if self._starter.profile.family not in self.facts.families:
-            self.facts.families.append(self._starter.profile.family)
+        self._plan(self.wire.now_s() + REPEAT_S)
+        if self.starter.profile.family not in self.facts.families:
+            self.facts.families.append(self.starter.profile.family)
         try:
             steps = self.procedure().steps
-            asked = [self._wire.hand_over(step.request, lane=lane) for step in steps]
+            asked = [self.wire.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
-            logger.exception("starter=%s stop not sent", self._starter.setup.name)
+            logger.exception("starter=%s stop not sent", self.starter.setup.name)
             self.news.set()
             return
         frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
@@ -158,29 +150,23 @@ class Frames:
         counting = [each for step, each in pairs if not (step.may_be_refused and isinstance(each, Refused))]
         for each in counting:
             if isinstance(each, Refused):
-                self.facts.refusal = RefusedError(self._starter.profile, each.code).reason
+                self.facts.refusal = RefusedError(self.starter.profile, each.code).reason
         if not self._is_mask_refused and any(_is_mask_refused(*pair) for pair in pairs):
             self._is_mask_refused = True
             if self.procedure().steps != steps:  # the word read last goes out at once, where there is one
-                self._plan(self._time())
+                self._plan(self.wire.now_s())
         if self._is_mask_refused or any(_may_have_left(each) for each in counting):
             is_acknowledged = all(isinstance(each, Answered) for each in counting)
-            self._on_left(number, is_acknowledged=is_acknowledged)
+            self.on_left(number, is_acknowledged=is_acknowledged)
         self.news.set()
         asyncio.get_running_loop().call_soon(self.send_if_due)  # once this frame is no longer under way
 
 
 def _may_have_left(outcome: Outcome | None) -> bool:
-    """Return whether a request may have reached its starter."""
-    match outcome:
-        case Refused():
-            return False
-        case Answered() | None:
-            return True
-        case Silent(is_sent=is_sent) | Garbled(is_sent=is_sent):
-            return is_sent
-        case _:
-            assert_never(outcome)
+    """Return whether a request may have reached its starter, as one that was cut short may have."""
+    if isinstance(outcome, Silent | Garbled):
+        return outcome.is_sent
+    return not isinstance(outcome, Refused)
 
 
 def _is_mask_refused(step: WriteStep, outcome: Outcome | None) -> bool:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
@@ -35,6 +35,7 @@ from gateway.starters.command.wire import (
     OverdueError,
     Rows,
     Wire,
+    points_of,
 )
 from gateway.starters.view import StarterIo
 
@@ -54,13 +55,11 @@ class StopOrder:
     came_s: float
     report: CommandReport | None = None  # None: it gets no answer of its own
     released: Expect | None = None  # of a start that is taken back: what must be read besides
-    on_end: Callable[[Final], None] | None = None  # of the gateway's own order
     over: asyncio.Event = field(default_factory=asyncio.Event)
     counts_from: float = inf  # the first reading that counts; inf: its frame has not left yet
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
-    is_local: bool = False  # as the latest reading showed, and not known to obey this line there
 
     @property
     def until_s(self) -> float:
@@ -90,24 +89,14 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
-        self.is_local = values.get("remote") is False and not self._obeys(values)
         self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
         self.good_s = now_s if is_shown else self.good_s
         return is_shown
-
-    def _obeys(self, values: dict[str, Any]) -> bool:
-        """Return whether these show one of the alternatives to remote mode in which run = 0 counts."""
-        demands = () if self.released is None else (self.released, *self.released.also)
-        return any(other.is_met(values) for demand in demands for other in demand.or_else)
 
     def is_seen(self, now_s: float) -> bool:
         """Return whether two readings in a row show it, and count for it."""
         counting = [each for each in self.good if each >= self.counts_from]
         return len(counting) == EQUAL_READINGS and now_s - self.good_s <= SEEN_WITHIN_S
-
-    def is_shown(self) -> bool:
-        """Return whether it is seen now."""
-        return self.is_seen(asyncio.get_running_loop().time())
 
 
 class Stopping:
@@ -116,8 +105,7 @@ class Stopping:
     def __init__(self, starter: StarterIo) -> None:
         self._starter = StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
-        self.frames = Frames(self._starter, self._wire, next_lane=self._next_lane, on_left=self._note_written)
-        self._time = asyncio.get_running_loop().time
+        self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
@@ -125,25 +113,25 @@ class Stopping:
 
     def ask(self) -> None:
         """Have a frame sent for one more message, and see it through; `join` gives it an answer."""
-        self._orders = [order for order in self._orders if order.report or order.is_own]
-        self._orders.append(StopOrder(self.frames.ask(), self._time()))
+        self._orders = [order for order in self._orders if order.report]
+        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s()))
 
     def join(self, report: CommandReport) -> None:
         """Report the end of the stop command, already accepted, for which `ask` was just called."""
         self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
 
-    def take_back(self, released: Expect, on_end: Callable[[Final], None]) -> StopOrder:
+    def take_back(self, released: Expect, report: CommandReport) -> StopOrder:
         """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
         self.frames.with_jog = True
-        order = StopOrder(self.frames.ask(), self._time(), released=released, on_end=on_end)
+        order = StopOrder(self.frames.ask(), self._wire.now_s(), report, released)
         self._orders.append(order)
         return order
 
     @property
     def count(self) -> int:
         """Return how many stop commands have joined."""
-        return sum(order.report is not None for order in self._orders)
+        return sum(order.report is not None and not order.is_own for order in self._orders)
 
     @property
     def is_own(self) -> bool:
@@ -198,8 +186,8 @@ class Stopping:
                 self._end_what_is_over(shown)
                 self.frames.send_if_due()
                 if self._orders:
-                    is_read = self._unread < EQUAL_READINGS
-                    await self._wire.pause(READ_BACK_PAUSE_S if is_read else UNREAD_PAUSE_S)
+                    pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
+                    await self._wire.wait_for(asyncio.sleep(pause_s))
             else:
                 await self._wait_for_a_frame()
                 self.frames.procedure()  # what cannot be built cannot be sent
@@ -223,7 +211,7 @@ class Stopping:
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
             rows |= await self._read_in_time(each.reads) or {}
-        self.frames.facts.is_answered, now_s = True, self._time()
+        self.frames.facts.is_answered, now_s = True, self._wire.now_s()
         self._shown = self._wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
 
@@ -242,12 +230,12 @@ class Stopping:
     def _end_what_is_over(self, shown: Collection[StopOrder]) -> None:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[StopOrder, Final]] = []
-        now_s = self._time()
+        now_s = self._wire.now_s()
         for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
                 reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
-                ends.append((order, Final(Phase.CONFIRMED, reason, after=_points(self._shown))))
+                ends.append((order, Final(Phase.CONFIRMED, reason, after=points_of(self._shown))))
             elif is_over and order not in shown:
                 ends.append((order, self._unseen(order)))
         self._end(ends)
@@ -258,15 +246,13 @@ class Stopping:
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
             self._starter.emitter.event(
-                EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.code, outcome=end.text
+                EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
             order.over.set()
             self._orders.remove(order)
             if order.report is not None:
                 order.report.finish(end)
-            if order.on_end is not None:
-                order.on_end(end)
 
     def _cut_all(self, reason: Reason) -> None:
         self.frames.close()
@@ -276,9 +262,8 @@ class Stopping:
         """Return the end of a stop whose time is up."""
         facts = self.frames.facts
         if order.is_written and not facts.is_answered and not facts.is_over_babble:
-            noise = Note("noise") if facts.is_garbled else None
             reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
-            return Final(Phase.UNCONFIRMED, reason.noted(noise, MAY_BE_TURNING))
+            return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
         if order.is_written:
             reason = Reason(ResultCode.NOT_SEEN, "release" if order.is_own else "stop", within_s=DEADLINE_S)
             return Final(Phase.UNCONFIRMED, reason.noted(facts.babble, facts.refusal, MAY_BE_TURNING))
@@ -291,7 +276,3 @@ class Stopping:
             return Final(Phase.UNCONFIRMED, reason.noted(Note("stop_written_before"), MAY_BE_TURNING))
         phase = Phase.FAILED if reason.code == ResultCode.INTERNAL else Phase.REJECTED
         return Final(phase, reason.noted(MAY_BE_TURNING))
-
-
-def _points(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if not isinstance(value, tuple)}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.policy.start_rules import RateLimiter, RateLimits
+from gateway.starters.command.overload import OF_CLIENT, OF_EVERYONE, OF_STARTER, Overload
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
+from tests.starters.command import reporting
 from tests.virtual_time import VirtualClock, virtually
 
 
@@ -27,26 +28,21 @@ def test_a_bucket_never_holds_more_than_its_burst() -> None:
     assert taken(bucket, 1e6, 1e6, 1e6, 1e6) == [True, True, True, False]
 
 
-def test_one_clients_flood_leaves_the_others_theirs() -> None:
-    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 10)))
+@virtually
+async def test_one_clients_flood_leaves_the_others_theirs() -> None:
+    limits = Overload(reporting())
+    loud = [limits.admits("loud", str(number % 50)) for number in range(1000)]
+    quiet = [limits.admits("quiet", "a") for _ in range(30)]
 
-    loud = [flood.admits(client="loud", starter="a", now_s=0.0) for _ in range(1000)]
-    quiet = [flood.admits(client="quiet", starter="a", now_s=0.0) for _ in range(5)]
-
-    assert (sum(loud), sum(quiet)) == (5, 5)
-
-
-def test_one_starter_takes_less_of_a_client_than_all_together() -> None:
-    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 2), everyone=Rate(1.0, 10)))
-
-    assert [flood.admits(client="c", starter="a", now_s=0.0) for _ in range(3)] == [True, True, False]
-    assert flood.admits(client="c", starter="b", now_s=0.0)
+    assert (sum(loud), sum(quiet)) == (OF_CLIENT.burst, OF_STARTER.burst)
+    assert limits.admits("quiet", "b")
 
 
-def test_everyone_together_has_a_limit_too() -> None:
-    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 3)))
+@virtually
+async def test_everyone_together_has_a_limit_too() -> None:
+    limits = Overload(reporting())
 
-    assert sum(flood.admits(client=str(number), starter="a", now_s=0.0) for number in range(9)) == 3
+    assert sum(limits.admits(str(number), "a") for number in range(1000)) == OF_EVERYONE.burst
 
 
 async def damped(*puts: tuple[float, str, int]) -> list[tuple[float, int, int]]:
