@@ -15,7 +15,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain
+from itertools import chain, dropwhile
 from typing import NamedTuple
 
 from gateway.contract import Quality, RecordWriter, ValueRecord
@@ -168,7 +168,7 @@ class AllSeries:
             with suppress(StoreError):  # then only this run's are shown
                 rows = await self._store.rows(starter, (SERIES,))
         known = self._steps.get((starter, point))
-        samples = [] if known is None else [*known[not is_fine].samples(now_s)]
+        samples = [] if known is None else [*_begun(known[not is_fine].samples(now_s))]
         found = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in samples]
         gather = partial(gathered, begin_s=begin_s, step_s=span_s / steps, steps=steps)
         return await asyncio.to_thread(gather, chain(_stored(rows, point), found)) if rows else gather(found)
@@ -200,9 +200,14 @@ def _stored(rows: Sequence[HistoryRow], point: str) -> Iterator[Sample]:
     for row in rows:
         with suppress(KeyError, TypeError, ValueError):
             begin_s, columns = row.data["begin"], row.data["points"][point]
-            for index, values in enumerate(zip(*columns, strict=False)):
-                known = (NAN if value is None else float(value) for value in values)
-                yield Sample(begin_s + (index + 0.5) * MINUTE_S, *known)
+            known = [[NAN if value is None else float(value) for value in column] for column in columns]
+            minutes = enumerate(zip(*known, strict=False))
+            yield from _begun(Sample(begin_s + (at + 0.5) * MINUTE_S, *values) for at, values in minutes)
+
+
+def _begun(samples: Iterable[Sample]) -> Iterator[Sample]:
+    """Return samples from the first one that is known: of what was before it, another run may know."""
+    return dropwhile(lambda each: math.isnan(each.most) and math.isnan(each.last), samples)
 
 
 def _short(value: float) -> float | None:
