@@ -466,6 +466,20 @@ COMMANDS = [
         },
     ),
     row(
+        "a stop of a group is answered to its end, also where one of its starters is silent",
+        given=FOUR + ALICE + WEB + LOGIN + GROUP,
+        at={5.0: [log_in(), "belt power off"]},
+        then={
+            40.0: lambda plant: (
+                ""
+                if (said := plant.post("/api/v1/command/hall/stop", {})).json["final"]
+                and {name: each["phase"] for name, each in said.json["phases"][-1]["members"].items()}
+                == {"pump": "confirmed", "fan": "confirmed", "mill": "confirmed", "belt": "unconfirmed"}
+                else said.text
+            )
+        },
+    ),
+    row(
         "what the operator may not, his page may not",
         given=LOOKER,
         at={5.0: log_in()},
@@ -571,19 +585,19 @@ COMMANDS = [
 ]
 
 
-def acknowledged(*codes: str, by: str = "anna") -> Expectation:
-    """The page shows that somebody has acknowledged these alarms of the pump, and no others."""
+def acknowledged(*codes: str, by: str = "anna", of: str = "pump") -> Expectation:
+    """The page shows that somebody has acknowledged these alarms of a starter, and no others."""
 
     def check(plant: RigPlant) -> str:
-        found = plant.get("/api/v1/starter/pump").json["facts"]["acknowledged"]
+        found = plant.get(f"/api/v1/starter/{of}").json["facts"]["acknowledged"]
         is_right = set(found) == set(codes) and all(each["by"] == by for each in found.values())
         return "" if is_right else str(found)
 
     return check
 
 
-def acknowledge(code: str = "e05") -> Any:
-    return lambda plant: plant.post(f"/api/v1/acknowledge/pump/{code}", {})
+def acknowledge(code: str = "e05", of: str = "pump") -> Any:
+    return lambda plant: plant.post(f"/api/v1/acknowledge/{of}/{code}", {})
 
 
 ALARMS = [
@@ -632,6 +646,21 @@ ALARMS = [
             25.0: "pump trip E05",
         },
         then={28.0: [acknowledged(), msg("starter/pump/alarm/e05", active=True, count=1)]},
+    ),
+    row(
+        "an alarm that has cleared while the gateway was away is another one, also beside one that is active",
+        given=FOUR + ALICE + WEB + LOGIN,
+        at={
+            8.0: "mill alarm A046",
+            14.0: [log_in(), acknowledge("a046", "mill")],
+            16.0: ["end", "mill clear", "mill alarm A005"],
+            17.0: "start",
+            65.0: "mill alarm A046",
+        },
+        then={
+            15.0: acknowledged("a046", of="mill"),
+            75.0: [acknowledged(of="mill"), msg("starter/mill/alarm/a046", active=True, count=1)],
+        },
     ),
 ]
 
@@ -781,15 +810,16 @@ def test_values_of_an_earlier_run_are_shown_for_eight_hours_and_seven_days_where
     with RigPlant(stored, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start")
-        plant.run(until=20.0)
-        plant.command("pump/alice/stop")
-        plant.run(until=30.0)
+        plant.run(until=190.0)
         plant.restart()
-        plant.run(until=45.0)
+        plant.run(until=205.0)
         rows = [plant.get(f"{VALUES}?point=current&span={span}").json for span in ("10min", "8h", "7d")]
 
         most = [max(filter(None, each["most"]), default=0.0) for each in rows]
         assert most[0] < most[1] == most[2]  # the start's current; the last ten minutes are this run's
+        known = [[value is not None for value in rows[1][column]] for column in ("least", "most", "last")]
+        assert known[0] == known[1] == known[2]  # the line as far as its band
+        assert known[0].count(True) == 5
         assert [len(each["most"]) for each in rows] == [300, 480, 672]
         assert all(each["is_stored"] for each in rows)
 
