@@ -56,7 +56,7 @@ API = "/api/v1"
 LOGIN = f"{API}/login"
 NAME = "([^/]+)"
 BUSY_RETRY_S = 5
-ANSWER_WITHIN_S = 12.0  # a command's request: then the phases so far; a stop's end comes after 10 s at the latest
+ANSWER_WITHIN_S = 12.0  # a command's request: then the phases so far; a stop ends after 10 s
 METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 GZIP_LEVEL = 1  # a tenth of the size; more costs more than it saves
 MOST_STARTS = 50  # in an answer; of older ones those with samples
