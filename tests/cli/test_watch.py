@@ -82,7 +82,7 @@ def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
 
 
 CURRENT = made(ValueRecord, point="current", value=61.5, unit="A")
-INFO = {
+INFO: dict[str, Any] = {
     "family": "ssw07",
     "model": None,
     "firmware": None,

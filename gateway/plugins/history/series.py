@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import math
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -100,13 +101,18 @@ class AllSeries:
         self._points = tuple(points)
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
+        self._left: Counter[str] = Counter()  # how often a starter was taken out of the configuration
         self._looked_s = records.clock.now_s()
         self._due: list[str] = []  # starters that are to be stored next
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
         """Go on with these starters, and store these points."""
-        self._points = tuple(points)
         wanted = set(starters)
+        for gone in set(self._starters()) - wanted:  # where it comes again, in rows of its own
+            self._write(gone)
+            self._left[gone] += 1
+            self._stored_s.pop(gone, None)
+        self._points = tuple(points)
         self._steps = {key: steps for key, steps in self._steps.items() if key[0] in wanted}
         self._due = []
 
@@ -150,7 +156,9 @@ class AllSeries:
                 "begin": clock.utc_s(hour * HOUR_S),
                 "points": {point: self._hour(starter, point, hour, now_s) for point in known},
             }
-            self._store.put(HistoryRow(starter, SERIES, f"{self._records.boot}-{hour}", data, ROWS))
+            left = self._left[starter]
+            id_ = f"{self._records.boot}-{hour}" + (f"-{left}" if left else "")
+            self._store.put(HistoryRow(starter, SERIES, id_, data, ROWS))
 
     def points(self, starter: str) -> list[str]:
         """Return the points of a starter that were a number in this run, the current first."""

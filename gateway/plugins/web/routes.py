@@ -342,10 +342,12 @@ class WebApp:
         self, _: Request, _body: bytes, session: WebSession, starter: str, alarm: str
     ) -> Response:
         self._require_starter(starter)
-        if not self._model.acknowledged.add(starter, alarm, session.user):
-            raise WebError(409, "not_active", "this alarm is not active")
-        self._accounts.audit("acknowledge", "ok", session.user, {"alarm": alarm}, starter=starter)
-        return _json(encoded(self._model.facts(starter)["acknowledged"]))
+        known = self._model.acknowledged
+        if alarm not in known.of(starter):  # else it stays with whoever was first
+            if not known.add(starter, alarm, session.user):
+                raise WebError(409, "not_active", "this alarm is not active")
+            self._accounts.audit("acknowledge", "ok", session.user, {"alarm": alarm}, starter=starter)
+        return _json(encoded(known.of(starter)))
 
     async def _tool(self, _: Request, _body: bytes, session: WebSession, *, name: str) -> Response:
         if self._tool_runs.locked():

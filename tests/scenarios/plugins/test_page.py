@@ -21,6 +21,7 @@ from tests.rig.sites import (
     METRICS,
     QUICK,
     SPARKPLUG,
+    SSW06,
     SSW07,
     WEB,
     line,
@@ -618,6 +619,20 @@ ALARMS = [
         },
     ),
     row(
+        "an alarm that is acknowledged stays with whoever was first",
+        given=PAGE,
+        at={5.0: "pump trip E05", 8.0: [log_in(), acknowledge()], 9.0: acknowledge()},
+        then={
+            10.0: lambda plant: (
+                ""
+                if [each.json["verb"] for each in plant.messages("audit")].count("acknowledge") == 1
+                and plant.get("/api/v1/starter/pump").json["facts"]["acknowledged"]["e05"]["time"][17:19]
+                == "08"
+                else "twice"
+            )
+        },
+    ),
+    row(
         "without a login no alarm is acknowledged",
         given=PAGE,
         at={5.0: "pump trip E05"},
@@ -822,6 +837,24 @@ def test_values_of_an_earlier_run_are_shown_for_eight_hours_and_seven_days_where
         assert known[0].count(True) == 5
         assert [len(each["most"]) for each in rows] == [300, 480, 672]
         assert all(each["is_stored"] for each in rows)
+
+
+def test_values_of_a_starter_that_was_taken_out_for_some_time_are_shown_where_they_are_stored() -> None:
+    stored = PAGE + table("history", values=["current"])
+    with RigPlant(stored, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=190.0)
+        plant.reload(SSW06 + ALICE + WEB + LOGIN + table("history", values=["current"]))
+        plant.run(until=195.0)
+        plant.reload(stored)
+        plant.run(until=205.0)
+        shown = plant.get(f"{VALUES}?point=current&span=8h").json
+        plant.restart()
+        plant.run(until=215.0)
+        again = plant.get(f"{VALUES}?point=current&span=8h").json
+
+        assert [max(filter(None, each["most"])) > 100 for each in (shown, again)] == [True, True]  # the start
 
 
 def test_doctor_asks_as_who_is_logged_in(monkeypatch: pytest.MonkeyPatch) -> None:
