@@ -3,7 +3,7 @@
 1. In memory are the last ten minutes in steps of 2 s, and the last nine hours in steps of a minute. The hours
    of the points in `[history]` are stored too: a row an hour, rewritten every ten minutes, for seven days.
 2. They are made of published values, so they are exact to the dead bands. A value holds until the next one;
-   while it is not good there is a gap.
+   while it is not good, or the gateway stood still, there is a gap.
 3. Steps are counted on the steady clock; UTC is computed when a row is written or a series is asked for.
 """
 
@@ -28,6 +28,8 @@ SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memo
 FINE_S, FINE_STEPS = 2.0, 300
 MINUTE_S, MINUTES = 60.0, 540
 HOUR_S, PER_HOUR = 3600.0, 60
+BEAT_S = 2.0
+STILL_S = 6.0  # without a beat for longer, the gateway stood still: nothing was read
 STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
@@ -73,6 +75,14 @@ class Steps:
             most[index] = value if is_first else max(most[index], value)
         last[index] = self._held = value
 
+    def forget(self, since_s: float, now_s: float) -> None:
+        """Make the whole steps between two times unknown; the value holds again after them."""
+        self._advance(now_s)
+        newest = int(now_s // self.step_s)
+        for each in range(max(int(since_s // self.step_s), newest - self._slots) + 1, newest):
+            for column in self._columns:
+                column[each % self._slots] = NAN
+
     def samples(self, now_s: float) -> Iterator[Sample]:
         """Yield the steps up to now, the oldest first."""
         self._advance(now_s)
@@ -102,7 +112,7 @@ class AllSeries:
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
         self._left: Counter[str] = Counter()  # how often a starter was taken out of the configuration
-        self._looked_s = records.clock.now_s()
+        self._looked_s = self._beat_s = records.clock.now_s()
         self._due: list[str] = []  # starters that are to be stored next
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
@@ -130,6 +140,14 @@ class AllSeries:
         if now_s - self._looked_s >= STORE_EVERY_S:
             self._looked_s, self._due = now_s, self._starters()
             self._write_next()
+
+    def beat(self) -> None:
+        """Note that the gateway is at work; called every `BEAT_S`."""
+        now_s = self._records.clock.now_s()
+        since_s, self._beat_s = self._beat_s, now_s
+        if now_s - since_s > STILL_S:
+            for steps in chain.from_iterable(self._steps.values()):
+                steps.forget(since_s, now_s)
 
     def write(self) -> None:
         """Have everything stored that is not yet."""

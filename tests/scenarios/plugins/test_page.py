@@ -857,6 +857,18 @@ def test_values_of_a_starter_that_was_taken_out_for_some_time_are_shown_where_th
         assert [max(filter(None, each["most"])) > 100 for each in (shown, again)] == [True, True]  # the start
 
 
+def test_where_the_gateway_stood_still_there_is_a_gap_and_the_value_holds_after_it() -> None:
+    with RigPlant(PAGE, sim={"pump": QUICK}) as plant:
+        plant.run(until=60.0)
+        plant.stand_still(40.0)
+        plant.run(until=120.0)
+        lasts = plant.get(f"{VALUES}?point=current&span=10min").json["last"]
+
+        known = [value is not None for value in lasts[-55:]]
+        assert 18 <= known.count(False) <= 21
+        assert all([*known[:5], *known[-8:]])
+
+
 def test_doctor_asks_as_who_is_logged_in(monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[list[str]] = []
     done = subprocess.CompletedProcess([], 0, stdout=b"well")
