@@ -343,7 +343,7 @@ class WebApp:
     ) -> Response:
         self._require_starter(starter)
         known = self._model.acknowledged
-        if alarm not in known.of(starter):  # else it stays with whoever was first
+        if alarm not in known.of(starter):  # else the first person stays
             if not known.add(starter, alarm, session.user):
                 raise WebError(409, "not_active", "this alarm is not active")
             self._accounts.audit("acknowledge", "ok", session.user, {"alarm": alarm}, starter=starter)

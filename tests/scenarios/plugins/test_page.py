@@ -619,7 +619,7 @@ ALARMS = [
         },
     ),
     row(
-        "an alarm that is acknowledged stays with whoever was first",
+        "an alarm that is acknowledged stays with its first person",
         given=PAGE,
         at={5.0: "pump trip E05", 8.0: [log_in(), acknowledge()], 9.0: acknowledge()},
         then={
