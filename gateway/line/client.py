@@ -11,8 +11,7 @@ from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, Request
 
 Post = Callable[..., bool]  # post(call, *args): call it on the line's loop, in order; False: it has ended
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 
 from gateway.errors import BadFrameError
-from gateway.modbus.adu import BROADCAST, Adu, decode, encode
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import BROADCAST, Adu, LineTiming, decode, encode
 from gateway.sim.bus.faults import Impairment, Impairments, Noisy, Reply
 from gateway.sim.core.unit import SimulatedUnit
 

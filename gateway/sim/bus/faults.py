@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from gateway.modbus.adu import decode, encode
+from gateway.modbus import decode, encode
 
 
 @dataclass(frozen=True, slots=True)
