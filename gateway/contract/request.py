@@ -23,6 +23,8 @@ _INSTANT = re.compile(  # RFC 3339 5.6
     r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
 )
 
+_OF_ANY = ("id", "operator", "reason", "args")  # what is understood of a payload that is wrong elsewhere
+
 
 @dataclass(frozen=True, slots=True)
 class Proof:
@@ -110,9 +112,6 @@ class CommandBody(BaseModel):
             None if self.issued_at is None else datetime.fromisoformat(self.issued_at.upper()).timestamp()
         )
         return Proof(token=self.token, issued_s=issued_s, boot=self.boot, ttl_s=self.ttl_s)
-
-
-_OF_ANY = ("id", "operator", "reason", "args")  # what is understood of a payload that is wrong elsewhere
 
 
 def read_body(payload: bytes) -> tuple[CommandBody, CommandError | None]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 LEVEL = r"[a-z0-9_-]+"
 _LEVEL = re.compile(LEVEL, re.ASCII)
 _NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]", re.ASCII)
+LINE = "line"
 
 
 class CommandAddress(NamedTuple):
@@ -22,9 +23,6 @@ class CommandAddress(NamedTuple):
     starter: str
     client: str
     verb: str
-
-
-LINE = "line"
 
 
 class RetainedTopic(NamedTuple):

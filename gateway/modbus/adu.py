@@ -33,6 +33,8 @@ FIXED_REPLIES = {  # the size of a frame that acknowledges a write
 }
 _KNOWN = frozenset(int(function) for function in Function)
 _NUMBER_OF_OBJECTS_AT = 7  # in the reply 43/14 [APP 6.21]
+_POLYNOMIAL = 0xA001  # x^16 + x^15 + x^2 + 1, bits reversed [SERIAL 6.2.2]
+_START = 0xFFFF
 
 
 class Adu(NamedTuple):
@@ -112,10 +114,6 @@ def _identification_size(head: bytes) -> int | None:
             return None
         at += 2 + head[at + 1]
     return min(at + _CRC_SIZE, MAX_ADU_SIZE)
-
-
-_POLYNOMIAL = 0xA001  # x^16 + x^15 + x^2 + 1, bits reversed [SERIAL 6.2.2]
-_START = 0xFFFF
 
 
 def crc16(data: bytes) -> int:

@@ -10,6 +10,12 @@ from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
+TICK_S = 0.25
+WINDOW_S = 60.0
+LAG_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.05, 0.25, 1.0)
+SUSPEND_LIMIT_S = 2.0  # below any command's default validity, above a busy machine's worst delay
+LOOK_EVERY_S = 0.25
+
 
 class Delays(NamedTuple):
     """How many delays were how long: `counts` by upper bound, the last of those beyond them all."""
@@ -40,11 +46,6 @@ class DelayCounts:
     def taken(self) -> Delays:
         """Return all that were counted so far."""
         return Delays(self._bounds_s, tuple(self._counts), self._total_s)
-
-
-TICK_S = 0.25
-WINDOW_S = 60.0
-LAG_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.05, 0.25, 1.0)
 
 
 class LagMeter:
@@ -90,10 +91,6 @@ class LagMeter:
             await asyncio.sleep(TICK_S)
             now_s = loop.time()
             self.note(max(now_s - due_s, 0.0), now_s)
-
-
-SUSPEND_LIMIT_S = 2.0  # below any command's default validity, above a busy machine's worst delay
-LOOK_EVERY_S = 0.25
 
 
 def up_s() -> float:

@@ -14,6 +14,10 @@ FIRST_S, LEAST_S, MOST_S = 0.0001, 0.00005, 0.0004
 
 _EARLIER_S, _LATER_S = 0.000012, 0.000003  # the steps of learning: one write in five then is late
 
+UNREAD_BYTES = 4096  # stored at most; more than the longest frame many times over
+CLOSED_BY_OTHER = "lost: closed by the other side"
+_AT_ONCE_S = 0.00004
+
 
 class EarlyWakeUp:
     """Learns from each write that follows a wait."""
@@ -27,12 +31,6 @@ class EarlyWakeUp:
             self.seconds = min(self.seconds + _EARLIER_S, MOST_S)
         else:
             self.seconds = max(self.seconds - _LATER_S, LEAST_S)
-
-
-UNREAD_BYTES = 4096  # stored at most; more than the longest frame many times over
-CLOSED_BY_OTHER = "lost: closed by the other side"
-
-_AT_ONCE_S = 0.00004
 
 
 class OpenPort(asyncio.Protocol, abc.ABC):

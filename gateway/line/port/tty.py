@@ -26,6 +26,9 @@ from gateway.line.port.buffered import CLOSED_BY_OTHER, OpenPort
 _TIOCGICOUNT = 0x545D  # [linux/asm-generic/ioctls.h]
 _ICOUNTER = struct.Struct("20i")  # struct serial_icounter_struct [linux/serial.h]: 11 counters, 9 reserved
 _PLACES = {"frame": 6, "overrun": 7, "parity": 8, "break": 9, "buffer_overrun": 10}
+DOZE_FROM = 3  # bytes still lacking from which on their arrival one by one is not watched
+_READ_SIZE = 4096
+_AWAKE_S = 0.00005  # before the last byte but one is there: waking up takes a little longer
 
 
 @runtime_checkable
@@ -45,12 +48,6 @@ def uart_errors(fd: int, ioctl: Callable[..., Any] = fcntl.ioctl) -> dict[str, i
         return None
     counters = _ICOUNTER.unpack(answer)
     return {name: counters[place] for name, place in _PLACES.items()}
-
-
-DOZE_FROM = 3  # bytes still lacking from which on their arrival one by one is not watched
-
-_READ_SIZE = 4096
-_AWAKE_S = 0.00005  # before the last byte but one is there: waking up takes a little longer
 
 
 class TtyPort(OpenPort):

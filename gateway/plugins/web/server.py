@@ -38,6 +38,13 @@ for _name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
     # Any client could fill the log; the page logs its own.
     logging.getLogger(_name).setLevel(logging.CRITICAL)
 
+_LIMITS_S = {
+    "first request": REQUEST_WITHIN_S,
+    "body": REQUEST_WITHIN_S,
+    "request": IDLE_S,
+    "reader": WRITE_WITHIN_S,
+}
+
 
 class Connection(H11Protocol):
     """One connection, whose deadlines `Server` watches."""
@@ -71,14 +78,6 @@ class Connection(H11Protocol):
         if self.cycle.response_complete:
             return "request"
         return "body" if self.cycle.more_body else ""
-
-
-_LIMITS_S = {
-    "first request": REQUEST_WITHIN_S,
-    "body": REQUEST_WITHIN_S,
-    "request": IDLE_S,
-    "reader": WRITE_WITHIN_S,
-}
 
 
 class Server:

@@ -26,6 +26,10 @@ from operator import itemgetter
 
 from gateway.contract import MAX_TTL_S, READ, CommandError, Proof, ResultCode
 
+MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
+EVERY_S = 1.0  # between two tokens
+_TOKEN_BYTES = 12
+
 
 class RunToken:
     """`run` goes with everything that is numbered, `token` proves a command fresh.
@@ -66,12 +70,7 @@ class RunToken:
         return self._connected_s is not None and at_s < self._connected_s
 
 
-MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
-EVERY_S = 1.0  # between two tokens
-
 BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
-
-_TOKEN_BYTES = 12
 
 
 def _draw() -> str:

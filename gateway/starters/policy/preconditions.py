@@ -15,6 +15,9 @@ from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.start_rules import is_release
 
 STATE = "state"
+NOTICE = Note("no_physical_lock")
+LONGEST_REASON = 256
+_HARMLESS = frozenset({"read", "reset", "stop"})  # a reset takes a standing run command back first
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +59,6 @@ def _word(value: object) -> str:
     if value is None:
         return "unknown"
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-NOTICE = Note("no_physical_lock")
-LONGEST_REASON = 256
-
-_HARMLESS = frozenset({"read", "reset", "stop"})  # a reset takes a standing run command back first
 
 
 def is_forbidden(verb: str, args: Mapping[str, Any]) -> bool:
