@@ -74,7 +74,10 @@ class Losses:
             }
             for loss in declared
         ]
-        named = (phrase(EventCode.GAP, "loss", **each) for each in lost)
+        named = (
+            phrase(EventCode.GAP, "loss", count=each["count"], kind=each["kind"], reason=each["reason"])
+            for each in lost
+        )
         return event_of(
             EventCode.GAP,
             count=sum(loss.rows for loss in declared),

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.families import Alarm
@@ -75,9 +74,9 @@ def _raised(alarm: Alarm, earlier: AlarmStatus | None, time_s: float) -> AlarmSt
 
 
 def _event(known: AlarmStatus) -> Event:
-    alarm = known.alarm
-    fields: dict[str, Any] = {"alarm": alarm.code, "severity_": alarm.severity, "count": known.count}
+    alarm, count = known.alarm, known.count
+    code, kind = alarm.code, alarm.severity
     if not known.is_active:
-        return event_of(EventCode.CLEARED, **fields, title=alarm.title)
-    severity = Severity.ERROR if known.is_fault else Severity.WARNING
-    return event_of(EventCode.ALARM, severity=severity, **fields, title=named([known]))
+        return event_of(EventCode.CLEARED, alarm=code, severity_=kind, count=count, title=alarm.title)
+    severity, title = Severity.ERROR if known.is_fault else Severity.WARNING, named([known])
+    return event_of(EventCode.ALARM, severity=severity, alarm=code, severity_=kind, count=count, title=title)

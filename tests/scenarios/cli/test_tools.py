@@ -299,7 +299,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         "a port that is lost on the way is a problem",
         SSW07,
         cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error")),
-        then=[lambda plant: plant.loop.call_later(0.05, plant.lines["pumps"].unplug)],
+        then=[lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)],
     ),
     ended(
         "the corrupted requests that an SSW900 has counted are a problem",
