@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gateway.config.values import split_url
+from gateway.config import split_url
 from gateway.contract import Phase, ResultRecord, Topics, is_level, meaning_of, rfc3339
 from gateway.errors import NoResultError, UsageError
 from gateway.mqtt import BrokerSettings, CommandClient, Order, TlsSettings

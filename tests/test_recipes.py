@@ -15,7 +15,7 @@ import pytest
 from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.starters import RunToken, Tokens
-from gateway.starters.policy.freshness import Moment, decision_of
+from gateway.starters.policy.freshness import ArrivalTime, decision_of
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
 TOKEN = "token-1"  # made when everything arrives
@@ -39,7 +39,7 @@ def request(topic: str, payload: str) -> CommandRequest:
     assert received.refusal is None, received
     judged = received.request
     if judged.verb != STOP:
-        moment = Moment(7.0, NOW_S)
+        moment = ArrivalTime(7.0, NOW_S)
         decision_of(judged.proof, verb=judged.verb, freshness=("token",), tokens=tokens, moment=moment)
     return judged
 

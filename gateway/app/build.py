@@ -18,7 +18,7 @@ from gateway.app.plugins import NAMES, PluginRunner
 from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
-from gateway.config.convert import policy_of, rights_of, setups_in, timing_of
+from gateway.config import policy_of, rights_of, setups_in, timing_of
 from gateway.contract import MAX_TTL_S, Latest, PublishEvent, RecordBus, RecordWriter
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from math import isinf
 from typing import Any, NamedTuple, get_args
 
-from gateway.config.convert import setups_of, timing_of
-from gateway.config.mistakes import Mistake
-from gateway.config.schema import Baud, Config, LineTable, StarterTable
+from gateway.config import Baud, Config, LineTable, Mistake, StarterTable, setups_of, timing_of
 from gateway.families import diagnosis
 from gateway.line import Poll, capacity
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.starters import StarterSetup, polls_of
 
 

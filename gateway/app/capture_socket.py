@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.line import OnFrame
 from gateway.system.clock import Clock
 

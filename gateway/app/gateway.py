@@ -19,9 +19,16 @@ from gateway.app.plugins import PluginRunner
 from gateway.app.restart import announcement
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
-from gateway.config.convert import policy_of, rights_of, setups_in, setups_of
-from gateway.config.diff import ConfigChanges, changes_of, fixed
-from gateway.config.schema import Config
+from gateway.config import (
+    Config,
+    ConfigChanges,
+    changes_of,
+    fixed,
+    policy_of,
+    rights_of,
+    setups_in,
+    setups_of,
+)
 from gateway.contract import EventCode, PublishEvent, event_of
 from gateway.errors import ConfigError, Problem
 from gateway.line import LineHost

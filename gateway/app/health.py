@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from gateway.app.site import Site
 from gateway.app.watched_line import WatchedLine
-from gateway.config.convert import least_watchdog_s, wiring_of
+from gateway.config import least_watchdog_s, wiring_of
 from gateway.contract import EventCode, PublishEvent, Sink
 from gateway.line import LineClient, capacity
 from gateway.mqtt import Publisher

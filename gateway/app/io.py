@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.line import PortOpener, SerialOpener
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.system.clock import is_kernel_clock_synchronised
 
 

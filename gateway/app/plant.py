@@ -10,9 +10,7 @@ from functools import partial
 from typing import Any
 
 from gateway.app.health import Health
-from gateway.config.convert import setups_of, timing_of
-from gateway.config.diff import Additions, ConfigChanges
-from gateway.config.schema import LineTable
+from gateway.config import Additions, ConfigChanges, LineTable, setups_of, timing_of
 from gateway.contract import EventCode, ForgetRecord, PublishEvent, RecordWriter
 from gateway.families import ENGLISH
 from gateway.line import (

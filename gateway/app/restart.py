@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.app.capacity import LineCapacity
 from gateway.app.site import Site
-from gateway.config.convert import setups_of
+from gateway.config import setups_of
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.line import capacity
 from gateway.starters import KnownWatchdogs

@@ -8,10 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from gateway.app.capacity import LineCapacity, computed_of, missed_deadlines, prospects_of
-from gateway.config.load import load
-from gateway.config.mistakes import Mistake
-from gateway.config.schema import Config
-from gateway.config.secrets import SECRETS, secret_of
+from gateway.config import SECRETS, Config, Mistake, load, secret_of
 from gateway.errors import ConfigError
 
 

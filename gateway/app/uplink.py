@@ -14,8 +14,7 @@ from typing import Any
 
 from gateway import __version__
 from gateway.app.site import Site
-from gateway.config.convert import broker_of, policy_of, rights_of
-from gateway.config.schema import Config
+from gateway.config import Config, broker_of, policy_of, rights_of
 from gateway.contract import (
     LINE,
     EventCode,

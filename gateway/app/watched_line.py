@@ -33,6 +33,7 @@ class WatchedLine:
     def reconfigure(self, computed: Mapping[str, Any], wiring: Sequence[WiredStarter] | None) -> None:
         """Judge by these computed worst-case statistics; `wiring`: the starters as the cable passes them."""
         self._computed = computed
+        self.line.stop_bound_s = computed.get("stop_latency_s")
         self._saturation = (self._saturation or Saturation()) if computed.get("is_paced") else None
         if wiring is None:
             self._cable = None

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
-from gateway.config.load import load
+from gateway.config import load
 from gateway.errors import UsageError
 from gateway.store import FIRST_HASH, STATE_FILE, Head, read_audit, verify
 

@@ -14,9 +14,7 @@ import uuid
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from gateway.config.convert import broker_of
-from gateway.config.schema import Config
-from gateway.config.secrets import VARIABLE, password_in, secret_of
+from gateway.config import VARIABLE, Config, broker_of, password_in, secret_of
 from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt import BrokerSettings, Incoming, Message, Session, connected

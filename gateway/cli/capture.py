@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gateway.app.capture_socket import FORMAT, socket_path
-from gateway.config.load import load
+from gateway.config import load
 from gateway.errors import CaptureError, UsageError
 
 READ_WITH = "-d rtacser.data,mbrtu -o mbrtu.crc_verification:TRUE"  # what Wireshark and tshark need

@@ -22,7 +22,7 @@ from gateway.cli.command import counted, flag
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.machine import dated_finding
 from gateway.cli.scan.scan import stable_name
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.errors import ConfigError, StartError
 from gateway.families import Weight, load_profile
 from gateway.line import capacity

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 from gateway.errors import StoreError, UsageError
 
 if TYPE_CHECKING:  # not every command reads a configuration
-    from gateway.config.schema import Config, LineTable, StarterTable
+    from gateway.config import Config, LineTable, StarterTable
 
 STEP = 0.1  # of the whole, between two lines where there is no terminal
 
@@ -54,7 +54,7 @@ def completed(action: argparse.Action, *, by: Callable[[Config, argparse.Namespa
     """Have a shell with argcomplete complete an argument by the configuration that stands before it."""
 
     def completer(parsed_args: argparse.Namespace, **_: object) -> Iterable[str]:
-        from gateway.config.load import load
+        from gateway.config import load
 
         return by(load(parsed_args.config), parsed_args)
 
@@ -122,9 +122,9 @@ def place_of(config: Config, name: str) -> tuple[LineTable, StarterTable]:
 
 def choose(word: str, known: Iterable[str]) -> str:
     """Return the hint for an unknown word: the nearest known one, or all of them."""
-    from gateway.config import mistakes
+    from gateway.config import choose as nearest
 
-    return mistakes.choose(word, known)
+    return nearest(word, known)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -8,7 +8,7 @@ from gateway.cli.command import arguments, whole_number
 from gateway.contract import CommandError
 from gateway.errors import UsageError
 from gateway.families import FAMILIES, Profile, Variant, command, load_profile
-from gateway.modbus import adu
+from gateway.modbus import encode
 
 _WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
 _HINTS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"{error.text} ({_HINTS[error.code]})") from error
         raise
     for step in steps:
-        print(adu.encode(address, step.request.encode()).hex(" ").upper())
+        print(encode(address, step.request.encode()).hex(" ").upper())
     return 0
 
 

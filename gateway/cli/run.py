@@ -17,7 +17,7 @@ from gateway.app.io import MACHINE, Io
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import upgrade_site
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.store import backup
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from gateway.config.schema import Config
+from gateway.config import Config
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

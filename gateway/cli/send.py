@@ -12,8 +12,7 @@ from typing import Any
 
 from gateway.cli.broker import add_login, client_of, settings_of, user_name
 from gateway.cli.command import add_starter, arguments, choose, completed, expectations, targets
-from gateway.config.load import load
-from gateway.config.schema import Config
+from gateway.config import Config, load
 from gateway.contract import OWN_VERBS, SELECT, STOP, Phase, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
 from gateway.families import command, load_profile

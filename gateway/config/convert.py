@@ -9,7 +9,7 @@ from gateway.config.schema import Config, LineTable, RulesTable, StarterTable
 from gateway.contract import Operator
 from gateway.families import ENGLISH, Variant
 from gateway.line import WiredStarter
-from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus import Framing, LineTiming
 from gateway.mqtt import BrokerSettings, TlsSettings, Version
 from gateway.starters import PolicySettings, Rights, RuleSet, StarterSetup
 

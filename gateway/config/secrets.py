@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, Problem
 from gateway.system.password_hash import unmatched_line

@@ -14,8 +14,7 @@ from typing import Any
 from gateway.families.profile.parameters import READS, is_read_alone, read_run
 from gateway.families.profile.rows import Access, Table, Type
 from gateway.families.profile.schema import Profile
-from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus import ReadCoils, ReadHoldingRegisters, ReadInputRegisters, Request
 
 MOST = 8  # alternates of one request
 FENCES = 8  # with fewer shapes lost and late replies leave a unit out of step for long

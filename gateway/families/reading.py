@@ -21,8 +21,7 @@ from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Limits, Profile, Variant, once_per_profile
 from gateway.families.profile.word_types import shown_within
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, Request
 
 LEAST_DELAY_S = 0.005  # of a starter's answer; a longer one makes joining worth even more
 

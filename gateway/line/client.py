@@ -11,8 +11,7 @@ from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, Request
 
 Post = Callable[..., bool]  # post(call, *args): call it on the line's loop, in order; False: it has ended
 
@@ -26,6 +25,7 @@ class LineClient:
         self._line = line
         self._post = post
         self._statistics = statistics or line.statistics
+        self.stop_bound_s: float | None = None  # with all requests that may come; None: with the polls alone
 
     @property
     def name(self) -> str:
@@ -92,7 +92,10 @@ class LineClient:
 
     def statistics(self) -> dict[str, Any]:
         """Return the line's counters and times for `B/gateway/line/{line}`, at most about a second old."""
-        return self._statistics()
+        found = self._statistics()
+        if self.stop_bound_s is None or "stop_latency_s" not in found:
+            return found
+        return {**found, "stop_latency_s": {**found["stop_latency_s"], "computed": self.stop_bound_s}}
 
     @property
     def stretch(self) -> float:

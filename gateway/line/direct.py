@@ -17,8 +17,7 @@ from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.transaction import ALLOWANCE_S, reply_within_s, request_wire_s
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, Request
 
 
 @asynccontextmanager

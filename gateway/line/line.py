@@ -24,7 +24,7 @@ from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.system.rate_limits import Backoff
 
 logger = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from gateway.line.port.base import ClosesLate, PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.rtu.transaction import ALLOWANCE_S
 from gateway.line.scheduler.requests import Poll
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.system.gc_tuning import TunedCollector
 from gateway.system.stalls import LagMeter
 

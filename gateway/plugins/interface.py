@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
 from gateway.line import LineClient
 from gateway.mqtt import Message

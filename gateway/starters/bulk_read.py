@@ -11,8 +11,7 @@ from gateway.contract import CommandError, ResultCode
 from gateway.errors import PortLostError
 from gateway.families import Profile, Read, reading
 from gateway.line import Answered, Garbled, Outcome, Refused, Silent
-from gateway.modbus.codes import ExceptionCode, exception_name
-from gateway.modbus.pdu import Request
+from gateway.modbus import ExceptionCode, Request, exception_name
 
 TRIES = 3  # of a request that is not answered, or to which the starter is too busy
 

@@ -18,7 +18,7 @@ from math import inf
 from gateway.contract import EventCode, phrase
 from gateway.families import Profile, Variant, diagnosis, once_per_profile, reading
 from gateway.line import FREE_PERIOD_S, LineClient
-from gateway.modbus.codes import exception_name
+from gateway.modbus import exception_name
 from gateway.starters.setup import StarterSetup, blocks_of
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these

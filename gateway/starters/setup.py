@@ -8,9 +8,7 @@ from math import inf
 
 from gateway.families import Identity, Profile, Variant, diagnosis, once_per_profile, other_reads, reading
 from gateway.line import ALLOWANCE_S, Forms, LineClient, Outcome, Poll, Priority
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
-from gateway.modbus.writes import WriteRegisters
+from gateway.modbus import LineTiming, Request, WriteRegisters
 
 Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is withdrawn while it waits
 

@@ -15,8 +15,7 @@ from typing import assert_never
 from gateway.contract import EventCode, RecordWriter, phrase
 from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
-from gateway.modbus.codes import exception_name
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request, exception_name
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes

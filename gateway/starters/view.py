@@ -8,7 +8,7 @@ from typing import Protocol
 
 from gateway.families import Identity, Profile, Variant
 from gateway.line import LineClient, Priority
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
 from gateway.starters.state import Emitter, Snapshot

@@ -147,11 +147,11 @@ class CommandTable(Journal):
                 work = partial(_put, row=_row(key, result, may_be_written=True))
                 await asyncio.wrap_future(self._store.submit(work, is_urgent=True))
         except TimeoutError:
-            slow = CommandError(ResultCode.LEDGER_UNAVAILABLE, "slow", within_s=INTEND_WITHIN_S)
+            slow = CommandError(ResultCode.NOT_STORED, "slow", within_s=INTEND_WITHIN_S)
             self._on_slow(INTEND_WITHIN_S)
             raise slow from None
         except StoreError as error:
-            raise CommandError(ResultCode.LEDGER_UNAVAILABLE, "failed", error=error) from error
+            raise CommandError(ResultCode.NOT_STORED, "failed", error=error) from error
 
     def forget(self, keys: Sequence[Key]) -> None:
         """Delete these commands; those that a crash leaves are deleted by the next run."""

@@ -14,7 +14,7 @@ from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.restore.backup import upgrade_site
 from gateway.cli.restore.caution import lock_all
-from gateway.config.load import load
+from gateway.config.reading import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.starters import WRITES
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory

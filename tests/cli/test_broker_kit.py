@@ -14,7 +14,7 @@ from gateway.cli.broker_kit.logins import logins_of
 from gateway.cli.broker_kit.rights import tried_topics
 from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.main import main
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from tests.config.sites import changed
 
 URL = 'url = "mqtts://broker.plant:8883"'

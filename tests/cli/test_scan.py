@@ -12,7 +12,7 @@ import pytest
 from gateway.cli.command import Progress
 from gateway.cli.scan.scan import addresses_in, config_text, stable_name
 from gateway.cli.scan.search import Find, Search, SearchSettings, timings_in_order
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode

@@ -12,7 +12,7 @@ import pytest
 from gateway.cli.demo.demo import CONFIG
 from gateway.cli.demo.simulate import simulate, simulated_unit
 from gateway.cli.main import main
-from gateway.config.load import load, parse
+from gateway.config.reading import load, parse
 from gateway.errors import ConfigError, UsageError
 from gateway.families import FAMILIES
 from gateway.modbus.reads import ReadHoldingRegisters

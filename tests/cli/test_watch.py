@@ -82,18 +82,17 @@ def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
 
 
 CURRENT = made(ValueRecord, point="current", value=61.5, unit="A")
-TITLED = made(
-    InfoRecord,
-    family="ssw07",
-    model=None,
-    firmware=None,
-    serial=None,
-    line="l",
-    address=1,
-    points={},
-    commands=(),
-    title="Raw pump",
-)
+INFO: dict[str, Any] = {
+    "family": "ssw07",
+    "model": None,
+    "firmware": None,
+    "serial": None,
+    "line": "l",
+    "address": 1,
+    "points": {},
+    "commands": (),
+}
+TITLED = made(InfoRecord, title="Raw pump", **INFO)
 PUMP = (state("running"), CURRENT, made(ValueRecord, point="current_pct", value=72.0, unit="%"))
 
 
@@ -211,6 +210,29 @@ def test_foreign_messages_change_neither_table_nor_terminal(payload: bytes) -> N
 
     assert [row.name for row in found.rows()] == ["pump"]
     assert "\x1b" not in drawn(found)
+
+
+def test_a_long_title_is_cut_so_that_each_starter_keeps_one_line() -> None:
+    long = made(InfoRecord, title="Raw water pump of the northern works, beside the old boiler", **INFO)
+    load = made(ValueRecord, point="current_pct", value=72.0, unit="%", starter="fan")
+    found = overview(*PUMP, long, state("not_ready", starter="fan"), load)
+
+    lines = drawn(found).splitlines()
+    assert [line for line in lines if "Raw water pump" in line and "61.5 A 72 %" in line and "\u2026" in line]
+    assert len(lines) == 5  # the fan has a text of its own below it
+
+
+def test_gateways_that_are_not_there_have_no_line() -> None:
+    found = Overview("starters/+")
+    for payload in (b"", b"{"):
+        found.take("starters/north/gateway/status", payload, NOW_S)
+    assert "no gateway has published" in drawn(found)
+
+    status = made(StatusRecord, state="offline")
+    found.take(f"starters/south/{status.topic}", status.payload(), NOW_S)
+    assert "starters/south" in drawn(found)
+    found.take(f"starters/south/{status.topic}", b"", NOW_S)
+    assert "no gateway has published" in drawn(found)
 
 
 def test_one_table_has_the_gateways_of_a_plant() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.config.schema import Config
 
 SITE = """\

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.config.convert import wired_starters
 from gateway.config.diff import ConfigChanges, changes_of
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from tests.config.sites import SITE, site
 
 SECOND_LINE = """

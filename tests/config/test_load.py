@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.config.load import load, parse
+from gateway.config.reading import load, parse
 from gateway.config.schema import Verb
 from gateway.errors import ConfigError
 from gateway.families.command.procedures import verbs

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.app.capacity import check_watchdogs
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.errors import ConfigError
 from gateway.system.password_hash import password_line
 from tests.config.sites import SITE, changed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.config.convert import policy_of
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.errors import ConfigError
 from gateway.starters import RuleSet
 from tests.config.sites import SITE

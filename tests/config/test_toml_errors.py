@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.errors import ConfigError
 
 BAD = [  # text, line, what it begins with, a part of the hint

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from gateway.config.convert import policy_of, rights_of, setups_of
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.contract import EventRecord, Record, RecordWriter, Sink, StartRecord, Topics
 from gateway.mqtt import DiskSync, Outbox, Publisher, message_of
 from gateway.plugins.history.delivery import StoredRecords

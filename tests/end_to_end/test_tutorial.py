@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from tests.end_to_end.site import Program
 from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto, free_port
 from tests.reference import tutorial

@@ -18,7 +18,7 @@ from typing import Any
 from gateway.cli.command import place_of
 from gateway.cli.report.document import ReportDocument, document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
-from gateway.config.load import load
+from gateway.config.reading import load
 from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant

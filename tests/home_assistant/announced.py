@@ -11,7 +11,7 @@ from typing import Any
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.config.convert import setups_of
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.config.schema import Config
 from gateway.families.devices.device import Identity
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message

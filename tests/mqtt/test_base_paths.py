@@ -7,7 +7,7 @@ import json
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.contract import Topics
 from gateway.errors import ConfigError
 from tests.config.sites import changed

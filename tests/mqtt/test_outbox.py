@@ -35,8 +35,8 @@ def outbox(**limits: Bounds) -> Outbox:
     return box
 
 
-def latest(topic: str) -> Message:
-    return Message(topic, b"1", qos=1, retain=True)
+def latest(topic: str, text: str = "1", *, qos: int = 1) -> Message:
+    return Message(topic, text.encode(), qos=qos, retain=True)
 
 
 def value(number: int) -> Message:
@@ -102,6 +102,11 @@ def stage(*messages: Message) -> Callable[[Outbox], None]:
             [puts(*map(event, "01")), connect, puts(result("1"), event("2"))],
             "r=1 e=0 e=1 e=2",
             id="a new result does not wait for the events of an outage",
+        ),
+        pytest.param(
+            [connect, puts(latest("a", qos=0)), Outbox.disconnected, puts(latest("a", "2", qos=0)), connect],
+            "a=2",
+            id="of what is retained with QoS 0 the newest is sent, not what a connection left unsent",
         ),
         pytest.param(
             [connect, stage(result("1")), puts(result("2"), event("1"))],

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from tests.reference.tutorial import file, runnable
 
 

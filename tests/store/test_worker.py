@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.errors import StoreError
-from gateway.store.database import Connection, FullError, Reserve
+from gateway.store.database import PAGE_BYTES, SHRUNK_PAGES, Connection, FullError, Reserve
 from gateway.store.worker import News
 from tests.store.store_rig import PATIENCE_S, Keeping, Make, insert, texts
 
@@ -120,6 +120,29 @@ def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
         pass
     assert one.do(texts) == []
     assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
+
+
+def test_a_full_disk_gets_the_room_back_that_deleting_has_freed(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fill(connection: Connection) -> None:
+        for _ in range(SHRUNK_PAGES):
+            insert("a" * PAGE_BYTES)(connection)
+
+    def find_it_full(_: Connection) -> None:
+        raise FullError("the disk is full")
+
+    one = keeping()
+    one.do(fill)
+    monkeypatch.setattr(Reserve, "take", lambda _: False)
+    with pytest.raises(StoreError, match="full"):
+        one.do(find_it_full)
+    for _ in range(3):  # so many pages at most are given back each time
+        freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
+        freed.result(PATIENCE_S)
+    (file,) = tmp_path.rglob("*.sqlite")
+
+    assert file.stat().st_size < 10 * PAGE_BYTES
 
 
 def test_a_disk_that_stays_full_is_reported_once(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:

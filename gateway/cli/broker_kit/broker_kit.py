@@ -16,9 +16,7 @@ from gateway.cli.broker_kit.rights import Login, remote_clients
 from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.command import flag
 from gateway.cli.doctor.machine import dated_finding
-from gateway.config.load import load
-from gateway.config.schema import Config
-from gateway.config.secrets import password_in
+from gateway.config import Config, load, password_in
 from gateway.errors import UsageError
 
 _REPEATED = {  # option: metavar, the kit's option that it sets, help

@@ -25,7 +25,7 @@ from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY
 from gateway.cli.broker_kit.logins import access_list
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS
-from gateway.config.secrets import password_in
+from gateway.config import password_in
 from gateway.errors import UsageError
 
 FOLDER = "logins"  # of a kit: one file a login

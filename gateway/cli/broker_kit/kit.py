@@ -15,8 +15,7 @@ from gateway.cli.broker_kit.folder import CENTRAL, CENTRAL_CA, replaced, write_l
 from gateway.cli.broker_kit.logins import logins_of
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS, KitSettings
-from gateway.config.schema import Config
-from gateway.config.values import is_loopback
+from gateway.config import Config, is_loopback
 from gateway.errors import StartError, UsageError
 
 INSTALLED = "/etc/mosquitto/starter-gateway"  # where the files lie that Mosquitto reads

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from gateway.cli.broker_kit.rights import PROBE, Login, Role, give_rights, sparkplug_here
 from gateway.cli.broker_kit.settings import LOGIN_NAME, KitSettings
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.errors import ConfigError, Problem, UsageError
 
 PROVER = "prover"  # reads everything, for the proof

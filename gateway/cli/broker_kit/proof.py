@@ -19,8 +19,7 @@ from pathlib import Path
 from gateway.cli.broker_kit.logins import PROVER
 from gateway.cli.broker_kit.rights import PROBE, Login, TriedTopic, tried_topics
 from gateway.cli.doctor.findings import Finding
-from gateway.config.convert import broker_of
-from gateway.config.schema import Config
+from gateway.config import Config, broker_of
 from gateway.contract import StatusRecord, Topics
 from gateway.errors import BrokerError, StartError
 from gateway.families import Weight

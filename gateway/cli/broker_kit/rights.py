@@ -13,9 +13,7 @@ from itertools import product
 from typing import get_args
 from urllib.parse import urlsplit
 
-from gateway.config.integration_tables import SparkplugTable
-from gateway.config.schema import Config, Verb
-from gateway.config.values import SCHEMES
+from gateway.config import SCHEMES, Config, SparkplugTable, Verb
 from gateway.plugins.sparkplug.topics import NAMESPACE, state_topic
 
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof

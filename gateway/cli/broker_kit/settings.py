@@ -10,7 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.errors import UsageError
 
 SETTINGS = "kit.json"  # a folder with this file is a kit

@@ -24,7 +24,7 @@ from gateway.cli.demo.processes import (
     waited_for,
 )
 from gateway.cli.run import log_to_stderr, serve
-from gateway.config.load import load
+from gateway.config import load
 from gateway.errors import GatewayError
 from gateway.system.password_hash import password_line
 

@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 
 from gateway.cli.broker import Subscription
-from gateway.config.values import is_loopback
+from gateway.config import is_loopback
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt import BrokerSettings, Incoming, Message
 from gateway.sim.controls import set_knob

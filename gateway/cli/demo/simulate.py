@@ -16,10 +16,7 @@ from typing import Any
 from gateway.cli.command import flag
 from gateway.cli.demo.knobs import simulator_topics
 from gateway.client import broker_at
-from gateway.config.convert import timing_of, version_of
-from gateway.config.load import load
-from gateway.config.schema import Config, LineTable, StarterTable
-from gateway.config.simulated_tables import SimulatedMotorTable
+from gateway.config import Config, LineTable, SimulatedMotorTable, StarterTable, load, timing_of, version_of
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
 from gateway.sim.bus.bus import Bus

@@ -12,9 +12,7 @@ from gateway.cli.broker import add_login, checked_client, settings_of, user_name
 from gateway.cli.doctor import machine
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.starters import LineCheckup
-from gateway.config.convert import timing_of
-from gateway.config.load import load
-from gateway.config.schema import Config
+from gateway.config import Config, load, timing_of
 from gateway.contract import Topics
 from gateway.errors import BrokerError, ConfigError
 from gateway.families import Weight

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from gateway.cli.doctor.findings import Finding
-from gateway.config.schema import Config
+from gateway.config import Config
 from gateway.errors import StoreError
 from gateway.families import Weight
 from gateway.starters import BY_ISSUED_AT, WRITES, WRITES_BORNE, dated_alone
@@ -135,7 +135,7 @@ def disk_finding(sync_s: float | None) -> Finding | None:
         return Finding("disk", what)
     if sync_s <= INTEND_WITHIN_S:
         return Finding("disk", f"{what}: every start waits for it", Weight.WARNING, remedy)
-    return Finding("disk", f"{what}: starts are refused, ledger_unavailable", Weight.ERROR, remedy)
+    return Finding("disk", f"{what}: starts are refused, not_stored", Weight.ERROR, remedy)
 
 
 def sync_s(state_dir: Path) -> float | None:

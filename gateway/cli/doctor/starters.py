@@ -8,12 +8,12 @@ from pathlib import Path
 from gateway.app.capacity import LineCapacity
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.parameters.through_gateway import LiveStarter
-from gateway.config.convert import setups_of, timing_of
+from gateway.config import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
 from gateway.line import Garbled, LineClient, Outcome, PortOpener, Priority, Silent, exclusive_line
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
     FINGERPRINTS,

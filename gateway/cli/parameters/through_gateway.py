@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from gateway.cli.broker import client_of, settings_of, user_name
 from gateway.cli.command import place_of
-from gateway.config.load import load
+from gateway.config import load
 from gateway.contract import InfoRecord, Phase, ResultCode, ResultRecord, Topics
 from gateway.errors import BrokerError, NoResultError
 from gateway.families import Profile, Variant

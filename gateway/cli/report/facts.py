@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.cli.audit import entry_in
-from gateway.config.schema import LineTable, StarterTable
+from gateway.config import LineTable, StarterTable
 from gateway.contract import CommandError, StartRecord, StartSamples, read_stored
 from gateway.errors import StoreError
 from gateway.families import Profile, parameters

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gateway.cli.command import add_starter, coded, flag, place_of, write_text
-from gateway.config.load import load
-from gateway.config.schema import Config
+from gateway.config import Config, load
 from gateway.errors import StoreError, UsageError
 from gateway.plugins.history.export import Recording, recording_of, to_comtrade, to_csv
 from gateway.store import HistoryRow, read_history, with_curves

@@ -18,7 +18,7 @@ from gateway.cli.report.document import document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.cli.report.html import to_html
 from gateway.cli.report.text import to_text
-from gateway.config.load import load
+from gateway.config import load
 from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord
 from gateway.errors import GatewayError
 from gateway.families import LANGUAGES

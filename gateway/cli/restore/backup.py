@@ -16,9 +16,7 @@ from tempfile import TemporaryDirectory
 from gateway import __version__
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
-from gateway.config.load import load
-from gateway.config.schema import Config
-from gateway.config.secrets import files_of, without_logins
+from gateway.config import Config, files_of, load, without_logins
 from gateway.contract import rfc3339
 from gateway.errors import GatewayError, StartError, StoreError, UsageError
 from gateway.store import backup, is_import_due

@@ -16,8 +16,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from gateway.config.convert import rights_of
-from gateway.config.schema import Config
+from gateway.config import Config, rights_of
 from gateway.errors import DamagedError
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
 from gateway.plugins.sparkplug.topics import SEQ_NUMBERS

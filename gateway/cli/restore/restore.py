@@ -18,9 +18,7 @@ from pathlib import Path
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
 from gateway.cli.restore.caution import give_to, give_to_owner_of, lock_all, note_past
-from gateway.config.load import load, parse
-from gateway.config.schema import Config
-from gateway.config.secrets import files_of
+from gateway.config import Config, files_of, load, parse
 from gateway.errors import ConfigError, DamagedError, StartError, StoreError
 from gateway.store import backup
 from gateway.system.clock import read_clocks

@@ -26,11 +26,10 @@ from gateway.cli.scan.search import (
     SearchSettings,
     timings_in_order,
 )
-from gateway.config.load import parse
-from gateway.config.schema import Baud, FramingText
+from gateway.config import Baud, FramingText, parse
 from gateway.errors import ConfigError, UsageError
 from gateway.line import PortOpener, new_precise_loop
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 
 BY_ID = Path("/dev/serial/by-id")
 

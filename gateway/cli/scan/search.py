@@ -17,9 +17,7 @@ from gateway.contract import CommandError
 from gateway.errors import PortError
 from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
 from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey, silent_cost_s
-from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus import Framing, LineTiming, ReadHoldingRegisters, Request
 from gateway.starters import Ask, read_in_bulk
 
 BAUDS = (19200, 9600, 38400, 57600)  # what the manuals name

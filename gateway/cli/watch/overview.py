@@ -168,12 +168,14 @@ class Overview:
         """Apply one message that came at `now_s` (seconds since 1970)."""
         levels = topic.split("/")
         base, rest = "/".join(levels[: self._depth]), "/".join(levels[self._depth :])
-        gateway = self.gateways.setdefault(base, GatewayLine(base))
         for kind, pattern in _PATTERNS.items():
             if names := pattern.fullmatch(rest):
                 with suppress(ValueError):  # somebody else publishes below this base
                     record = read_record(kind, payload, **names.groupdict()) if payload else None
+                    gateway = self.gateways.setdefault(base, GatewayLine(base))
                     self._put(gateway, rest, names.groupdict().get("starter", ""), record, now_s)
+                    if gateway.status is None and not gateway.starters:
+                        del self.gateways[base]  # no gateway is there, or it has had itself forgotten
 
     def rows(self) -> Sequence[StarterRow]:
         """Return the starters, those first that somebody must look at."""
@@ -189,6 +191,8 @@ class Overview:
     ) -> None:
         """Put a record in its place; None: the gateway has had the broker forget it."""
         match record:
+            case None if topic == StatusRecord.TOPIC:
+                gateway.status = None
             case None if topic.endswith(("/state", "/availability")):
                 gateway.starters.pop(starter, None)
             case None if starter in gateway.starters:

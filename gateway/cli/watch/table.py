@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from textwrap import wrap
 
+from rich.cells import cell_len
 from rich.console import Group
 from rich.text import Text
 
@@ -13,6 +14,7 @@ from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRo
 from gateway.contract import Quality, ValueRecord, shortened
 
 COLUMNS = ("", "starter", "state", "current", "last reply")
+TITLE, LEAST_TITLE = 1, 12  # the column that is cut where a line is too long, and to how many at most
 RIGHT = range(3, 5)  # columns of numbers
 STYLES = dict(zip(SIGNALS, ("bold white on red", "black on dark_orange", "black on yellow", ""), strict=True))
 GREY = "bright_black"  # what is not known to be so now
@@ -26,6 +28,8 @@ def render(overview: Overview, now_s: float, width: int) -> Group:
     cells = [[Text(title, style="bold underline") for title in COLUMNS]]
     cells += [_cells(row, now_s, has_gateway=len(gateways) > 1) for row in rows]
     widths = [max(cell.cell_len for cell in column) for column in zip(*cells, strict=True)]
+    too_long = sum(widths) + 2 * (len(widths) - 1) - width
+    widths[TITLE] -= max(min(too_long, widths[TITLE] - LEAST_TITLE), 0)
     texts = ["", *("; ".join(row.texts()) for row in rows)]
     lines = [line for pair in zip(cells, texts, strict=True) for line in _lines(*pair, widths, width)]
     return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), *lines)
@@ -34,10 +38,11 @@ def render(overview: Overview, now_s: float, width: int) -> Group:
 def _lines(cells: Sequence[Text], text: str, widths: Sequence[int], width: int) -> Iterator[Text]:
     """Yield the line of a starter, and where its text does not fit behind it that on lines of its own."""
     for column, cell in enumerate(cells):
+        cell.truncate(widths[column], overflow="ellipsis")
         pad = cell.pad_left if column in RIGHT else cell.pad_right
         pad(widths[column] - cell.cell_len)
     line, text = Text("  ").join(cells), shortened(text, 500)
-    if line.cell_len + 2 + len(text) <= width:
+    if line.cell_len + 2 + cell_len(text) <= width:
         yield line.append(f"  {text}" if text else "")
     else:
         yield line

@@ -12,8 +12,7 @@ from pathlib import Path
 from gateway.cli.broker import add_login, password_of, settings_of
 from gateway.cli.command import flag
 from gateway.client import broker_at
-from gateway.config.load import load
-from gateway.config.values import is_loopback
+from gateway.config import is_loopback, load
 from gateway.contract import is_level
 from gateway.errors import UsageError
 from gateway.mqtt import BrokerSettings

@@ -16,8 +16,7 @@ from gateway.families.profile.decode import decode_points, is_there, since_firmw
 from gateway.families.profile.procedure import Seen
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Command, Profile, Variant, Write
-from gateway.modbus.pdu import Request
-from gateway.modbus.writes import MaskWriteRegister, WriteCoil, WriteRegister
+from gateway.modbus import MaskWriteRegister, Request, WriteCoil, WriteRegister
 
 
 def has_plain_word(writes: Sequence[Write]) -> bool:

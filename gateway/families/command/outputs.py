@@ -18,9 +18,7 @@ from gateway.families.profile.procedure import Expect, Preparation, Procedure, S
 from gateway.families.profile.schema import Output, Profile
 from gateway.families.profile.word_types import of_percent
 from gateway.families.reading import SET_WITHIN_S, read_of, reads_for
-from gateway.modbus.codes import Function
-from gateway.modbus.pdu import Request
-from gateway.modbus.writes import MaskWriteRegister, WriteRegister
+from gateway.modbus import Function, MaskWriteRegister, Request, WriteRegister
 
 
 def prepare_output(profile: Profile, args: Mapping[str, Any]) -> Preparation:

@@ -38,7 +38,7 @@ from gateway.families.profile.procedure import (
 from gateway.families.profile.schema import Command, Profile, Variant
 from gateway.families.profile.state import moving
 from gateway.families.reading import reads_for, rows_of_points, with_rows
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 
 
 def verification(profile: Profile, variant: Variant, verb: str, command: Command) -> Expect | None:

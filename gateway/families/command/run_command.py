@@ -35,7 +35,7 @@ from gateway.families.command.interlock import local_source, points_needed
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading import reads_for, rows_of_points
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 
 STANDSTILL = "is_stopped"
 CLEARED_WITHIN_S = 1.0  # until the run command reads 0

@@ -19,8 +19,7 @@ from gateway.families.profile.decode import NOT_IN_MANUAL, alarm_code
 from gateway.families.profile.procedure import Preparation, Procedure, Seen
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, Variant
-from gateway.modbus.device_id import ReadDeviceIdentification
-from gateway.modbus.pdu import Request
+from gateway.modbus import ReadDeviceIdentification, Request
 
 
 @dataclass(frozen=True, slots=True)

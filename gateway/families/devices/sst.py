@@ -19,8 +19,7 @@ from gateway.families.profile.rows import Alarm, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import serial_of, text_of, to_text, version_of
 from gateway.families.reading import holds, read_back, read_of, reads_for
-from gateway.modbus.reads import ReadInputRegisters
-from gateway.modbus.writes import WriteCoil
+from gateway.modbus import ReadInputRegisters, WriteCoil
 
 _MODEL = "R0"
 _MODELS = {330: "SST330i", 360: "SST360i", 130: "SST130i"}  # register 0

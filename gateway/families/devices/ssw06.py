@@ -15,8 +15,7 @@ from gateway.families.profile.arguments import check_names, choice
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import read_of, reads_for
-from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import WriteRegister
+from gateway.modbus import ReadHoldingRegisters, WriteRegister
 
 _MODEL_ROW = "VB00"
 _MODES = {"factory": 0, "P202": 1}  # bits of VB06 and VB07 [4.2.4, 4.2.5]

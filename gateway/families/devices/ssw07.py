@@ -20,7 +20,7 @@ from gateway.families.devices.findings import (
     unread,
 )
 from gateway.families.profile.schema import Profile
-from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus import ReadHoldingRegisters
 
 MODEL_ADDRESS, SSW06_MODEL = 5000, 15  # VB00 of every SSW-06 [ssw06-es 4.2.1]
 _SERIAL = 2  # P229, P230 [ssw06-es 2.6, 2.7; ssw07 2.6, 2.7]

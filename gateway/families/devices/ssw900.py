@@ -30,7 +30,7 @@ from gateway.families.profile.decode import alarm_code
 from gateway.families.profile.procedure import Seen
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile, Variant
-from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus import ReadHoldingRegisters
 
 _SLOT_CONTENTS = range(9)  # S3.5.1, S3.5.2: 0 without .. 8 external current acquisition [table A.2]
 _RS485 = 2

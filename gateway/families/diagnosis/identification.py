@@ -20,8 +20,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation, Seen
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import plan_blocks, with_rows
-from gateway.modbus.device_id import DeviceIdentification
-from gateway.modbus.pdu import Request
+from gateway.modbus import DeviceIdentification, Request
 
 _PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
 

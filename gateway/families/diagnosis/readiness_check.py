@@ -9,8 +9,7 @@ from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog,
 from gateway.families.profile.parameters import factory_settings
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.modbus.pdu import Request
-from gateway.modbus.writes import WriteRegister, WriteRegisters
+from gateway.modbus import Request, WriteRegister, WriteRegisters
 
 SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 

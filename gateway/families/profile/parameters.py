@@ -11,9 +11,16 @@ from gateway.contract import CommandError, ResultCode
 from gateway.families.profile.rows import OFF, RESERVED, Access, Confidence, Parameter, Table, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
-from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+from gateway.modbus import (
+    ReadCoils,
+    ReadDiscreteInputs,
+    ReadHoldingRegisters,
+    ReadInputRegisters,
+    Request,
+    WriteCoil,
+    WriteRegister,
+    WriteRegisters,
+)
 
 _Item = TypeVar("_Item")
 RowWords = tuple[Parameter, tuple[int, ...]]  # a row, and what it is to hold

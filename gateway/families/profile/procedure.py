@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.contract import Note
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 
 Seen = Mapping[str, tuple[int, ...]]  # raw words by code
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gateway.line.capacity.line_forecast import Missed, forecast
 from gateway.line.scheduler.requests import Poll
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 
 LONGEST_LIMIT_S = 1000  # beyond what any family's watchdog can be set to (P314, C8.2.5.3, R41: 999 s)
 

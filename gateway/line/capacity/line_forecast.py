@@ -27,7 +27,7 @@ from gateway.line.scheduler.line_time import (
 from gateway.line.scheduler.polls import ASKED_AFTER
 from gateway.line.scheduler.requests import Poll
 from gateway.line.scheduler.scheduler import IN_ROW
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 
 _ENDLESS_S = 3600.0  # a wait that is longer has no end
 

@@ -13,7 +13,7 @@ from math import inf
 
 from gateway.line.rtu.transaction import ALLOWANCE_S, longest_s, request_wire_s
 from gateway.line.scheduler.requests import Poll
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 
 # From the start of the process to the first request. Measured on a busy 2-core x86-64: 0.4 to 0.7 s, mostly
 # imports (docs/reliability.md); the rest is for slower machines, on which it has not been measured.

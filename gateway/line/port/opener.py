@@ -27,7 +27,7 @@ from gateway.line.port.base import Port
 from gateway.line.port.buffered import OpenPort
 from gateway.line.port.tcp import connect
 from gateway.line.port.tty import TtyPort
-from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus import Framing, LineTiming
 
 OPEN_LIMIT_S = 5.0  # for the driver
 

@@ -14,10 +14,7 @@ from math import inf
 from typing import Any, Self
 
 from gateway.line.rtu.outstanding import Outstanding, Shape, expected_shape
-from gateway.modbus import adu
-from gateway.modbus.codes import Function
-from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus import Function, ReadHoldingRegisters, ReadInputRegisters, Request, adu
 
 GIVEN_UP_S = 3600.0  # a form that was refused is tried again after that
 

@@ -15,9 +15,7 @@ from gateway.line.rtu.reply import Reception, judge, no_frame
 from gateway.line.rtu.silence import NoteFrame, Silence
 from gateway.line.rtu.strays import Strays
 from gateway.line.rtu.transaction import ALLOWANCE_S
-from gateway.modbus import adu
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, Request, adu
 
 SENT, RECEIVED = ">>", "<<"  # the directions of frames
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.modbus.codes import ExceptionCode
+from gateway.modbus import ExceptionCode
 
 TOO_LATE = "it has become too late"  # the reason of a job that is not sent any more
 

@@ -25,9 +25,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gateway.modbus.adu import FIXED_REPLIES
-from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.pdu import Request
+from gateway.modbus import EXCEPTION_BIT, FIXED_REPLIES, Function, Request
 
 EXPIRES_S = 35.0  # a reply comes up to 30 s late; the rest is for requests that waited before it
 

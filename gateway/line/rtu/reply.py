@@ -7,10 +7,7 @@ from collections.abc import Iterator
 from gateway.errors import BadFrameError, BadReplyError
 from gateway.line.rtu.forms import EncodedRequest
 from gateway.line.rtu.outcome import Answered, Garbled, Refused
-from gateway.modbus import adu
-from gateway.modbus.adu import crc16
-from gateway.modbus.codes import EXCEPTION_BIT
-from gateway.modbus.pdu import Request, exception_code
+from gateway.modbus import EXCEPTION_BIT, Request, adu, crc16, exception_code
 
 SHORTEST_REPLY = 5  # bytes: an exception
 MOST_STRAY = 2  # bytes before a frame: a driver that is switched on may make them

@@ -8,8 +8,7 @@ from math import inf
 from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Garbled
 from gateway.line.rtu.strays import Strays
-from gateway.modbus import adu
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming, adu
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.modbus.adu import MAX_ADU_SIZE
-from gateway.modbus.pdu import Request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import MAX_ADU_SIZE, LineTiming, Request
 
 ALLOWANCE_S = 0.02  # for adapters, drivers and this machine, on top of the unit's own response time
 

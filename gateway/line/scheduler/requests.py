@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
 from gateway.line.rtu.outcome import Outcome
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 
 
 class Priority(enum.IntEnum):

@@ -256,14 +256,21 @@ class Session:
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
-            if not self._client.has_more:
+            if self._sock is None or not self._client.has_more:
                 break
             if self._loop.time() >= until_s:
-                self._loop.call_soon(self._read)
+                # Not besides a call for the socket: each would ask for one more, until they fill the loop.
+                self._loop.remove_reader(self._sock)
+                self._loop.call_soon(self._read_on)
                 break
         # Else a broker that saves packets (Nagle) keeps the next message back.
         if self._sock is not None:
             self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+
+    def _read_on(self) -> None:
+        if self._sock is not None:
+            self._loop.add_reader(self._sock, self._read)
+            self._read()
 
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""

@@ -111,8 +111,10 @@ class Outbox:
         news = Outgoing(self._numbers, message, now_s)
         replaced = self._news.get(topic)
         self._latest[topic] = message.source
-        if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
+        if message.qos or self._window:
             self._news[topic] = news
+        else:  # QoS 0 while offline: the next connection sends the newest
+            self._news.pop(topic, None)
         if replaced is not None:  # unsent
             self._leave_to_history(replaced)
         if not self._window:

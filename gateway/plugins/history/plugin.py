@@ -13,6 +13,7 @@ import asyncio
 import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from gateway.contract import (
@@ -34,7 +35,7 @@ from gateway.contract import (
 from gateway.errors import StoreError
 from gateway.plugins.history.counters import KIND as COUNTERS
 from gateway.plugins.history.delivery import Delivery, Part, Past, Rows, StoredRecords
-from gateway.plugins.history.series import AllSeries
+from gateway.plugins.history.series import BEAT_S, AllSeries
 from gateway.plugins.history.starts import BASELINE, MONTH, START, MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
@@ -92,7 +93,10 @@ class History:
         """Read and write the file until `end`; then end every record and write what waits."""
         self._store.start(self._on_news, self._delivery.note_stored)
         reading = asyncio.get_running_loop().create_task(self._read(), name="history")
-        await self._ending.wait()
+        while not self._ending.is_set():
+            self.series.beat()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ending.wait(), BEAT_S)
         reading.cancel()
         for name in self._motors:
             self._each(name, lambda part: part.close())

@@ -3,7 +3,7 @@
 1. In memory are the last ten minutes in steps of 2 s, and the last nine hours in steps of a minute. The hours
    of the points in `[history]` are stored too: a row an hour, rewritten every ten minutes, for seven days.
 2. They are made of published values, so they are exact to the dead bands. A value holds until the next one;
-   while it is not good there is a gap.
+   while it is not good, or the gateway stood still, there is a gap.
 3. Steps are counted on the steady clock; UTC is computed when a row is written or a series is asked for.
 """
 
@@ -12,10 +12,11 @@ from __future__ import annotations
 import asyncio
 import math
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain
+from itertools import chain, dropwhile
 from typing import NamedTuple
 
 from gateway.contract import Quality, RecordWriter, ValueRecord
@@ -27,6 +28,8 @@ SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memo
 FINE_S, FINE_STEPS = 2.0, 300
 MINUTE_S, MINUTES = 60.0, 540
 HOUR_S, PER_HOUR = 3600.0, 60
+BEAT_S = 2.0
+STILL_S = 6.0  # without a beat for longer, the gateway stood still: nothing was read
 STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
@@ -72,6 +75,14 @@ class Steps:
             most[index] = value if is_first else max(most[index], value)
         last[index] = self._held = value
 
+    def forget(self, since_s: float, now_s: float) -> None:
+        """Make the whole steps between two times unknown; the value holds again after them."""
+        self._advance(now_s)
+        newest = int(now_s // self.step_s)
+        for each in range(max(int(since_s // self.step_s), newest - self._slots) + 1, newest):
+            for column in self._columns:
+                column[each % self._slots] = NAN
+
     def samples(self, now_s: float) -> Iterator[Sample]:
         """Yield the steps up to now, the oldest first."""
         self._advance(now_s)
@@ -100,13 +111,18 @@ class AllSeries:
         self._points = tuple(points)
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
-        self._looked_s = records.clock.now_s()
+        self._left: Counter[str] = Counter()  # how often a starter was taken out of the configuration
+        self._looked_s = self._beat_s = records.clock.now_s()
         self._due: list[str] = []  # starters that are to be stored next
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
         """Go on with these starters, and store these points."""
-        self._points = tuple(points)
         wanted = set(starters)
+        for gone in set(self._starters()) - wanted:  # where it comes again, in rows of its own
+            self._write(gone)
+            self._left[gone] += 1
+            self._stored_s.pop(gone, None)
+        self._points = tuple(points)
         self._steps = {key: steps for key, steps in self._steps.items() if key[0] in wanted}
         self._due = []
 
@@ -124,6 +140,14 @@ class AllSeries:
         if now_s - self._looked_s >= STORE_EVERY_S:
             self._looked_s, self._due = now_s, self._starters()
             self._write_next()
+
+    def beat(self) -> None:
+        """Note that the gateway is at work; called every `BEAT_S`."""
+        now_s = self._records.clock.now_s()
+        since_s, self._beat_s = self._beat_s, now_s
+        if now_s - since_s > STILL_S:
+            for steps in chain.from_iterable(self._steps.values()):
+                steps.forget(since_s, now_s)
 
     def write(self) -> None:
         """Have everything stored that is not yet."""
@@ -150,7 +174,9 @@ class AllSeries:
                 "begin": clock.utc_s(hour * HOUR_S),
                 "points": {point: self._hour(starter, point, hour, now_s) for point in known},
             }
-            self._store.put(HistoryRow(starter, SERIES, f"{self._records.boot}-{hour}", data, ROWS))
+            left = self._left[starter]
+            id_ = f"{self._records.boot}-{hour}" + (f"-{left}" if left else "")
+            self._store.put(HistoryRow(starter, SERIES, id_, data, ROWS))
 
     def points(self, starter: str) -> list[str]:
         """Return the points of a starter that were a number in this run, the current first."""
@@ -168,7 +194,7 @@ class AllSeries:
             with suppress(StoreError):  # then only this run's are shown
                 rows = await self._store.rows(starter, (SERIES,))
         known = self._steps.get((starter, point))
-        samples = [] if known is None else [*known[not is_fine].samples(now_s)]
+        samples = [] if known is None else [*_begun(known[not is_fine].samples(now_s))]
         found = [sample._replace(at_s=clock.utc_s(sample.at_s)) for sample in samples]
         gather = partial(gathered, begin_s=begin_s, step_s=span_s / steps, steps=steps)
         return await asyncio.to_thread(gather, chain(_stored(rows, point), found)) if rows else gather(found)
@@ -200,9 +226,14 @@ def _stored(rows: Sequence[HistoryRow], point: str) -> Iterator[Sample]:
     for row in rows:
         with suppress(KeyError, TypeError, ValueError):
             begin_s, columns = row.data["begin"], row.data["points"][point]
-            for index, values in enumerate(zip(*columns, strict=False)):
-                known = (NAN if value is None else float(value) for value in values)
-                yield Sample(begin_s + (index + 0.5) * MINUTE_S, *known)
+            known = [[NAN if value is None else float(value) for value in column] for column in columns]
+            minutes = enumerate(zip(*known, strict=False))
+            yield from _begun(Sample(begin_s + (at + 0.5) * MINUTE_S, *values) for at, values in minutes)
+
+
+def _begun(samples: Iterable[Sample]) -> Iterator[Sample]:
+    """Return samples from the first one that is known: of what was before it, another run may know."""
+    return dropwhile(lambda each: math.isnan(each.most) and math.isnan(each.last), samples)
 
 
 def _short(value: float) -> float | None:

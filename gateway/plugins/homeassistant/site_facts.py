@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from gateway.config.convert import policy_of, rights_of
-from gateway.config.integration_tables import HomeAssistantTable
-from gateway.config.schema import Config
+from gateway.config import Config, HomeAssistantTable, policy_of, rights_of
 from gateway.contract import STOP, Topics
 from gateway.starters import Rights, RuleSet
 

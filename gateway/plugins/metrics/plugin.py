@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from gateway.config.schema import Verb
+from gateway.config import Verb
 from gateway.contract import EventCode, Record, Severity, event_of
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
 from gateway.plugins.metrics.counts import RecordCounts

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from gateway.config.convert import broker_of, rights_of
-from gateway.config.integration_tables import SparkplugTable
+from gateway.config import SparkplugTable, broker_of, rights_of
 from gateway.contract import EventCode, Severity, event_of
 from gateway.mqtt import BrokerSettings
 from gateway.plugins.interface import Gateway, Plugin, PluginSite

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.config.integration_tables import SparkplugTable
+from gateway.config import SparkplugTable
 from gateway.contract import Operator
 from gateway.mqtt import BrokerSettings
 from gateway.plugins.sparkplug.topics import EdgeTopics

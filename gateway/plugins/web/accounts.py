@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.config.convert import rights_of
+from gateway.config import rights_of
 from gateway.contract import AuditRecord, RecordWriter, rfc3339
 from gateway.plugins.web.plugin import WebSettings, WebUser
 from gateway.plugins.web.requests import Caller, WebError, busy, cookie, set_cookie

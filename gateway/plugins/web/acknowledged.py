@@ -1,7 +1,7 @@
 """Alarms that somebody has acknowledged: seen and taken on, never reset; until they clear or come again.
 
-Each is stored with the run and the time in which its alarm came. After a restart an active alarm counts as
-the same one, unless the starter was seen without fault and alarm: then it may have cleared meanwhile.
+Each is stored with the run and the time in which its alarm came. After a restart an alarm that is active when
+the starter is first read counts as the same one; one that comes later does not: it has cleared meanwhile.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from gateway.plugins.interface import Gateway
 from gateway.plugins.web.plugin import WebUser
 
 DOCUMENT = "acknowledged"
+SETTLED_S = 10.0  # after a starter's first good state all alarms that were active then have been published
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,7 @@ class Acknowledged:
         self._gateway = gateway
         self._document = gateway.documents.open(DOCUMENT, ALL, lambda: self._known)
         self._known: dict[str, dict[str, Acknowledgement]] = self._document.loaded or {}
+        self._read_s: dict[str, float] = {}  # when a starter was first read in this run, on the steady clock
 
     def of(self, starter: str) -> dict[str, Any]:
         """Return who has acknowledged which of a starter's alarms, as for JSON."""
@@ -77,8 +79,11 @@ class Acknowledged:
         match record:
             case AlarmRecord():
                 codes = {record.code}
-            case StateRecord(quality=Quality.GOOD) if record.flags.get("fault") is False:
-                codes = set() if record.flags.get("alarm") else set(self._known.get(record.starter, ()))
+            case StateRecord(quality=Quality.GOOD):
+                now_s = self._gateway.clock.now_s()
+                is_settled = now_s - self._read_s.setdefault(record.starter, now_s) > SETTLED_S
+                is_clear = record.flags.get("fault") is False and not record.flags.get("alarm")
+                codes = set(self._known.get(record.starter, ())) if is_settled or is_clear else set()
             case _:
                 return
         for code in codes:

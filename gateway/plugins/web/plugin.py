@@ -12,9 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gateway.config.convert import policy_of
-from gateway.config.schema import Config
-from gateway.config.values import split_listen
+from gateway.config import Config, policy_of, split_listen
 from gateway.contract import EventCode, event_of
 from gateway.families import load_profile
 from gateway.plugins.interface import Gateway, Plugin, PluginSite

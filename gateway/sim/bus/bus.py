@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 
 from gateway.errors import BadFrameError
-from gateway.modbus.adu import BROADCAST, Adu, decode, encode
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import BROADCAST, Adu, LineTiming, decode, encode
 from gateway.sim.bus.faults import Impairment, Impairments, Noisy, Reply
 from gateway.sim.core.unit import SimulatedUnit
 
@@ -157,10 +156,9 @@ class Bus:
         self.units: list[SimulatedUnit] = []
         self.violations: list[BusViolation] = []
         self.transcript: deque[Frame] = deque(maxlen=frames_stored)
-        self.dice = random.Random(seed)
+        self.impairments = Impairments(random.Random(seed))
         self._loop: asyncio.AbstractEventLoop | None = None
         self.inbox = RequestQueue(self._running, timing)
-        self._impaired = Impairments(self.dice)
         self._incoming: IncomingFrame | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone
         self._free_s: dict[SimulatedUnit, float] = {}  # when a unit may send: it answers in order
@@ -188,11 +186,11 @@ class Bus:
         self, address: int, impairment: Impairment, *, count: int | None = None, chance: float = 1.0
     ) -> None:
         """Impair the replies of a unit: the next `count`, or until it is healed; each with this chance."""
-        self._impaired.begin(address, impairment, count=count, chance=chance)
+        self.impairments.begin(address, impairment, count=count, chance=chance)
 
     def heal(self, address: int) -> None:
         """End a unit's impairment."""
-        self._impaired.end(address)
+        self.impairments.end(address)
 
     def advance(self) -> None:
         """Let all units live up to now."""
@@ -257,7 +255,7 @@ class Bus:
             return
         if frame.ending is not None:
             frame.ending.cancel()
-        data = self.noise.flip(bytes(frame.data), self.dice) if self.noise else bytes(frame.data)
+        data = self.noise.flip(bytes(frame.data), self.impairments.dice) if self.noise else bytes(frame.data)
         self.transcript.append(Frame(frame.start_s, frame.end_s, 0, data, frame.defect))
         adu = None if frame.defect else self._decode(frame, data)
         if adu is None:
@@ -292,7 +290,7 @@ class Bus:
             after_s=unit.response_delay_s(adu.pdu),
             deadline_s=unit.longest_response_s(adu.pdu),
         )
-        for each in self._impaired.apply(adu.unit, reply):
+        for each in self.impairments.apply(adu.unit, reply):
             start_s = max(frame.end_s + each.after_s, self._free_s.get(unit, 0.0), self._now_s())
             self._free_s[unit] = start_s + self.timing.wire_s(len(each.adu)) + self.timing.silence_s
             self._running().call_at(start_s, self._transmit, adu.unit, each.adu)
@@ -313,7 +311,7 @@ class Bus:
             overlap_s = min(self._busy_until_s, end_s)
             self.inbox.garbled_until_s = max(self.inbox.garbled_until_s, overlap_s)
         self._busy_until_s = max(self._busy_until_s, end_s)
-        sent = self.noise.flip(data, self.dice) if self.noise else data
+        sent = self.noise.flip(data, self.impairments.dice) if self.noise else data
         self.transcript.append(Frame(start_s, end_s, address, sent))
         self.inbox.put(sent, start_s=start_s, size=self.chunk_bytes or len(sent))
 

@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from gateway.modbus.adu import decode, encode
+from gateway.modbus import decode, encode
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class Impairments:
     """The impairments in force on a bus, by the address of the unit."""
 
     def __init__(self, dice: random.Random) -> None:
-        self._dice = dice
+        self.dice = dice
         self._in_force: dict[int, _InForce] = {}
 
     def begin(self, address: int, impairment: Impairment, *, count: int | None, chance: float) -> None:
@@ -121,10 +121,10 @@ class Impairments:
     def apply(self, address: int, reply: Reply) -> tuple[Reply, ...]:
         """Return what a unit sends in the place of its reply."""
         found = self._in_force.get(address)
-        if found is None or self._dice.random() >= found.chance:
+        if found is None or self.dice.random() >= found.chance:
             return (reply,)
         if found.left is not None:
             found.left -= 1
             if found.left <= 0:
                 del self._in_force[address]
-        return found.impairment.apply(reply, self._dice)
+        return found.impairment.apply(reply, self.dice)

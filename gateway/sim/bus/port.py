@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from gateway.errors import PortError, PortLostError
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.sim.bus.bus import Bus
 
 

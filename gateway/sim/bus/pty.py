@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gateway.errors import PortError
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.sim.bus.bus import Bus
 
 _READ_SIZE = 4096

@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from gateway.errors import BadRequestError
-from gateway.modbus.codes import ExceptionCode
-from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
-from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
-from gateway.modbus.server import KnownRequest
-from gateway.modbus.writes import (
+from gateway.modbus import (
+    ONE_OBJECT_CODE,
+    DeviceIdentification,
+    ExceptionCode,
+    KnownRequest,
     MaskWriteRegister,
+    ReadCoils,
+    ReadDeviceIdentification,
+    ReadDiscreteInputs,
+    ReadHoldingRegisters,
+    ReadInputRegisters,
     WriteCoil,
     WriteCoils,
     WriteRegister,

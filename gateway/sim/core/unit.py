@@ -15,10 +15,7 @@ from typing import ClassVar
 
 from gateway.errors import BadRequestError
 from gateway.families import Table, Variant, load_profile
-from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.pdu import encode_exception
-from gateway.modbus.server import decode_request
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import EXCEPTION_BIT, Function, LineTiming, decode_request, encode_exception
 from gateway.sim.core.meter import Meter
 from gateway.sim.core.motor import Motor
 from gateway.sim.core.power import MotorData, MotorTrip

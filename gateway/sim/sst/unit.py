@@ -7,8 +7,7 @@ from typing import ClassVar
 
 from gateway.errors import BadRequestError
 from gateway.families import Type
-from gateway.modbus.codes import ExceptionCode, Function
-from gateway.modbus.pdu import encode_exception
+from gateway.modbus import ExceptionCode, Function, encode_exception
 from gateway.sim.core.power import MotorState
 from gateway.sim.core.registers import Measured
 from gateway.sim.core.requests import refuse_address, refuse_function

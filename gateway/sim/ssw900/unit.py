@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from gateway.families import Parameter
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.sim.core.requests import refuse_address
 from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.ssw900.command_sources import SLOT_1_DECIDES

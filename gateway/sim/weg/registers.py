@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
 from gateway.families import Table
-from gateway.modbus.timing import LineTiming
+from gateway.modbus import LineTiming
 from gateway.sim.core.power import MotorState
 from gateway.sim.core.registers import is_writable
 from gateway.sim.core.requests import refuse_address, refuse_value

@@ -181,7 +181,7 @@ class Dispatcher:
         if self._is_closing:
             raise CommandError(ResultCode.SHUTTING_DOWN)
         if request.verb != STOP and (trouble := self._reporting.journal.trouble):
-            raise CommandError(ResultCode.LEDGER_UNAVAILABLE, "trouble", trouble=trouble)
+            raise CommandError(ResultCode.NOT_STORED, "trouble", trouble=trouble)
 
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
@@ -226,7 +226,7 @@ class Dispatcher:
                 self._take(request)
         except CommandError as refusal:
             # Without the ledger, what it has may say something else; a stop is refused only at a run's end.
-            is_stored = refusal.code != ResultCode.LEDGER_UNAVAILABLE and request.verb != STOP
+            is_stored = refusal.code != ResultCode.NOT_STORED and request.verb != STOP
             self._refuse(request, refusal, is_stored=is_stored)
 
     def _take(self, request: CommandRequest) -> None:

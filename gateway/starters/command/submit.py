@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.starters.command.dispatcher import Dispatcher
-from gateway.starters.policy.freshness import BY_TOKEN, Moment, Tokens, decision_of
+from gateway.starters.policy.freshness import BY_TOKEN, ArrivalTime, Tokens, decision_of
 from gateway.system.clock import SETTLED_S, Clock, ClockWatch
 from gateway.system.stalls import SuspendWatch
 
@@ -100,7 +100,7 @@ class Commands:
             # No bridge lies between this gateway and what is part of it.
             freshness=(BY_TOKEN,) if request.source else self.dispatcher.freshness(request),
             tokens=self.tokens,
-            moment=Moment(self.clock.now_s(), self.clock.utc_s(), self.clock_watch.doubt()),
+            moment=ArrivalTime(self.clock.now_s(), self.clock.utc_s(), self.clock_watch.doubt()),
         )
         expires_s = decision.since_s + request.proof.ttl_s
         if request.expires_s is not None:

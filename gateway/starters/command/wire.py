@@ -12,8 +12,7 @@ from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.errors import GatewayError
 from gateway.families import Expect, Profile, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
-from gateway.modbus.codes import ExceptionCode
-from gateway.modbus.pdu import Request
+from gateway.modbus import ExceptionCode, Request
 from gateway.starters.view import StarterWire
 
 T = TypeVar("T")

@@ -17,8 +17,7 @@ from typing import Any
 from gateway.contract import CommandError, EventCode, ResultCode, phrase
 from gateway.families import Identity, Profile, Question, diagnosis
 from gateway.line import Answered, Outcome, Refused
-from gateway.modbus.codes import ExceptionCode
-from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus import ExceptionCode, ReadHoldingRegisters, ReadInputRegisters
 from gateway.starters.identity.fingerprint import IdentityMismatch
 from gateway.starters.setup import StarterSetup
 

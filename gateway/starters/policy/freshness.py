@@ -106,7 +106,7 @@ class Tokens:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class ArrivalTime:
     """When a command is judged: steady clock and wall clock, and why the latter is not trusted, if so."""
 
     now_s: float
@@ -124,7 +124,7 @@ class Decision:
 
 
 def decision_of(
-    proof: Proof, *, verb: str, freshness: Collection[str], tokens: Tokens, moment: Moment
+    proof: Proof, *, verb: str, freshness: Collection[str], tokens: Tokens, moment: ArrivalTime
 ) -> Decision:
     """Return when a fresh command was decided upon; CommandError for others.
 
@@ -177,7 +177,7 @@ def dated_alone(doubt: str | None) -> CommandError:
     return CommandError(ResultCode.NOT_FRESH, "clock_in_doubt", doubt=doubt)
 
 
-def _unproven(proof: Proof, freshness: Collection[str], moment: Moment) -> CommandError:
+def _unproven(proof: Proof, freshness: Collection[str], moment: ArrivalTime) -> CommandError:
     """Return what is missing, of a command with no proof that can be taken."""
     if set(freshness) == {BY_ISSUED_AT}:
         return dated_alone(moment.clock_doubt)

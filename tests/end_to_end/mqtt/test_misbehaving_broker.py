@@ -155,6 +155,23 @@ async def test_each_acknowledgement_is_reported_with_its_reason(code: int) -> No
     assert found == [(1, code), (2, code), (3, code)]
 
 
+async def test_a_flood_leaves_the_loop_to_others_after_each_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.mqtt.connection.session.READ_FOR_S", 0.0)  # a packet a reading
+    flood = 20_000
+    arrived: list[object] = []
+    async with FakeBroker(after_suback=command(LEVEL_5, "read") * flood) as broker:
+        settings = BrokerSettings(host="127.0.0.1", port=broker.port, client_id="plant")
+        session, _ = await connected(settings, on_incoming=arrived.append)
+        session.listen("starters/plant/command/#", lambda _: None)
+        most = 0
+        while len(arrived) < flood:
+            before = len(arrived)
+            await asyncio.sleep(0)
+            most = max(most, len(arrived) - before)
+        session.abort()
+    assert most <= 2, f"{most} readings between two moments of another task"
+
+
 async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> None:
     certificate = Certificate.make(tmp_path)
     many = [command(LEVEL_5, "read", b'{"id":"%d"}' % number) for number in range(250)]

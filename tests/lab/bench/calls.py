@@ -24,7 +24,7 @@ from typing import Any
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
 from gateway.config.convert import policy_of, rights_of, timing_of
-from gateway.config.load import parse
+from gateway.config.reading import parse
 from gateway.config.schema import LineTable
 from gateway.contract import RecordBus, RecordWriter, Topics
 from gateway.line.port.base import Port

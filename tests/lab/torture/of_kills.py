@@ -18,7 +18,7 @@ from tests.lab.torture.world import PACE_S, STOP_WITHIN_S, World
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
 RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is published, and after
 KILLED_AGAIN = 0.25  # of the times
-UNSTORED = ("ledger_unavailable", "not_fresh")  # refusals that end with the run: the next one may take the id
+UNSTORED = ("not_stored", "not_fresh")  # refusals that end with the run: the next one may take the id
 NOT_YET = ("crashed", *UNSTORED)  # no answers to what is sent again
 CONFIRMED_WITHIN_S = 1.5  # after a stop's frame: both readings, of motors that stop in a third of it
 

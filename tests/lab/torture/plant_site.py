@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gateway.app.capacity import prospects_of
 from gateway.cli.check import gaps_of_starter
-from gateway.config.load import load
+from gateway.config.reading import load
 from gateway.line.capacity.outage import Gaps, Restart
 from tests.rig.sites import ALICE, line, starter, table
 

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gateway.config.convert import timing_of
-from gateway.config.load import load
+from gateway.config.reading import load
 from gateway.config.schema import LineTable
 from gateway.sim.bus.bus import Bus, BusViolation
 from gateway.sim.bus.pty import PtyLine

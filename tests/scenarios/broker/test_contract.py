@@ -91,7 +91,7 @@ LOOSE = {"command", "result"}  # whose fields depend on the verb
 RARE = {  # what this day does not have
     "lineStatistics": {"uart_errors"},  # of a real port
     "starterValue": {"reason"},
-    "starterStart": {"drift", "lowest_v", "outliers"},
+    "starterStart": {"drift", "lowest_v", "outliers", "own"},
     "starterTrip": {"thinned"},
 }
 

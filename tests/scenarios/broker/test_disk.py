@@ -79,7 +79,7 @@ DISKS = [
         then={
             6.0: [
                 results(
-                    "start rejected ledger_unavailable",
+                    "start rejected not_stored",
                     "stop accepted ok",
                     "stop written ok",
                     "stop confirmed ok",
@@ -213,7 +213,7 @@ def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch:
         plant.command("pump/alice/stop")
         plant.run(until=8.0)
 
-        assert plant.results()[:2] == ["start accepted ok", "start rejected ledger_unavailable"]
+        assert plant.results()[:2] == ["start accepted ok", "start rejected not_stored"]
         assert plant.results()[-1] == "stop confirmed ok"
         assert "store_slow" in plant.events()
 
@@ -291,7 +291,7 @@ def test_nothing_of_a_start_is_published_that_a_crash_would_take_back(
         plant.command("pump/alice/start", id="once")
         plant.run(until=20.0)
 
-        assert first == ["start rejected ledger_unavailable"] * (killed_s > 9.0)
+        assert first == ["start rejected not_stored"] * (killed_s > 9.0)
         after = ["start accepted ok", "start written ok", "start confirmed ok"]
         assert plant.results()[len(first) :] == after
         assert [pdu for _, pdu in plant.starter("pump").writes] == [START]
@@ -308,7 +308,7 @@ def test_a_disk_that_comes_back_after_an_end_adds_nothing_to_it(monkeypatch: pyt
         plant.command("pump/alice/start", id="once")
         plant.run(until=17.0)
 
-        assert plant.results() == ["start rejected ledger_unavailable"] * 2
+        assert plant.results() == ["start rejected not_stored"] * 2
 
 
 AMPS = 5  # more than a deadband

@@ -184,7 +184,7 @@ UPGRADES = [
         },
         then={
             12.0: [
-                seen("result/pump/alice", phase="rejected", code="ledger_unavailable"),
+                seen("result/pump/alice", phase="rejected", code="not_stored"),
                 result("stop confirmed ok"),
                 event("store_unavailable"),
             ],

@@ -59,7 +59,7 @@ def probed(name: str, since: float, until: float, least_s: float, most_s: float)
 
 def one_in_four(plant: RigPlant) -> None:
     """Choose replies by chance 1: with one in four a starter whose replies are lost rests for too long."""
-    plant.lines["pumps"].bus.dice.seed(5)
+    plant.lines["pumps"].bus.impairments.dice.seed(5)
 
 
 def line_says(**within: tuple[float, float]) -> Expectation:

@@ -93,7 +93,7 @@ def faults_together(share: float, seed: int) -> Action:
 
     def act(plant: RigPlant) -> None:
         bus = plant.lines["pumps"].bus
-        bus.dice.seed(seed)
+        bus.impairments.dice.seed(seed)
         for name in plant.lines["pumps"].starters:
             bus.impair(plant.starter(name).unit.address, InOrder(*[share] * 5))
 

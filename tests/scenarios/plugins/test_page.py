@@ -21,6 +21,7 @@ from tests.rig.sites import (
     METRICS,
     QUICK,
     SPARKPLUG,
+    SSW06,
     SSW07,
     WEB,
     line,
@@ -466,6 +467,20 @@ COMMANDS = [
         },
     ),
     row(
+        "a stop of a group is answered to its end, also where one of its starters is silent",
+        given=FOUR + ALICE + WEB + LOGIN + GROUP,
+        at={5.0: [log_in(), "belt power off"]},
+        then={
+            40.0: lambda plant: (
+                ""
+                if (said := plant.post("/api/v1/command/hall/stop", {})).json["final"]
+                and {name: each["phase"] for name, each in said.json["phases"][-1]["members"].items()}
+                == {"pump": "confirmed", "fan": "confirmed", "mill": "confirmed", "belt": "unconfirmed"}
+                else said.text
+            )
+        },
+    ),
+    row(
         "what the operator may not, his page may not",
         given=LOOKER,
         at={5.0: log_in()},
@@ -571,19 +586,19 @@ COMMANDS = [
 ]
 
 
-def acknowledged(*codes: str, by: str = "anna") -> Expectation:
-    """The page shows that somebody has acknowledged these alarms of the pump, and no others."""
+def acknowledged(*codes: str, by: str = "anna", of: str = "pump") -> Expectation:
+    """The page shows that somebody has acknowledged these alarms of a starter, and no others."""
 
     def check(plant: RigPlant) -> str:
-        found = plant.get("/api/v1/starter/pump").json["facts"]["acknowledged"]
+        found = plant.get(f"/api/v1/starter/{of}").json["facts"]["acknowledged"]
         is_right = set(found) == set(codes) and all(each["by"] == by for each in found.values())
         return "" if is_right else str(found)
 
     return check
 
 
-def acknowledge(code: str = "e05") -> Any:
-    return lambda plant: plant.post(f"/api/v1/acknowledge/pump/{code}", {})
+def acknowledge(code: str = "e05", of: str = "pump") -> Any:
+    return lambda plant: plant.post(f"/api/v1/acknowledge/{of}/{code}", {})
 
 
 ALARMS = [
@@ -601,6 +616,20 @@ ALARMS = [
                 answer("/api/v1/acknowledge/absent/e05", 404, post={}),
                 frames("pump"),
             ]
+        },
+    ),
+    row(
+        "an alarm that is acknowledged stays with its first person",
+        given=PAGE,
+        at={5.0: "pump trip E05", 8.0: [log_in(), acknowledge()], 9.0: acknowledge()},
+        then={
+            10.0: lambda plant: (
+                ""
+                if [each.json["verb"] for each in plant.messages("audit")].count("acknowledge") == 1
+                and plant.get("/api/v1/starter/pump").json["facts"]["acknowledged"]["e05"]["time"][17:19]
+                == "08"
+                else "twice"
+            )
         },
     ),
     row(
@@ -632,6 +661,21 @@ ALARMS = [
             25.0: "pump trip E05",
         },
         then={28.0: [acknowledged(), msg("starter/pump/alarm/e05", active=True, count=1)]},
+    ),
+    row(
+        "an alarm that has cleared while the gateway was away is another one, also beside one that is active",
+        given=FOUR + ALICE + WEB + LOGIN,
+        at={
+            8.0: "mill alarm A046",
+            14.0: [log_in(), acknowledge("a046", "mill")],
+            16.0: ["end", "mill clear", "mill alarm A005"],
+            17.0: "start",
+            65.0: "mill alarm A046",
+        },
+        then={
+            15.0: acknowledged("a046", of="mill"),
+            75.0: [acknowledged(of="mill"), msg("starter/mill/alarm/a046", active=True, count=1)],
+        },
     ),
 ]
 
@@ -781,17 +825,48 @@ def test_values_of_an_earlier_run_are_shown_for_eight_hours_and_seven_days_where
     with RigPlant(stored, sim={"pump": QUICK}) as plant:
         plant.run(until=3.0)
         plant.command("pump/alice/start")
-        plant.run(until=20.0)
-        plant.command("pump/alice/stop")
-        plant.run(until=30.0)
+        plant.run(until=190.0)
         plant.restart()
-        plant.run(until=45.0)
+        plant.run(until=205.0)
         rows = [plant.get(f"{VALUES}?point=current&span={span}").json for span in ("10min", "8h", "7d")]
 
         most = [max(filter(None, each["most"]), default=0.0) for each in rows]
         assert most[0] < most[1] == most[2]  # the start's current; the last ten minutes are this run's
+        known = [[value is not None for value in rows[1][column]] for column in ("least", "most", "last")]
+        assert known[0] == known[1] == known[2]  # the line as far as its band
+        assert known[0].count(True) == 5
         assert [len(each["most"]) for each in rows] == [300, 480, 672]
         assert all(each["is_stored"] for each in rows)
+
+
+def test_values_of_a_starter_that_was_taken_out_for_some_time_are_shown_where_they_are_stored() -> None:
+    stored = PAGE + table("history", values=["current"])
+    with RigPlant(stored, sim={"pump": QUICK}) as plant:
+        plant.run(until=3.0)
+        plant.command("pump/alice/start")
+        plant.run(until=190.0)
+        plant.reload(SSW06 + ALICE + WEB + LOGIN + table("history", values=["current"]))
+        plant.run(until=195.0)
+        plant.reload(stored)
+        plant.run(until=205.0)
+        shown = plant.get(f"{VALUES}?point=current&span=8h").json
+        plant.restart()
+        plant.run(until=215.0)
+        again = plant.get(f"{VALUES}?point=current&span=8h").json
+
+        assert [max(filter(None, each["most"])) > 100 for each in (shown, again)] == [True, True]  # the start
+
+
+def test_where_the_gateway_stood_still_there_is_a_gap_and_the_value_holds_after_it() -> None:
+    with RigPlant(PAGE, sim={"pump": QUICK}) as plant:
+        plant.run(until=60.0)
+        plant.stand_still(40.0)
+        plant.run(until=120.0)
+        lasts = plant.get(f"{VALUES}?point=current&span=10min").json["last"]
+
+        known = [value is not None for value in lasts[-55:]]
+        assert 18 <= known.count(False) <= 21
+        assert all([*known[:5], *known[-8:]])
 
 
 def test_doctor_asks_as_who_is_logged_in(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from gateway.starters.policy.freshness import (
     BY_ISSUED_AT,
     BY_TOKEN,
     MAX_AHEAD_S,
-    Moment,
+    ArrivalTime,
     RunToken,
     Tokens,
     decision_of,
@@ -42,7 +42,9 @@ def test_no_start_of_another_time_is_ever_fresh(
     proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
 
     with pytest.raises(CommandError) as caught:
-        decision_of(proof, verb="start", freshness=freshness, tokens=tokens, moment=Moment(7.0, UTC_S, doubt))
+        decision_of(
+            proof, verb="start", freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt)
+        )
     assert caught.value.code in ("expired", "not_fresh", "wrong_boot")
 
 
@@ -64,5 +66,5 @@ def test_what_lacks_a_proof_reads_which_one_to_send(
 
     with pytest.raises(CommandError, match=missing):
         decision_of(
-            proof, verb="start", freshness=(freshness,), tokens=tokens, moment=Moment(7.0, UTC_S, doubt)
+            proof, verb="start", freshness=(freshness,), tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt)
         )

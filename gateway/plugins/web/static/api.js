@@ -33,7 +33,7 @@ async function answered(response) {
   return data;
 }
 
-const COMMAND_WITHIN_MS = 13000; // the gateway answers within 10 s, with or without the end
+const COMMAND_WITHIN_MS = 15000; // the gateway answers within 12 s, with or without the end
 
 function newId() {
   const bytes = crypto.getRandomValues(new Uint8Array(12));

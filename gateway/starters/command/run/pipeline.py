@@ -34,7 +34,7 @@ from gateway.families import (
     reading,
 )
 from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused, Silent
-from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.modbus import ExceptionCode, exception_name
 from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, CommandStep, Final
 from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import CAN_WAIT, CommandDecision, Judge

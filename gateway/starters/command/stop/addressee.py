@@ -14,7 +14,7 @@ from math import inf
 from gateway.contract import Note
 from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
-from gateway.modbus.pdu import Request
+from gateway.modbus import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.view import Emitter, Snapshot, StarterIo
 

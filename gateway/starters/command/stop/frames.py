@@ -18,8 +18,7 @@ from typing import Protocol
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
-from gateway.modbus.codes import ExceptionCode, Function
-from gateway.modbus.writes import MaskWriteRegister
+from gateway.modbus import ExceptionCode, Function, MaskWriteRegister
 from gateway.starters.command.stop.addressee import StopAddressee
 from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
 from gateway.system.rate_limits import Bucket, Rate
