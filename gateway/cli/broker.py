@@ -26,7 +26,10 @@ def add_login(parser: argparse.ArgumentParser, *, client: str = "") -> None:
     """Add `--client` where there is a help text for it, `--username` and `--password-file`."""
     if client:
         parser.add_argument("--client", metavar="NAME", help=client)
-    who = "the login at the broker, else the configuration's"
+    who = (
+        "the login at the broker, else the configuration's own: that disconnects a running gateway "
+        "where the broker takes logins as client ids, as broker-kit sets it up"
+    )
     parser.add_argument("--username", metavar="NAME", help=who)
     parser.add_argument("--password-file", metavar="FILE", help=f"else ${VARIABLE}, else you are asked")
 

@@ -106,7 +106,7 @@ def _opened(path: Path) -> BinaryIO:
     try:
         return path.open("wb")
     except OSError as error:
-        raise CaptureError(f"{path}: {error.strerror}") from error
+        raise CaptureError(f"{path}: {error.strerror} (choose another folder)") from error
 
 
 @contextlib.contextmanager

@@ -160,8 +160,12 @@ def _warnings(site: Site) -> Iterator[Finding | None]:
             yield _watchdog_warning(starter)
     for where, name in product(("mqtt", "web", "sparkplug"), ("ca_file", "cert_file", "key_file")):
         file = getattr(getattr(config, where), name, None)
-        if file is not None and not (folder / file).exists():
+        if file is None:
+            continue
+        if not (folder / file).exists():
             yield _warning(f"{where}.{name}", f"{folder / file} is not there", "put it there before `run`")
+        elif not os.access(folder / file, os.R_OK):
+            yield _warning(f"{where}.{name}", f"{folder / file} may not be read", "let this user read it")
     sparkplug = config.sparkplug
     if sparkplug is not None and sparkplug.commands:
         who = f"every Sparkplug host is the same person, operator {sparkplug.operator}"

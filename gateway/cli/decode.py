@@ -32,8 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="address of the first word on the wire, zero-based, or its code: P003, S1.1.4, R13, COIL5",
     )
     parser.add_argument("words", metavar="WORD", nargs="+", help="decimal or 0x..; 0 or 1 for coils")
-    parser.add_argument("--model", help='e.g. "SSW-06 820A": some values hang on the rated current')
-    parser.add_argument("--firmware", help="e.g. 1.42: some bits exist from a version on")
+    parser.add_argument("--model", help='e.g. "SSW-06 820A": some values depend on the rated current')
+    parser.add_argument("--firmware", help="e.g. 1.42: some bits exist only from a certain version on")
     parser.add_argument("--language", default=ENGLISH, help=f"of the names: {', '.join(LANGUAGES)}")
 
 

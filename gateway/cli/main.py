@@ -41,6 +41,21 @@ COMMANDS = {
     "broker-kit": "write the files of a Mosquitto for this gateway, and prove them on the running broker",
     "web-password": "print the line of a login of the status page",
 }
+EXAMPLES = {
+    "scan": "scan /dev/rs485-pumps --baud 19200 --framing 8E1 --address 1-16",
+    "doctor": "doctor site.toml --username alice",
+    "parameters": "parameters save site.toml pump-1 pump-1.toml --username alice",
+    "send": "send site.toml pump-1 start expect=state:ready --client alice --username alice",
+    "watch": "watch site.toml --username alice",
+    "report": "report site.toml pump-1 --html pump-1.html --username alice",
+    "history": "history site.toml pump-1 --csv -",
+    "audit": "audit show site.toml --last 20",
+    "decode": "decode ssw07 holding P003 815",
+    "encode": "encode ssw07 1 set parameter=P314 value=30",
+    "backup": "backup site.toml mcc1.tar.gz",
+    "restore": "restore mcc1.tar.gz --to /tmp/look",
+    "broker-kit": "broker-kit site.toml broker-kit --host broker.plant",
+}
 _HOMES = {"simulate": "demo", "backup": "restore", "history": "report"}
 
 
@@ -105,7 +120,8 @@ def _parser(chosen: str | None, *, is_whole: bool = False) -> argparse.ArgumentP
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, about in COMMANDS.items():
-        its_own = subparsers.add_parser(name, help=about)
+        example = f"example: {PROGRAM} {EXAMPLES[name]}" if name in EXAMPLES else None
+        its_own = subparsers.add_parser(name, help=about, epilog=example)
         if name == chosen or is_whole:
             _load(name).add_arguments(its_own)
     return parser
@@ -115,6 +131,7 @@ def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Na
     """Return the parsed arguments; KEY=VALUE words may follow an option too, which argparse forbids."""
     args, left = parser.parse_known_args(arguments)
     if left and (not hasattr(args, "args") or any(word.startswith("-") for word in left)):
+        parser.prog = f"{PROGRAM} {args.command}"  # whose help names what it takes
         parser.error(f"unrecognized arguments: {' '.join(left)}")
     if left:
         args.args += left

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "args",
         metavar="KEY=VALUE",
         nargs="*",
+        default=[],  # argparse would call it required
         help="e.g. parameter=P314 value=30; select=TOKEN as `select verb=start` has printed it; "
         "expect=state:ready,remote:true, without which nothing is done",
     )

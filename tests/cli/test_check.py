@@ -26,6 +26,19 @@ def test_a_name_that_is_not_stable_gets_the_advice_of_the_stable_one(
     assert "adapter tomorrow (use /dev/serial/by-id/usb-0)" in capsys.readouterr().out
 
 
+def test_a_file_that_this_user_may_not_read_is_a_warning(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.cli.check.os.access", lambda path, _: path.name != "plant-ca.pem")
+    (folder / "plant-ca.pem").write_text("", "utf-8")
+    url = 'url = "mqtts://broker.plant:8883"'
+    (folder / "site.toml").write_text(changed((url, f'{url}\nca_file = "plant-ca.pem"')), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    assert "plant-ca.pem may not be read (let this user read it)" in capsys.readouterr().out
+
+
 def test_one_adapter_under_two_names_is_a_mistake(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     here, there = os.openpty()
     device, link = os.ttyname(there), folder / "usb-FTDI"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.main import COMMANDS, main, whole_parser
+from gateway.cli.main import COMMANDS, EXAMPLES, main, whole_parser
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -15,6 +15,17 @@ def test_every_command_has_its_own_help(command: str, capsys: pytest.CaptureFixt
     assert main([command, "--help"]) == 0
 
     assert f"starter-gateway {command}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", EXAMPLES)
+def test_the_example_of_a_help_is_a_right_use(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = EXAMPLES[command].split()
+
+    args = whole_parser().parse_args(words)
+
+    assert args.command == words[0] == command
+    assert main([command, "--help"]) == 0
+    assert "example: starter-gateway" in capsys.readouterr().out
 
 
 def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:

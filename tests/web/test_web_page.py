@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+import errno
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from gateway.plugins.web.page import Page
 from gateway.plugins.web.plugin import MISSING, settings_of
 from tests.config.sites import site
 from tests.rig import RigPlant
 from tests.rig.sites import ALICE, SSW07, WEB
+from tests.web.support import FakeGateway, HandClock, web_settings
 
 TABLE = '[[operator]]\nclient = "alice"'
 
@@ -46,6 +50,30 @@ def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_again(
         assert any("ordered" in bug for bug in plant.bugs.found)
         assert "pump" in plant.get("/api/v1/state").json["starters"]
         plant.bugs.found.clear()
+
+
+async def test_an_address_that_stays_in_use_is_one_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Taken:
+        def __init__(self, *_: object) -> None:
+            self.is_open = asyncio.Event()
+            tries.append(self)
+            if len(tries) == 3:
+                enough.set()
+
+        async def run(self) -> None:
+            raise OSError(errno.EADDRINUSE, "Address already in use")
+
+    tries: list[Taken] = []
+    enough = asyncio.Event()
+    monkeypatch.setattr("gateway.plugins.web.page.RETRY_S", 0.0)
+    gateway = FakeGateway(HandClock(), make_web_server=Taken)
+    task = asyncio.create_task(Page(cast("Any", gateway), web_settings()).run())
+
+    await enough.wait()
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+    assert gateway.events == ["web_away"]
 
 
 def test_missing_packages_are_an_event_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from gateway.cli.broker import add_login
-from gateway.cli.command import Progress, flag
+from gateway.cli.command import Progress, counted, flag
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339
@@ -46,13 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--factory",
         about="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
-    flag(diff, "--all", about="measured values too, not the settings alone")
+    flag(diff, "--all", about="also rows that can only be read: measured values, and some settings")
     flag(restoring, "--dry-run", about="print what would be written, and write nothing")
     flag(
         restoring,
         "--command-sources",
-        about="also those that say who commands the motor ([protected.command_sources]): may start it when"
-        " a run command stands there",
+        about="also those that say who commands the motor ([protected.command_sources]): writing them may"
+        " start the motor when a run command is pending in the starter",
     )
     flag(restoring, "--other-model", about="restore also a file that was saved from another model")
     for each in (save, diff, restoring):
@@ -115,7 +115,9 @@ def _diff(args: argparse.Namespace) -> int:
         print(f"as delivered: {', '.join(same) or 'none'}")
     elif not found:
         what = "no difference" if args.all else "no setting differs"
-        print(f"{what} between {args.a} and {args.b}")
+        unseen = len(differences(before, after, profile=profile, with_readings=True))
+        more = f" (--all shows {counted(unseen, 'row')} that can only be read)" if unseen else ""
+        print(f"{what} between {args.a} and {args.b}{more}")
     return 1 if found else 0
 
 

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 from gateway import __version__
 from gateway.app.site import Site
-from gateway.cli.command import flag
+from gateway.cli.command import counted, flag
 from gateway.config import Config, files_of, load, without_logins
 from gateway.contract import rfc3339
 from gateway.errors import GatewayError, StartError, StoreError, UsageError
@@ -56,13 +56,13 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise StoreError(f"{error.filename or file}: {error.strerror or error}") from error
     configured = sum(not each.startswith(f"{STATE}/") for each in facts.files) - 1
-    print(f"configuration {path} and {configured} files that it refers to")
+    print(f"configuration {path} and {counted(configured, 'file')} that it refers to")
     print(f"state of {state_dir}: {', '.join(facts.state) or 'nothing yet'}")
     if facts.has_secrets:
         print(f"warning: {file} holds passwords and keys: store it as safely as those (its mode is 0600)")
     elif left_out := missing_in(facts):
         print(f"left out (--secrets takes them): {', '.join(left_out)}")
-    print(f"{file}: {octets} octets")
+    print(f"{file}: {octets} bytes")
     return 0
 
 

@@ -43,6 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Restore, print what was done, and return 0."""
+    if not Path(args.file).exists():
+        raise StoreError(f"{args.file}: No such file or directory (name a file that `backup` has written)")
     try:
         with backup.open_archive(Path(args.file)) as archive:
             _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)

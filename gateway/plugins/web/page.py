@@ -65,6 +65,7 @@ class Page:
         """Serve until cancelled; an address or certificate that cannot be used is tried again."""
         files = await asyncio.to_thread(read_files)
         app = WebApp(self._gateway, self._model, self._control, self._accounts, self._streams, files)
+        last = ""
         while True:
             self._changed.clear()
             settings = self._settings
@@ -73,7 +74,9 @@ class Page:
                 await until_first(server.run(), self._until_moved(server, settings))
             except OSError as error:  # ssl.SSLError is one
                 trouble = f"{settings.host}:{settings.port}: {error.strerror or error}"
-                self._gateway.publish_event(EventCode.WEB_AWAY, "trouble", trouble=trouble)
+                if trouble != last or server.is_open.is_set():  # said once, tried again and again
+                    self._gateway.publish_event(EventCode.WEB_AWAY, "trouble", trouble=trouble)
+                last = trouble
                 await asyncio.sleep(RETRY_S)
 
     async def _until_moved(self, server: Server, settings: WebSettings) -> None:

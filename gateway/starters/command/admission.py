@@ -39,9 +39,10 @@ class Admission:
     def check_verb(self, name: str, verb: str) -> None:
         """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
         starter = self._starters.get(name)
-        if starter is not None and verb not in (*command.verbs(starter.profile), *OWN_VERBS):
-            title = starter.profile.title
-            raise CommandError(ResultCode.UNKNOWN_VERB, "starter", title=title, verb=verb[:40])
+        if starter is None or verb in (known := (*command.verbs(starter.profile), *OWN_VERBS)):
+            return
+        verbs, title = ", ".join(known), starter.profile.title
+        raise CommandError(ResultCode.UNKNOWN_VERB, "starter", title=title, verb=verb[:40], verbs=verbs)
 
     def no_right(self, request: CommandRequest) -> CommandError:
         """Return the refusal of a command to which its client has no right."""

@@ -271,6 +271,7 @@ FILES_SAVED = {
 FILES_SAVED["new.toml"] = (
     '[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP220 = { raw = [3] }\nP314 = { raw = [0] }\n'
 )
+FILES_SAVED["read.toml"] = FILES_SAVED["a.toml"] + "P003 = 12.0\nP101 = 30\n"
 FILES_SAVED["used.toml"] = FILES_SAVED["new.toml"].replace("07", "06").replace("[3]", "[6]")
 FILES = [
     line_row(
@@ -284,7 +285,8 @@ FILES = [
     )
     for words, code, out, err in [
         ("diff a.toml b.toml", 1, re.compile("^P314 : 3 -> 5\n$"), ""),
-        ("diff a.toml a.toml", 0, "no setting differs", ""),
+        ("diff a.toml a.toml", 0, re.compile("^no setting differs between a.toml and a.toml\n$"), ""),
+        ("diff a.toml read.toml", 0, "read.toml (--all shows 2 rows that can only be read)\n", ""),
         ("diff a.toml a.toml --all", 0, (), ""),
         ("diff new.toml --factory", 0, "as delivered: P220, P314\n", ""),
         ("diff used.toml --factory", 1, re.compile(r"^P220 .*: 2 \(.*-> .*\nas delivered: P314\n$"), ""),

@@ -491,7 +491,12 @@ BACKUP = [
                 cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
                 file_there("new/state/state.sqlite"),
                 cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
-                cli("restore DIR/none.tar.gz", code=1, out="", err="none.tar.gz: No such file or directory"),
+                cli(
+                    "restore DIR/none.tar.gz",
+                    code=1,
+                    out="",
+                    err="none.tar.gz: No such file or directory (name a",
+                ),
             ]
         },
     ),
