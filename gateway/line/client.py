@@ -25,7 +25,7 @@ class LineClient:
         self._line = line
         self._post = post
         self._statistics = statistics or line.statistics
-        self.stop_bound_s: float | None = None  # with all requests that may come; None: with the polls alone
+        self.stop_bound_s: float | None = None  # the computed wait of a stop, from the app's forecast
 
     @property
     def name(self) -> str:
@@ -93,9 +93,8 @@ class LineClient:
     def statistics(self) -> dict[str, Any]:
         """Return the line's counters and times for `B/gateway/line/{line}`, at most about a second old."""
         found = self._statistics()
-        if self.stop_bound_s is None or "stop_latency_s" not in found:
-            return found
-        return {**found, "stop_latency_s": {**found["stop_latency_s"], "computed": self.stop_bound_s}}
+        stops = {"computed": self.stop_bound_s, **found.get("stop_latency_s", {})}
+        return {**found, "stop_latency_s": stops} if found else found
 
     @property
     def stretch(self) -> float:

@@ -6,12 +6,10 @@ import asyncio
 import logging
 import random
 from collections.abc import Callable, Sequence
-from functools import partial
 from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
-from gateway.line.capacity.line_forecast import worst_stop_latency_s
 from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
@@ -55,7 +53,7 @@ class Line:
         self._opener = opener
         self._scheduler = Scheduler(polls, chance=random.Random(seed))
         self.polls = self._scheduler.polls
-        self._statistics = Statistics(partial(worst_stop_latency_s, timing=timing, allowance_s=allowance_s))
+        self._statistics = Statistics()
         self._recovery = PortRecovery(deaf_after_s)
         self._master = RtuMaster(timing, allowance_s=allowance_s, note_frame=self.events.trace.note)
         self._service = LineService(
@@ -129,7 +127,6 @@ class Line:
     def statistics(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
         statistics = self._statistics.to_dict(
-            self.polls.asked(),
             now_s=self._time(),
             more_of=lambda unit: {
                 "state": self.polls.unit(unit).state,

@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
 from gateway.line.rtu.reply import first_frame
-from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.requests import Slot
 from gateway.system.stalls import DelayCounts
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
@@ -19,19 +19,13 @@ _OUTCOMES = ("answered", "silent", "garbled", "refused")
 
 
 class Statistics:
-    """Counters since the start; utilisation is that of about the last half minute.
+    """Counters since the start; utilisation is that of about the last half minute."""
 
-    `stop_bound_of` computes how long a stop waits at most while these polls are asked.
-    """
-
-    def __init__(self, stop_bound_of: Callable[[Sequence[Poll]], float]) -> None:
+    def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._units: dict[int, _UnitStatistics] = {}
         self._changed: set[int] = set()  # units of which `_shown` is out of date
         self._shown: dict[int, dict[str, Any]] = {}  # what is published of each unit; never changed in place
-        self._stop_bound_of = stop_bound_of
-        self._stop_bound_s = stop_bound_of(())
-        self._polls: Sequence[Poll] = ()  # that are asked
         self._busy_s = 0.0
         self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)  # when, and `_busy_s`
         self._worst_stop_latency_s: float | None = None
@@ -83,29 +77,19 @@ class Statistics:
         return min((self._busy_s - before_s) / (now_s - since_s), 1.0)
 
     def to_dict(
-        self,
-        polls: Sequence[Poll],
-        *,
-        now_s: float,
-        more_of: Callable[[int], Mapping[str, Any]] = lambda _: {},
+        self, *, now_s: float, more_of: Callable[[int], Mapping[str, Any]] = lambda _: {}
     ) -> dict[str, Any]:
-        """Return what `B/gateway/line/{line}` says of it while these polls are asked.
+        """Return what `B/gateway/line/{line}` says of it, but for the computed wait of a stop.
 
         `more_of` says what else is published of a unit, once something was noted of it.
         """
-        if polls != self._polls:
-            self._polls, self._stop_bound_s = polls, self._stop_bound_of(polls)
         for unit in self._changed:
             self._shown[unit] = {**self._units[unit].to_dict(), **more_of(unit)}
         self._changed.clear()
         return {
             "utilisation": self.utilisation(now_s),
             **{name: self._counts[name] for name in ("polls", "jobs", *_OUTCOMES)},
-            "stop_latency_s": {
-                "computed": self._stop_bound_s,
-                "worst": self._worst_stop_latency_s,
-                **self._measured_stops(),
-            },
+            "stop_latency_s": {"worst": self._worst_stop_latency_s, **self._measured_stops()},
             "units": dict(self._shown),
         }
 

@@ -9,7 +9,7 @@ from tests.line.fakes import poll
 
 
 def test_the_utilisation_is_that_of_the_last_half_minute() -> None:
-    statistics = Statistics(lambda polls: 0.0)
+    statistics = Statistics()
     statistics.begin(0.0)
     asked = poll("status", unit=1)
     for second in range(1, 41):

@@ -128,11 +128,6 @@ class PollTable:
         if not self.unit(number).polls:
             del self._units[number]
 
-    def asked(self) -> tuple[Poll, ...]:
-        """Return the polls that are asked at present: of a silent unit only the first, its probe."""
-        polls = self._polls.values()
-        return tuple([each.poll for each in polls if not each.unit.is_silent or each is each.unit.polls[0]])
-
     def statistics(self, now_s: float) -> dict[str, Any]:
         """Return the factor of the periods, what one slot of each poll takes, and how watchdogs are served.
 
