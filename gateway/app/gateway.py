@@ -119,7 +119,8 @@ class App:
         """Apply another site and return how many starters that has ended or replaced.
 
         What is the same in both continues untouched; ConfigError for what needs a restart. All of it takes
-        effect at one instant, as soon as no starter that is removed or replaced is under a command.
+        effect at one instant, as soon as no starter that is removed or replaced is under a command, at the
+        latest after SETTLE_S: then those commands and stops are cut.
         Nothing is written to any starter.
         """
         before = self.site.config

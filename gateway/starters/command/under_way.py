@@ -130,7 +130,14 @@ class UnderWay:
                     await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
     def reopen(self) -> None:
-        """Take commands for every starter again."""
+        """Take commands for every starter again, and cut what is still under way for those that have left.
+
+        A name may stand for another device now: a stop that joined the old one's would go to that.
+        """
+        for name in self._leaving:
+            for work in (self._runs.pop(name, None), self._stops.pop(name, None)):
+                if work is not None:
+                    work.halt(Reason(ResultCode.BUSY, "reloaded"))
         self._leaving = ()
 
     async def close(self) -> None:

@@ -85,7 +85,9 @@ class StarterState(NamedTuple):
     @property
     def is_awaiting(self) -> bool:
         """Return whether something that has changed needs a second reading, or a trip its number."""
-        return bool(self.settled.waiting) or (self.trip is not None and not self.trip.is_published)
+        trip = self.trip
+        is_open = trip is not None and (not trip.is_published or trip.number is None)
+        return bool(self.settled.waiting) or is_open
 
     @property
     def due_s(self) -> float:

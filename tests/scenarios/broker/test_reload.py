@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 
@@ -23,9 +24,10 @@ from tests.rig import (
     row,
     seen,
 )
+from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SSW07, line, operator, starter, table
 
-START = "05 00 64 ff 00"
+START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 FAN = starter("fan", 2, "ssw06")
 HALL = SSW07 + FAN
 YARD = line("yard") + starter("mill", 3, "ssw900")
@@ -45,6 +47,19 @@ def untouched(plant: RigPlant) -> str:
             return str(said[0])
     bad = [each for each in plant.messages("starter/pump/value/+", 5.05) if each.json["quality"] == "stale"]
     return str(bad[0]) if bad else clean_line(plant)
+
+
+def poor_line(name: str, for_s: float) -> Action:
+    """Lose two replies of three, so that the starter stays online."""
+
+    class OneOfThree:
+        count = 0
+
+        def apply(self, reply: Any, dice: Any) -> tuple[Any, ...]:
+            self.count += 1
+            return (reply,) if self.count % 3 == 0 else ()
+
+    return lambda plant: plant.do(lambda: plant.line_of(name).impair(name, OneOfThree(), for_s=for_s))
 
 
 CHANGES = [
@@ -210,6 +225,31 @@ CHANGES = [
                 event("reloaded"),
             ]
         },
+    ),
+    row(
+        "a stop goes to where its starter is since a reload, however many have not ended before",
+        given=SSW07 + ALICE,
+        at={
+            4.0: [fault("silent", "pump"), lambda plant: plant.lines["pumps"].add("moved", "ssw07", 5)],
+            **{
+                at_s: command("pump/alice/stop", fresh=False)
+                for at_s in (5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 23.0)
+            },
+            6.0: reload(line() + starter("pump", 5, "ssw07") + ALICE),
+        },
+        then={
+            22.0: [seen("result/pump/alice", phase="unconfirmed", code="busy"), frames("moved")],
+            24.5: [result("stop confirmed ok"), frames("moved", STOP)],
+        },
+    ),
+    row(
+        "a start that has waited for longer than a reload does starts no other motor",
+        given=line() + starter("pump", 1, "ssw07") + starter("fan", 2, "ssw07") + ALICE,
+        at={
+            4.0: [poor_line("pump", for_s=16.0), command("pump/alice/start", ttl_s=60)],
+            4.5: reload(line() + starter("pump", 2, "ssw07") + starter("fan", 1, "ssw07") + ALICE),
+        },
+        then={30.0: [event("reloaded"), result("start rejected busy"), frames("1"), frames("2")]},
     ),
     row(
         "locks stay over a reload",

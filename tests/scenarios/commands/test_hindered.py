@@ -295,6 +295,7 @@ TAKING_BACK = [  # S2
         taken_back_for(4.0),
         NO_EVENT,
         result("reset rejected no_fault_to_reset"),
+        seen("audit", verb="stop", source="gateway", decision="unconfirmed", code="busy", times=1),
         at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
         later={10.5: [do("pump reset")]},
     ),

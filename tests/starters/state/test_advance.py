@@ -84,6 +84,10 @@ TRIPS = [
         ((2, TRIP), (2.1, TRIP), (4, ""), (5, "P014=5"), (5.2, "P014=5")),  # its number comes late
         ["fault on", "2 fault, its number is not known", "e05 on", "fault off", f"5 {OVERLOAD}"],
     ),
+    (  # so does the same one as that of the fault before
+        ((1.5, "P014=5"), (1.7, "P014=5"), (2, TRIP), (2.1, TRIP), (4, ""), (5, "P014=5"), (5.2, "P014=5")),
+        ["fault on", "2 fault, its number is not known", "e05 on", "fault off", f"5 {OVERLOAD}"],
+    ),
     (
         (
             (2, f"{TRIP} P014=5"),

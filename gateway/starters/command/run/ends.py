@@ -16,7 +16,8 @@ from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING,
 from gateway.starters.command.wire import points_of
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
-_MAY_STAND = (ResultCode.SHUTTING_DOWN, ResultCode.NOT_SEEN)  # ends after which a start may act later
+LEFT_ALONE = (ResultCode.SHUTTING_DOWN, ResultCode.BUSY)  # ends after which nothing more is written: a reload
+_MAY_STAND = (*LEFT_ALONE, ResultCode.NOT_SEEN)  # ends after which a start may act later
 
 
 @dataclass(slots=True)

@@ -122,7 +122,7 @@ class CommandRun:
             end = self._outlook.overdue()
         except HaltedError as error:
             end = self._outlook.cut(error.reason)
-            if error.reason.code == ResultCode.SHUTTING_DOWN:  # then nothing is written
+            if error.reason.code in ends.LEFT_ALONE:  # then nothing is written
                 return end
         return await self._abandoned(end)
 

@@ -143,9 +143,11 @@ class Stopping:
         self._wire.halt(reason)
 
     def give_way(self) -> None:
-        """End without a word, and let nothing more go out: a newer command has been accepted."""
+        """End, for the audit alone, and let nothing more go out: a newer command has been accepted."""
         for order in self._orders:
             order.over.set()
+            if order.report is not None:
+                order.report.finish(self._cut(order, Reason(ResultCode.BUSY, "command")))
         self._orders.clear()
         self.halt(Reason(ResultCode.OK, "accepted"))
 
