@@ -19,6 +19,7 @@ from gateway.config.schema import Config, StarterTable
 from gateway.config.site_tables import rows_of
 from gateway.config.values import GLOB_PATTERN
 from gateway.families import Profile, extension, load_profile
+from gateway.starters import OWN_POINT_NAMES
 
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
@@ -100,6 +101,7 @@ def broken_rules(config: Config) -> Iterator[Mistake]:
         key, code, name = ("row", at), row.parameter, row.name
         yield from _again(codes, (*key, "parameter"), code, (row.family, code), "describe each row once")
         yield from _again(names, (*key, "name"), name, (row.family, name), "each row needs its own name")
+    yield from _traced(config)
     if config.home_assistant is not None:
         yield from _home_assistant(config.home_assistant, config.base)
     if config.metrics is not None and config.metrics.textfile is None and config.web is None:
@@ -140,6 +142,15 @@ def _codes(key: Key, patterns: Sequence[str], config: Config, families: Iterable
 
 def _profile(family: str, config: Config) -> Profile:
     return extension.extended(load_profile(family), rows_of(family, config.rows), ())
+
+
+def _traced(config: Config) -> Iterator[Mistake]:
+    """Yield points whose values are to be stored and that no starter has."""
+    points = OWN_POINT_NAMES.union(*(starter.profile().points for starter in config.starters))
+    for position, name in enumerate(config.traced):
+        if name not in points:
+            hint = choose(name, sorted(points), otherwise="the topics B/starter/+/info list all points")
+            yield Mistake(("history", "values", position), f"{short(name)} is a point of no starter", hint)
 
 
 def _feeder(key: Key, starter: StarterTable, config: Config) -> Iterator[Mistake]:

@@ -87,6 +87,12 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [homeassistant]\nbirth_topic = "+/status" | line 29: homeassistant.birth_topic
 [homeassistant]\ndiscovery_prefix = "home/" | line 29: homeassistant.discovery_prefix
 [homeassistant]\nexpire_after = 3 | line 29: homeassistant.expire_after
+[history]\nvalues = ["current", "curent"]
+    | line 29: history.values[1]: 'curent' is a point of no starter (did you mean current or
+[history]\nvalues = ["p101"]
+    | line 29: history.values[0]: 'p101' is a point of no starter
+[history]\nvalues = ["xyzzy"]
+    | line 29: history.values[0]: 'xyzzy' is a point of no starter (the topics B/starter/+/info list
 [metrics] | line 28: metrics: nothing serves them (add a [web] table, whose server answers /metrics
 [metrics]\ntoken_file = "t" | line 28: metrics: nothing serves them
 [metrics]\ntextfile = "sg.txt" | line 29: metrics.textfile:
@@ -246,6 +252,7 @@ ROW"P202"
 ROW"P101"LIMITS
 MENU"C5.3.9"\naddress = 2000\ntype = "s16"
 [[points]]\nfamily = "sst"\ncodes = ["R??"]
+[history]\nvalues = ["torque_pct", "energy_kwh", "p101"]\n[[points]]\nfamily = "ssw07"\ncodes = ["P101"]
 [homeassistant]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"
 [homeassistant]\ndiscovery_prefix = "ha/one"\nbirth_topic = "ha/one/Status.1"
