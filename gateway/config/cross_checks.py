@@ -16,7 +16,7 @@ from typing import Any
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
 from gateway.config.mistakes import Key, Mistake, choose, short, spell
 from gateway.config.schema import Config, StarterTable
-from gateway.config.site_tables import rows_of
+from gateway.config.site_tables import PointsTable, rows_of
 from gateway.config.values import GLOB_PATTERN
 from gateway.families import Profile, extension, load_profile
 from gateway.starters import OWN_POINT_NAMES
@@ -95,6 +95,7 @@ def broken_rules(config: Config) -> Iterator[Mistake]:
             yield from _codes((*key, "points"), starter.points, config, [starter.family])
     for at, points in enumerate(config.points):
         yield from _codes(("points", at, "codes"), points.codes, config, [points.family])
+        yield from _of_other_families(("points", at, "starters"), points, config)
     codes: dict[object, Key] = {}
     names: dict[object, Key] = {}
     for at, row in enumerate(config.rows):
@@ -138,6 +139,15 @@ def _codes(key: Key, patterns: Sequence[str], config: Config, families: Iterable
     for position, pattern in enumerate(patterns):
         if not any(extension.matching(profile, pattern) for profile in profiles):
             yield Mistake((*key, position), *extension.why_no_row(profiles, pattern))
+
+
+def _of_other_families(key: Key, points: PointsTable, config: Config) -> Iterator[Mistake]:
+    """Yield names and patterns of starters of which none is of the family, so that they ask for nothing."""
+    for position, pattern in enumerate(points.starters if "starters" in points.model_fields_set else ()):
+        found = {starter.family for starter in config.starters if starter.is_among([pattern])}
+        if points.family not in found:
+            what = f"{short(pattern)} fits no {points.family}"
+            yield Mistake((*key, position), what, f"such starters are of {' and '.join(sorted(found))}")
 
 
 def _profile(family: str, config: Config) -> Profile:

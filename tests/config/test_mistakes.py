@@ -200,6 +200,8 @@ framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
     | line 31: points[0].every_s: is 0 (must be at least 0.1)
 [[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"]
     | line 31: points[0].starters[0]: 'fan' fits no starter
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["pump-1", "*-2"]
+    | line 31: points[0].starters[1]: '*-2' fits no ssw07 (such starters are of ssw900)
 ROW"P102"\nmin = 1\nwritable = true | line 34: row[0].writable: needs max beside it
 ROW"P102"\nmin = 0.25\nmax = 1\nscale = 0.1
     | row[0].min: 0.25 is no multiple of scale (the row has steps of 0.1)
@@ -252,6 +254,7 @@ ROW"P202"
 ROW"P101"LIMITS
 MENU"C5.3.9"\naddress = 2000\ntype = "s16"
 [[points]]\nfamily = "sst"\ncodes = ["R??"]
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["pump-*"]
 [history]\nvalues = ["torque_pct", "energy_kwh", "p101"]\n[[points]]\nfamily = "ssw07"\ncodes = ["P101"]
 [homeassistant]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"
