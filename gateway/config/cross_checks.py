@@ -16,9 +16,10 @@ from typing import Any
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
 from gateway.config.mistakes import Key, Mistake, choose, short, spell
 from gateway.config.schema import Config, StarterTable
-from gateway.config.site_tables import rows_of
+from gateway.config.site_tables import PointsTable, rows_of
 from gateway.config.values import GLOB_PATTERN
 from gateway.families import Profile, extension, load_profile
+from gateway.starters import OWN_POINT_NAMES
 
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
@@ -94,12 +95,14 @@ def broken_rules(config: Config) -> Iterator[Mistake]:
             yield from _codes((*key, "points"), starter.points, config, [starter.family])
     for at, points in enumerate(config.points):
         yield from _codes(("points", at, "codes"), points.codes, config, [points.family])
+        yield from _of_other_families(("points", at, "starters"), points, config)
     codes: dict[object, Key] = {}
     names: dict[object, Key] = {}
     for at, row in enumerate(config.rows):
         key, code, name = ("row", at), row.parameter, row.name
         yield from _again(codes, (*key, "parameter"), code, (row.family, code), "describe each row once")
         yield from _again(names, (*key, "name"), name, (row.family, name), "each row needs its own name")
+    yield from _traced(config)
     if config.home_assistant is not None:
         yield from _home_assistant(config.home_assistant, config.base)
     if config.metrics is not None and config.metrics.textfile is None and config.web is None:
@@ -138,8 +141,26 @@ def _codes(key: Key, patterns: Sequence[str], config: Config, families: Iterable
             yield Mistake((*key, position), *extension.why_no_row(profiles, pattern))
 
 
+def _of_other_families(key: Key, points: PointsTable, config: Config) -> Iterator[Mistake]:
+    """Yield names and patterns of starters of which none is of the family, so that they ask for nothing."""
+    for position, pattern in enumerate(points.starters if "starters" in points.model_fields_set else ()):
+        found = {starter.family for starter in config.starters if starter.is_among([pattern])}
+        if points.family not in found:
+            what = f"{short(pattern)} fits no {points.family}"
+            yield Mistake((*key, position), what, f"such starters are of {' and '.join(sorted(found))}")
+
+
 def _profile(family: str, config: Config) -> Profile:
     return extension.extended(load_profile(family), rows_of(family, config.rows), ())
+
+
+def _traced(config: Config) -> Iterator[Mistake]:
+    """Yield points whose values are to be stored and that no starter has."""
+    points = OWN_POINT_NAMES.union(*(starter.profile().points for starter in config.starters))
+    for position, name in enumerate(config.traced):
+        if name not in points:
+            hint = choose(name, sorted(points), otherwise="the topics B/starter/+/info list all points")
+            yield Mistake(("history", "values", position), f"{short(name)} is a point of no starter", hint)
 
 
 def _feeder(key: Key, starter: StarterTable, config: Config) -> Iterator[Mistake]:

@@ -53,9 +53,11 @@ def spell(key: Key) -> str:
     return text
 
 
-def choose(wrong: object, known: Iterable[str]) -> str:
-    """Return the hint for an unknown word: the nearest known one, or all of them."""
+def choose(wrong: object, known: Iterable[str], *, otherwise: str = "") -> str:
+    """Return the hint for an unknown word: the nearest known one; else `otherwise`, or all of them."""
     spelt = {word.lower(): word for word in known}
     near = difflib.get_close_matches(str(wrong).lower(), spelt, n=2)
     near = [spelt[word] for word in (near[:1] if str(wrong).lower() in near[:1] else near)]
-    return f"did you mean {' or '.join(near)}?" if near else "one of " + ", ".join(spelt.values())
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    return otherwise or "one of " + ", ".join(spelt.values())

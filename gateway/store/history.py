@@ -21,7 +21,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import UnstorableError
+from gateway.errors import StoreError, UnstorableError
 from gateway.store.database import Connection, Work, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
 from gateway.store.waiting import Key
@@ -121,7 +121,12 @@ class HistoryStore:
 
 def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
     """Return what is stored of a starter, the oldest first, beside a gateway that runs or not; StoreError."""
-    return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
+    try:
+        return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
+    except StoreError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise StoreError(f"{error} (has a gateway run with this state_dir?)") from error
+        raise
 
 
 def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:

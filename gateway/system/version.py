@@ -12,7 +12,7 @@ def commit_mark(package: Path, version: str) -> str:
     """Return `+g` and the commit of a package; empty for a released version, or where that is not known."""
     try:
         return (package / MARK).read_text("ascii").strip()
-    except OSError:
+    except (OSError, ValueError):
         return checkout_mark(package.parent, version)
 
 
@@ -20,10 +20,10 @@ def checkout_mark(top: Path, version: str) -> str:
     """Return the same for a git checkout; its release has the tag `v` and the version."""
     if not (top / ".git").exists():
         return ""
+    # Named, so that neither GIT_DIR (set in a hook) nor a repository around this one answers in its place.
     describe = (
         "git",
-        "-C",
-        str(top),
+        f"--git-dir={top / '.git'}",
         "describe",
         "--tags",
         "--always",

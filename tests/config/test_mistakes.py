@@ -87,6 +87,12 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [homeassistant]\nbirth_topic = "+/status" | line 29: homeassistant.birth_topic
 [homeassistant]\ndiscovery_prefix = "home/" | line 29: homeassistant.discovery_prefix
 [homeassistant]\nexpire_after = 3 | line 29: homeassistant.expire_after
+[history]\nvalues = ["current", "curent"]
+    | line 29: history.values[1]: 'curent' is a point of no starter (did you mean current or
+[history]\nvalues = ["p101"]
+    | line 29: history.values[0]: 'p101' is a point of no starter
+[history]\nvalues = ["xyzzy"]
+    | line 29: history.values[0]: 'xyzzy' is a point of no starter (the topics B/starter/+/info list
 [metrics] | line 28: metrics: nothing serves them (add a [web] table, whose server answers /metrics
 [metrics]\ntoken_file = "t" | line 28: metrics: nothing serves them
 [metrics]\ntextfile = "sg.txt" | line 29: metrics.textfile:
@@ -194,6 +200,8 @@ framing = "8E1" => framing = "8E1"\npoints = ["P220", "C8.1.*", "R41"]
     | line 31: points[0].every_s: is 0 (must be at least 0.1)
 [[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["fan"]
     | line 31: points[0].starters[0]: 'fan' fits no starter
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["pump-1", "*-2"]
+    | line 31: points[0].starters[1]: '*-2' fits no ssw07 (such starters are of ssw900)
 ROW"P102"\nmin = 1\nwritable = true | line 34: row[0].writable: needs max beside it
 ROW"P102"\nmin = 0.25\nmax = 1\nscale = 0.1
     | row[0].min: 0.25 is no multiple of scale (the row has steps of 0.1)
@@ -246,6 +254,8 @@ ROW"P202"
 ROW"P101"LIMITS
 MENU"C5.3.9"\naddress = 2000\ntype = "s16"
 [[points]]\nfamily = "sst"\ncodes = ["R??"]
+[[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["pump-*"]
+[history]\nvalues = ["torque_pct", "energy_kwh", "p101"]\n[[points]]\nfamily = "ssw07"\ncodes = ["P101"]
 [homeassistant]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"
 [homeassistant]\ndiscovery_prefix = "ha/one"\nbirth_topic = "ha/one/Status.1"

@@ -265,7 +265,7 @@ OTHERS = [
             given=SSW07,
             code=1,
             out="",
-            err="history.sqlite: No such file",
+            err="history.sqlite: No such file or directory (has a gateway run with this state_dir?)",
         )
         for words in ("history CONFIG pump", "report CONFIG pump --no-broker")
     ),

@@ -309,7 +309,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
             code=1,
             out=re.compile(
                 r"warning starter mill: it has counted \d+ requests, \d+ replies, 12 requests with a wrong"
-                r" CRC and 5 bytes with other errors \(requests arrive corrupted: look at cable"
+                r" CRC and 5 bytes with other errors \(each count begins again after 65535; if errors still"
             ),
         ),
         then=[_corrupted],
