@@ -25,8 +25,10 @@ def texts_in(tree: ast.Module) -> list[tuple[int, str]]:
     prose: set[int] = set()
     texts: list[tuple[int, str]] = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.Expr) or (isinstance(node, ast.keyword) and node.arg == "help"):
-            prose.update(map(id, ast.walk(node.value)))
+        is_help = isinstance(node, ast.keyword) and node.arg == "help"
+        is_examples = isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "EXAMPLES"
+        if isinstance(node, ast.Expr) or is_help or is_examples:
+            prose.update(map(id, ast.walk(node.value)))  # type: ignore[attr-defined]
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
             texts += [] if EXAMPLE.search(node.value) else [(node.lineno, node.value)]
     return texts
