@@ -87,8 +87,8 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [homeassistant]\nbirth_topic = "+/status" | line 29: homeassistant.birth_topic
 [homeassistant]\ndiscovery_prefix = "home/" | line 29: homeassistant.discovery_prefix
 [homeassistant]\nexpire_after = 3 | line 29: homeassistant.expire_after
-[history]\nvalues = ["current", "curent"]
-    | line 29: history.values[1]: 'curent' is a point of no starter (did you mean current or
+[history]\nvalues = ["current", "current_"]
+    | line 29: history.values[1]: 'current_' is a point of no starter (did you mean current or
 [history]\nvalues = ["p101"]
     | line 29: history.values[0]: 'p101' is a point of no starter
 [history]\nvalues = ["xyzzy"]
