@@ -256,7 +256,7 @@ class OperatorTable(ConfigTable):
     )
     may: Several[Verb] = Field(min_length=1, description='Verbs that the client may use; ["*"]: all.')
     starters: Several[Glob] = Field(
-        min_length=1, description="Starters and groups: names, with * and ? as in a shell."
+        min_length=1, description="Starters: names, with * and ? as in a shell; of a group its members count."
     )
     freshness: Literal["token", "issued_at"] = Field(
         "token",
