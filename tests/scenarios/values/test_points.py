@@ -123,7 +123,7 @@ VALUES = [
         + starter("fan", 2, "ssw06")
         + starter("belt", 4, "sst")
         + table("[points]", family="sst", codes=["R14", "COIL22"], every_s=2.0)
-        + table("[points]", family="ssw06", codes=["P314"], starters=["pump"]),
+        + table("[points]", family="ssw06", codes=["P314"], starters=["fan"]),
         then={
             15: [
                 seen("starter/fan/value/p220", quality="good"),
@@ -131,7 +131,8 @@ VALUES = [
                 seen("starter/belt/value/coil22", value=False, quality="good"),
                 point("belt/coil22", type="boolean", every_s=2.0),
                 never("starter/belt/value/p220"),
-                never("starter/fan/value/p314"),
+                seen("starter/fan/value/p314", quality="good"),
+                never("starter/pump/value/p314"),
             ]
         },
     ),
