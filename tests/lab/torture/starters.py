@@ -15,7 +15,7 @@ import tty
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 from gateway.config.convert import timing_of
@@ -195,6 +195,12 @@ class StarterLine:
                 for name, truth in self.truths.items()
             }
         return found
+
+    async def written(self, starter: str, since_s: float) -> dict[str, Any]:
+        """Report what was written to a starter since then; cheap, however long this has run."""
+        self.bus.advance()
+        recent = takewhile(lambda write: write.at_s >= since_s, reversed(self.units[starter].writes))
+        return {"writes": [[write.at_s, write.pdu.hex()] for write in recent][::-1]}
 
     def _violations(self) -> list[BusViolation]:
         """Return the master's faults, but those at times when we ourselves were late."""

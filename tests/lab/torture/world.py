@@ -172,16 +172,14 @@ class World:
 
     async def written(self, starter: str, *, since_s: float) -> Counter[str]:
         """Return what was written to a starter since then."""
-        writes = (await self.report())["starters"][starter]["writes"]
-        return Counter(pdu for at_s, pdu in writes if at_s >= since_s)
+        return Counter(pdu for _, pdu in await self._writes(starter, since_s))
 
     async def stop(self, starter: str, *, within_s: float = 10.0, id_: str = "") -> None:
         """Command a stop; check that its first frame comes within the bound and that the motor obeys."""
         sent_s = time.monotonic()
         self.recorder.publish(f"command/{starter}/alice/stop", {"id": id_} if id_ else "")
         while True:
-            report = await self.report()
-            times_s = [at_s for at_s, _ in report["starters"][starter]["writes"] if at_s >= sent_s]
+            times_s = [at_s for at_s, _ in await self._writes(starter, sent_s)]
             if times_s:
                 break
             if time.monotonic() - sent_s - MACHINE.held_s(sent_s) > within_s:
@@ -189,6 +187,10 @@ class World:
                 return
             await asyncio.sleep(0.02)
         self.stops_s.append(_fair_s(sent_s, times_s[0]))
+
+    async def _writes(self, starter: str, since_s: float) -> list[tuple[float, str]]:
+        answer = await self.starters.order("written", starter=starter, since_s=since_s)
+        return [(at_s, pdu) for at_s, pdu in answer["writes"]]
 
     async def stand(self, starter: str) -> float:
         """Stop a motor and wait until that is confirmed and the motor off; return when it was confirmed."""
