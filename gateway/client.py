@@ -92,7 +92,7 @@ class Client:
     ) -> Result:
         """Return the final result. BrokerError: not sent. NoResultError: sent, but its end is unknown.
 
-        To ask again what became of a command, send it again with its `id_`: it is never carried out twice.
+        To ask for the outcome of a command, send it again with its `id_`: it is never carried out twice.
         """
         order = Order(
             starter=starter,

@@ -114,7 +114,7 @@ class PluginRunner:
                 await self._changed.wait()
 
     async def _served(self) -> bool:
-        """Serve until the configuration wants it no more, or a bug; return False when it cannot begin."""
+        """Serve until the configuration no longer wants it, or a bug; return False when it cannot begin."""
         await self._until_polling()
         try:
             make = await self._gateway.in_thread(partial(self._module.load, self._gateway))

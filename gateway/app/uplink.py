@@ -140,7 +140,7 @@ class Uplink:
         self._connection.listen(topic, on_message)
 
     def unlisten(self, topic: str) -> None:
-        """Take no more messages of a topic of `listen`."""
+        """Stop taking messages of a topic of `listen`."""
         self._connection.unlisten(topic)
 
     def reconfigure(self, config: Config) -> None:

@@ -225,7 +225,7 @@ def _print_json(path: str, **content: Any) -> None:
 
 
 def _problems(error: ConfigError) -> list[dict[str, Any]]:
-    keys = ("hint", "mend")  # the second is its name of before 0.2: keys are only added
+    keys = ("hint", "mend")  # the second is its name until 0.1: keys are only added
     return [
         {"line": p.line, "key": p.key, "what": p.what, **dict.fromkeys(keys, p.hint)} for p in error.problems
     ]

@@ -1,7 +1,7 @@
 """Rules across tables: names that must differ, names that must exist, and what needs the whole site.
 
 Names are looked up in the document as it is written, so that a mistake in one table hides none in others; the
-rest is judged once every table is right by itself.
+rest is judged of the document without the keys that are wrong by themselves.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class ConfigChanges:
     starters_gone: tuple[str, ...]  # with those of the lines that end
     starters_new: tuple[Additions, ...]
     paces: tuple[tuple[str, float], ...]  # starters of which only `every_s` is another: they stay
-    lines_forgotten: tuple[str, ...]  # configured no more under any port
+    lines_forgotten: tuple[str, ...]  # no longer configured under any port
     starters_forgotten: tuple[str, ...]
     refresh_s: float | None  # after which unchanged values are published again; None: as before
 

@@ -62,7 +62,7 @@ class ReadConnection(Protocol):
         """Have what is stored on these topics, as retained, and what comes."""
 
     def unread(self, topic_filter: str) -> None:
-        """Have no more of it."""
+        """End the subscription."""
 
 
 class Leftovers:

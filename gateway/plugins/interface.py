@@ -88,7 +88,7 @@ class Mqtt(Protocol):
         """Have the payloads of one more topic; none of them is ever a command."""
 
     def unlisten(self, topic: str) -> None:
-        """Take no more messages of a topic of `listen`."""
+        """Stop taking messages of a topic of `listen`."""
 
     def is_connected(self) -> bool:
         """Return whether messages go out now."""

@@ -166,7 +166,7 @@ class StarterTelemetry:
         self._watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
-        """Publish that the starter is watched no more: offline, its state stale; take nothing from now on.
+        """Publish that the starter is no longer watched: offline, its state stale; take nothing from now on.
 
         `publish_stale_values` must follow: it can wait until this has been published of all starters.
         """

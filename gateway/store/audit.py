@@ -125,7 +125,7 @@ def _anchor(connection: Connection) -> Head | None:
 def _end(connection: Connection) -> tuple[Head, int]:
     """Return where the chain stands, and how long all lines up to there are.
 
-    The chain begins anew where its last line is none, as verification shows.
+    The chain restarts where its last line is none, as verification shows.
     """
     line, upto = connection.execute(_LAST).fetchone() or (None, 0)
     return (line and _head_of(line)) or Head(), upto

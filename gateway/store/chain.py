@@ -49,7 +49,7 @@ def link(head: Head, body: Mapping[str, Any]) -> tuple[str, Head]:
 
 
 def read_line(line: str) -> tuple[dict[str, Any], Head]:
-    """Return what a line says and where the chain stands after it; ValueError when it is none of ours."""
+    """Return what a line says and where the chain stands after it; ValueError for another line."""
     entry = json.loads(line)
     if not isinstance(entry, dict) or canonical(entry) != line:
         raise ValueError("not a line as the gateway writes it")

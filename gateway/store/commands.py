@@ -1,4 +1,4 @@
-"""Commands on the disk: what became of each, by client and id; stops without an id until they end.
+"""Commands on the disk: the outcome of each, by client and id; stops without an id until they end.
 
 1. `intend` returns when it is on the disk that a command is about to be written; nothing else waits.
    No phase before the final one is published of what is not on the disk; a final one is after 2 s. A

@@ -309,7 +309,7 @@ def refuse_later(version: int, path: Path, schema: Schema) -> None:
     if version > len(schema.steps):
         raise NewerError(
             f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
-            "(install the version that wrote it, or restore a backup of before: docs/upgrade.md)"
+            "(install the version that wrote it, or restore an earlier backup: docs/upgrade.md)"
         )
 
 

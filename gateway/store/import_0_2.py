@@ -121,7 +121,7 @@ def import_files(state_dir: Path) -> list[str]:
 
 
 def import_late(state_dir: Path | None) -> None:
-    """Import before a file of ours is opened what could not be imported at the start. StoreError."""
+    """Import what could not be imported at the start, before our own file is opened. StoreError."""
     for problem in import_files(state_dir) if state_dir is not None else ():
         log.error("upgrade: %s", problem)
 

@@ -1,6 +1,6 @@
 """Background work under supervision: a bug is logged and ends only the work that has it.
 
-`SupervisedTask` is begun anew, cancelled and closed by its owner; `keep_running` starts a failed loop again;
+`SupervisedTask` is restarted, cancelled and closed by its owner; `keep_running` starts a failed loop again;
 `until_first` ends all when one of several ends; `is_set_within` waits for an event or a time;
 `on_this_loop` brings back what a thread says.
 """

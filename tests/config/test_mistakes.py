@@ -318,6 +318,27 @@ def test_what_is_right_is_taken(row: str) -> None:
     parse(text_of(row), "site.toml", check=check_watchdogs)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "also"),
+    [
+        (("every_s = 2.0", 'every_s = -1\npoints = ["P999"]'), ["line[0].starter[1].points[0]"]),
+        (("every_s = 2.0", 'evry_s = 2.0\npoints = ["P999"]'), ["line[0].starter[1].points[0]"]),
+        (("every_s = 2.0", 'every_s = -1\nrules = { feeder = "f" }'), ["line[0].starter[1].name"]),
+        # Where the wrong key may decide about it, nothing is said that may be false.
+        (("every_s = 2.0", 'every_s = 2.0\nrules = { feeder = "f", stagger_s = -1 }'), []),
+        (("every_s = 2.0", 'every_s = 2.0\npoints = "P999"'), []),
+    ],
+)
+def test_a_wrong_key_does_not_hide_what_breaks_a_rule_across_tables(
+    wrong: tuple[str, str], also: list[str]
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse(changed(wrong), "site.toml")
+
+    _, *others = sorted(caught.value.problems, key=lambda each: each.key in also)
+    assert [each.key for each in others] == also
+
+
 @pytest.mark.parametrize("base", ["homeassistant", "homeassistant/x", "homeassistant/device/sg_{gateway}"])
 @pytest.mark.parametrize("prefix", ["", 'discovery_prefix = "homeassistant"\n'])
 def test_a_base_among_the_topics_of_discovery_is_refused_also_by_the_default_prefix(

@@ -38,7 +38,7 @@ def lock_all(state_dir: Path, config: Config, reading: ClockReading, what: str) 
 
 
 def note_past(state_dir: Path, what: str) -> None:
-    """Count births from elsewhere, and say in the audit that this state is one of before."""
+    """Count births from elsewhere, and say in the audit that this state is an earlier one."""
     path = state_dir / STATE_FILE
     with suppress(DamagedError):
         before = read_document(path, BIRTHS, NUMBER)

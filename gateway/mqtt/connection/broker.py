@@ -106,7 +106,7 @@ class BrokerConnection:
             self._subscribe(self._session, topic)
 
     def unlisten(self, topic: str) -> None:
-        """Take no more messages of a topic of `listen`."""
+        """Stop taking messages of a topic of `listen`."""
         if self._listeners.pop(topic, None) is not None and self._session is not None:
             self._session.unlisten(topic)
 
@@ -119,7 +119,7 @@ class BrokerConnection:
             self._session.read(topic_filter, on_answer)
 
     def unread(self, topic_filter: str) -> None:
-        """Have no more of what `read` asked for."""
+        """End the subscription of `read`."""
         if self._session is not None:
             self._session.unlisten(topic_filter)
 

@@ -108,7 +108,7 @@ class Session:
         self._ask(topic_filter, options, on_answer)
 
     def unlisten(self, topic: str) -> None:
-        """Take no more messages of a topic of `listen`."""
+        """Stop taking messages of a topic of `listen`."""
         if not self.lost.done():
             self._client.unsubscribe(topic)
 

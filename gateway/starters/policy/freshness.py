@@ -54,7 +54,7 @@ class RunToken:
             self._connected_s = now_s
 
     def disconnected(self) -> None:
-        """Let the token of the lost connection count no more; without a connection nothing changes."""
+        """Invalidate the token of the lost connection; without a connection nothing changes."""
         if self._connected_s is not None:
             self._tokens += 1
             self._connected_s = None

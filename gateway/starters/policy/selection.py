@@ -43,7 +43,7 @@ class Selections:
         return token
 
     def end(self, starter: str) -> None:
-        """Let a selection, if there is one, count no more."""
+        """Cancel a selection, if there is one."""
         self._selections.pop(starter, None)
 
     def take(self, request: CommandRequest, *, now_s: float) -> Selection:

@@ -3,7 +3,7 @@
 1. Once the starter is identified, and after each command that sets one of them, the rows are read that decide
    about a remote start and its watchdogs. They are the event `readiness` when they say something else.
 2. All settings are read round and round, a block at a time. One that says something else than before, and
-   that no command of ours has set, is the event `parameter_changed` before the next block is read; the first
+   that no own command has set, is the event `parameter_changed` before the next block is read; the first
    reading of all is none.
 3. A row that is refused in `REFUSALS` laps is left out for the rest of the hour, unless it is a watchdog's.
 """
@@ -80,7 +80,7 @@ class SettingsWatch:
             self._patrol.begin(self._walk)
 
     def note_end(self, verb: str, args: Mapping[str, Any], phase: str) -> None:
-        """Take what a command of ours has set for known, and look at the readiness if it hangs on that.
+        """Take a row that an own command has set for known, and look at the readiness if it hangs on that.
 
         Where it is open whether it was written the next reading counts as the first.
         """

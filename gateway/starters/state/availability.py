@@ -65,7 +65,7 @@ class Availability:
             self._emitter.availability("offline", reason=reason)
 
     def end(self, reason: str) -> None:
-        """Publish that it is watched no more."""
+        """Publish that it is no longer watched."""
         if self.is_online:
             self._emitter.availability("offline", reason=reason)
 

@@ -176,7 +176,7 @@ class StatePublisher(Emitter):
         self._published = self._published._replace(refresh_at_s=-math.inf)  # counted again by the next look
 
     def close(self) -> None:
-        """Look no more by itself."""
+        """Stop looking by itself."""
         self.is_closed = True
         self._timer.cancel()
 
@@ -224,7 +224,7 @@ class TickTimer:
         self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
 
     def cancel(self) -> None:
-        """Call no more."""
+        """Stop calling."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -29,7 +29,7 @@ from gateway.starters.view import StarterIo
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 
 WAITS_FOR_S = 10.0  # DECIDES_FOR_S of what moves no motor, and may wait for the line
-CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
+CLEARS_FOR_S = 5.0  # after run = 0: later the same procedure changes no command source
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
 ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
 MOST_READINGS = 4  # until two in a row agree
