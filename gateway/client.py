@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config import split_url
-from gateway.contract import Phase, ResultRecord, Topics, is_level, meaning_of, rfc3339
+from gateway.contract import CommandRequest, Phase, Proof, ResultRecord, Topics, is_level, meaning_of, rfc3339
 from gateway.errors import NoResultError, UsageError
-from gateway.mqtt import BrokerSettings, CommandClient, Order, TlsSettings
+from gateway.mqtt import BrokerSettings, CommandClient, TlsSettings
 
 WITHIN_S = 30.0
 
@@ -94,7 +94,7 @@ class Client:
 
         To ask for the outcome of a command, send it again with its `id_`: it is never carried out twice.
         """
-        order = Order(
+        order = CommandRequest(
             starter=starter,
             client=self._client,
             verb=verb,
@@ -102,7 +102,7 @@ class Client:
             operator=self._operator,
             reason=reason,
             id=id_ or uuid.uuid4().hex,
-            ttl_s=ttl_s,
+            proof=Proof() if ttl_s is None else Proof(ttl_s=ttl_s),
             expect=expect or {},
             select=select,
         )

@@ -38,7 +38,7 @@ def test_a_command_is_fresh_and_followed_to_its_end(plant: RigPlant) -> None:
     assert sent.pop("issued_at").endswith("Z")
     assert sent.pop("id") == result.id
     assert sent.pop("boot") == plant.last("gateway/status")["boot"]
-    assert sent.keys() == {"token", "operator", "reason", "ttl_s", "expect", "select", "args"}
+    assert sent.keys() == {"token", "operator", "reason", "ttl_s", "expect", "select"}
     assert (sent["operator"], sent["reason"], sent["ttl_s"]) == ("Alice A.", "as agreed", 3.0)
     assert [phase.phase for phase in phases] == ["accepted", "written"]
     assert phases[1].may_have_acted

@@ -16,12 +16,11 @@ from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.starters import TOKEN_EVERY_S as EVERY_S
+from gateway.starters import TOKEN_EVERY_S
 from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)
 
-PULSE_EVERY_S = EVERY_S
 PULSE_RETRY_S = 0.1
 Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
@@ -36,16 +35,16 @@ class Hooks:
     change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
-    PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    TOKEN_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
     """
 
-    will: Callable[[], Message | None]
+    will: Callable[[], Message]
     on_incoming: Callable[[Incoming], None]
     on_link: Callable[[bool, str], None]
-    on_notice: Callable[[Event], None] = lambda _: None
-    on_read: Callable[[Incoming], None] | None = None
-    on_version: Callable[[Version], None] = lambda _: None
-    pulse: Callable[[], Message] | None = None
+    on_notice: Callable[[Event], None]
+    on_read: Callable[[Incoming], None]
+    on_version: Callable[[Version], None]
+    pulse: Callable[[], Message]
 
 
 class BrokerConnection:
@@ -153,7 +152,7 @@ class BrokerConnection:
         on_message = self._listeners.get(incoming.topic)
         if on_message is not None:
             on_message(incoming.payload)
-        elif self._hooks.on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
+        elif not incoming.topic.startswith(self._command_filter[:-2]):
             self._hooks.on_read(incoming)
         else:
             is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
@@ -242,12 +241,11 @@ class BrokerConnection:
         """
         if self._beating is not None:
             self._beating.cancel()
-        pulse = self._hooks.pulse
-        if pulse is None or self._is_outbox_shut:
+        if self._is_outbox_shut:
             return
         pause_s = PULSE_RETRY_S
-        if session.publish_now(pulse()):
-            pause_s = PULSE_EVERY_S
+        if session.publish_now(self._hooks.pulse()):
+            pause_s = TOKEN_EVERY_S
             self._outbox.grant_history()
             self.wake()
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
