@@ -77,26 +77,6 @@ CHANGES = [
         },
     ),
     row(
-        "names for people are in what describes starters, lines and groups, and a line keeps its port",
-        given=line() + starter("pump", 1, "ssw07"),
-        at={
-            5.0: reload(
-                line(title="Hall 1 · pumps")
-                + starter("pump", 1, "ssw07")
-                + starter("fan", 2, "ssw06", title="Lüfter 2")
-                + table("[group]", name="all", title="Everything", starters=["*"])
-            )
-        },
-        then={
-            9.0: [
-                retained("starter/fan/info", title="Lüfter 2"),
-                retained("gateway/info", line_titles={"pumps": "Hall 1 · pumps"}),
-                retained("gateway/info", group_titles={"all": "Everything"}),
-                untouched,
-            ]
-        },
-    ),
-    row(
         "a starter that comes to an over-full line is known within 5 s, and stays known",
         given=HALL,
         at={
@@ -133,12 +113,6 @@ CHANGES = [
         },
     ),
     row(
-        "a command to a starter that a reload took out is refused",
-        given=SSW07 + FAN + ALICE,
-        at={5.0: reload(SSW07 + ALICE), 7.0: command("fan/alice/start")},
-        then={8.0: [result("start rejected unknown_starter"), frames("fan")]},
-    ),
-    row(
         "a line that is added is open and polled, one that is taken out cleared",
         given=SSW07,
         at={5.0: reload(SSW07 + line("hall") + FAN), 12.0: reload(SSW07)},
@@ -165,14 +139,6 @@ CHANGES = [
             4.5: result("start rejected not_allowed"),
             8.0: [result("start confirmed ok"), retained("gateway/info", operators=...)],
             11.0: [result("reset rejected not_allowed"), frames("pump", START), untouched],
-        },
-    ),
-    row(
-        "an operator that is taken out can do nothing but be refused",
-        given=SSW07 + ALICE,
-        at={5.0: reload(SSW07), 6.0: command("pump/alice/stop", fresh=False)},
-        then={
-            8.0: [result("stop rejected not_allowed"), frames("pump"), retained("gateway/info", operators=[])]
         },
     ),
     row(
@@ -252,16 +218,6 @@ CHANGES = [
         then={30.0: [event("reloaded"), result("start rejected busy"), frames("1"), frames("2")]},
     ),
     row(
-        "locks stay over a reload",
-        given=SSW07 + ALICE,
-        at={
-            4.0: command("pump/alice/lock", args={"reason": "belt"}),
-            6.0: reload(SSW07 + ALICE + FAN),
-            9.0: command("pump/alice/start"),
-        },
-        then={10.0: [result("start rejected locked"), msg("starter/pump/state", locked={"by": "alice"})]},
-    ),
-    row(
         "an id of before a reload is known after it",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
@@ -271,17 +227,6 @@ CHANGES = [
             9.0: command("pump/alice/start", id="one"),
         },
         then={10.0: [msg("result/pump/alice", duplicate=True, phase="confirmed"), frames("pump", START)]},
-    ),
-    row(
-        "an alarm of a starter stays over the reload of another",
-        given=SSW07,
-        at={3.0: "pump trip E05", 6.0: reload(SSW07 + FAN)},
-        then={
-            12.0: [
-                retained("starter/pump/alarm/e05", active=True, count=1),
-                seen("starter/pump/event", code="fault", times=1),
-            ]
-        },
     ),
     row(
         "another refresh_s counts for every value at once, on the same connection",
@@ -295,15 +240,6 @@ CHANGES = [
                 lambda plant: "" if len(plant.broker.logins) == 1 else "a new connection",
             ]
         },
-    ),
-    row(
-        "a starter that is silent when the file changes is asked at once",
-        given=SSW07,
-        at={
-            4.0: fault("silent", "pump", for_s=20.0),
-            26.0: reload(line() + starter("pump", 1, "ssw07", every_s=0.5)),
-        },
-        then={30.0: msg("starter/pump/availability", state="online")},
     ),
 ]
 
