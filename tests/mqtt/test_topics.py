@@ -5,12 +5,6 @@ import pytest
 from gateway.contract import StateRecord, Topics, is_level, to_level
 
 
-@pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])
-def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
-    with pytest.raises(ValueError, match="is no topic level"):
-        Topics(base)
-
-
 @pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
 def test_a_name_that_is_no_level_makes_no_branch_and_no_command(name: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
