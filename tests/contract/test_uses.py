@@ -50,12 +50,3 @@ def test_a_severity_is_given_where_a_code_has_several_and_each_is_used() -> None
         assert given == {""} if len(listed) == 1 else "?" in given or given == listed, code
 
 
-def test_a_fault_of_a_line_is_completed_in_one_place() -> None:
-    relays = [
-        (file, {each.arg for each in call.keywords} - {None})
-        for file, call in calls("_publish_event")
-        if any(each.arg is None for each in call.keywords)
-    ]
-
-    assert relays == [("app/plant.py", ADDED_TO_FAULT)]
-    assert {file for file, _ in calls(FAULT)} == {"line/rtu/bus_faults.py"}
