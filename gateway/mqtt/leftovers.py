@@ -50,7 +50,7 @@ class ReadConnection(Protocol):
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
         """Have what is stored on these topics, as retained, and what comes."""
 
-    def unread(self, topic_filter: str) -> None:
+    def unlisten(self, topic: str) -> None:
         """End the subscription."""
 
 
@@ -169,7 +169,7 @@ class Leftovers:
                 await reading.is_judged.wait()
         self._task = None
         for branch in self._branches:
-            connection.unread(branch)
+            connection.unlisten(branch)
         if reading.is_refused or not reading.is_ended.is_set():
             branches = " and ".join(self._branches)
             self._publish_event(EventCode.LEFTOVERS_UNREAD, topics=self._branches, branches=branches)

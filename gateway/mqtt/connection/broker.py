@@ -61,16 +61,13 @@ class BrokerConnection:
         self._command_filter = command_filter
         self._hooks = hooks
         self._listeners: dict[str, Listener] = {}
-        self._attempts = Attempts(settings, seed=settings.seed)
-        self._news = self._news_of(settings)
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
         self._closing = asyncio.Event()
         self._moved = asyncio.Event()
         self._acknowledged = asyncio.Event()
-        self._is_outbox_shut = False
-        self._farewell_code: int | None = None
+        self._begin()
 
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
@@ -78,11 +75,7 @@ class BrokerConnection:
             while True:
                 await until_first(self._stay_connected(), self._moved.wait())
                 self._moved.clear()
-                self._attempts = Attempts(self.settings, seed=self.settings.seed)
-                self._news = self._news_of(self.settings)
-                self._farewell_code = None
-                self._is_outbox_shut = False
-                self._closing.clear()
+                self._begin()
         finally:
             if self._sending is not None:
                 self._sending.cancel()
@@ -105,8 +98,9 @@ class BrokerConnection:
             self._subscribe(self._session, topic)
 
     def unlisten(self, topic: str) -> None:
-        """Stop taking messages of a topic of `listen`."""
-        if self._listeners.pop(topic, None) is not None and self._session is not None:
+        """Stop taking messages of a topic of `listen` or `read`."""
+        self._listeners.pop(topic, None)
+        if self._session is not None:
             self._session.unlisten(topic)
 
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
@@ -116,11 +110,6 @@ class BrokerConnection:
         """
         if self._session is not None:
             self._session.read(topic_filter, on_answer)
-
-    def unread(self, topic_filter: str) -> None:
-        """End the subscription of `read`."""
-        if self._session is not None:
-            self._session.unlisten(topic_filter)
 
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
@@ -143,6 +132,14 @@ class BrokerConnection:
             await session.disconnect()
         session.abort()
         self._session = None  # a message of it that is still on its way to us counts as early
+
+    def _begin(self) -> None:
+        """Begin with the present broker, of which nothing is known yet."""
+        self._attempts = Attempts(self.settings, seed=self.settings.seed)
+        self._news = LinkNews(self.settings, self._hooks.on_link, self._hooks.on_notice)
+        self._is_outbox_shut = False
+        self._farewell_code: int | None = None
+        self._closing.clear()
 
     def _take(self, incoming: Incoming) -> None:
         """Pass a message on by its topic: to who listens there, else as a command.
@@ -270,9 +267,6 @@ class BrokerConnection:
         # A message for each acknowledgement, one by one, would wake us and the broker for each.
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
-
-    def _news_of(self, settings: BrokerSettings) -> LinkNews:
-        return LinkNews(settings, self._hooks.on_link, self._hooks.on_notice)
 
     def _refusal(self, what: str) -> str:
         hint = "let this user read it, in the broker's access list"
