@@ -24,6 +24,7 @@ from pydantic_core import PydanticSerializationError
 
 from gateway.contract.events import EventCode
 from gateway.contract.json_text import encoded, read_object, with_decimals
+from gateway.contract.results import meaning_of
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.topics import to_level
 from gateway.contract.values import PointInfo, ResultValues, StartSamples, says
@@ -344,6 +345,21 @@ class ResultRecord(Record):
     )
     correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether the starter was seen to do it; nothing else is success."""
+        return self.phase is Phase.CONFIRMED
+
+    @property
+    def may_have_acted(self) -> bool:
+        """Return whether it may have reached the starter without being seen to act: a person must look."""
+        return self.phase in (Phase.WRITTEN, Phase.UNCONFIRMED)
+
+    @property
+    def what_to_do(self) -> str:
+        """Return what an operator should do about it."""
+        return meaning_of(self.code).remedy
 
     @property
     def key(self) -> str:

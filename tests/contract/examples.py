@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.contract import Cause, ReadingTable, StartOutcome, StartRecord, StartSource, TripRecord
+from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 
 START = StartRecord(
     starter="pump",

@@ -8,7 +8,7 @@ from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
 from gateway.contract.results import NOTES, RESULTS
 from gateway.contract.wording import names_in
-from tests.contract.uses import ADDED_TO_FAULT, FAULT, Use, calls, uses
+from tests.contract.uses import Use, uses
 
 USES = list(uses())
 EVENT_USES = [use for use in USES if use.table == "events"]
@@ -48,5 +48,3 @@ def test_a_severity_is_given_where_a_code_has_several_and_each_is_used() -> None
         given = {use.severity for use in EVENT_USES if use.code == code}
         listed = {each.value for each in meaning.severities}
         assert given == {""} if len(listed) == 1 else "?" in given or given == listed, code
-
-

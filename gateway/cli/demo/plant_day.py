@@ -77,7 +77,7 @@ async def _command(deed: Deed, port: int) -> None:
         result = await client.send(
             order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
         )
-        if result is None or result.phase is not Phase.CONFIRMED:
+        if result.phase is not Phase.CONFIRMED:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
     except (GatewayError, TimeoutError) as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)

@@ -50,10 +50,11 @@ class CommandClient:
         now_s: float,
         within_s: float,
         on_phase: Callable[[ResultRecord], None],
-    ) -> ResultRecord | None:
-        """Return the final result, None when none came in time; every phase goes to `on_phase` before.
+    ) -> ResultRecord:
+        """Return the final result; every phase goes to `on_phase` before. `now_s` is the wall time.
 
-        `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
+        BrokerError when the broker or the gateway is away, or writing is forbidden: it was not sent.
+        NoResultError when it was sent, and its end is unknown.
         """
         order = replace(order, id=order.id or uuid.uuid4().hex)
         is_stop = order.verb == STOP
@@ -78,7 +79,9 @@ class CommandClient:
             except TimeoutError:
                 if trouble is not None:
                     raise BrokerError(f"the stop was sent, and no gateway answered: {trouble}") from None
-                return None
+                text = f"no final result within {within_s:g} s: look at the starter before you try again"
+                hint = f"is {order.client} allowed to write commands?"
+                raise NoResultError(str(order.id), f"{text} ({hint})") from None
 
     async def retained(self, kind: type[R], *, within_s: float, **names: str) -> R | None:
         """Return the retained record of a topic, None when there is none; BrokerError as `send`."""
