@@ -11,43 +11,15 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from gateway.config import split_url
-from gateway.contract import Phase, ResultRecord, Topics, is_level, meaning_of, rfc3339
-from gateway.errors import NoResultError, UsageError
-from gateway.mqtt import BrokerSettings, CommandClient, Order, TlsSettings
+from gateway.contract import CommandRequest, Proof, ResultRecord, Topics, is_level
+from gateway.errors import UsageError
+from gateway.mqtt import BrokerSettings, CommandClient, TlsSettings
 
 WITHIN_S = 30.0
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """One phase of a command, as the gateway published it."""
-
-    id: str
-    phase: str
-    code: str
-    text: str
-    time: str | None  # RFC 3339, UTC
-    is_duplicate: bool  # the stored result of an earlier command with this id
-    values: Mapping[str, Any]  # what else it carries: value, unit, label, raw, state ...
-
-    @property
-    def is_confirmed(self) -> bool:
-        """Return whether the starter was seen to do it; nothing else is success."""
-        return self.phase == Phase.CONFIRMED
-
-    @property
-    def may_have_acted(self) -> bool:
-        """Return whether it may have reached the starter without being seen to act: a person must look."""
-        return self.phase in (Phase.WRITTEN, Phase.UNCONFIRMED)
-
-    @property
-    def what_to_do(self) -> str:
-        """Return what an operator should do about it."""
-        return meaning_of(self.code).remedy
 
 
 class Client:
@@ -88,48 +60,44 @@ class Client:
         select: str | None = None,
         ttl_s: float | None = None,
         within_s: float = WITHIN_S,
-        on_phase: Callable[[Result], None] | None = None,
-    ) -> Result:
+        on_phase: Callable[[ResultRecord], None] | None = None,
+    ) -> ResultRecord:
         """Return the final result. BrokerError: not sent. NoResultError: sent, but its end is unknown.
 
         To ask for the outcome of a command, send it again with its `id_`: it is never carried out twice.
         """
-        order = Order(
+        order = CommandRequest(
             starter=starter,
             client=self._client,
             verb=verb,
             args=args or {},
             operator=self._operator,
             reason=reason,
-            id=id_ or uuid.uuid4().hex,
-            ttl_s=ttl_s,
+            id=id_,
+            proof=Proof() if ttl_s is None else Proof(ttl_s=ttl_s),
             expect=expect or {},
             select=select,
         )
-        notify = on_phase or (lambda _: None)
-        final = await CommandClient(self._settings(), self._topics).send(
-            order, now_s=time.time(), within_s=within_s, on_phase=lambda record: notify(_result(record))
+        sender = CommandClient(self._settings(), self._topics)
+        return await sender.send(
+            order, now_s=time.time(), within_s=within_s, on_phase=on_phase or (lambda _: None)
         )
-        if final is None:
-            text = f"no final result of {verb} {starter} within {within_s:g} s: look at the starter"
-            raise NoResultError(str(order.id), text)
-        return _result(final)
 
-    async def start(self, starter: str, *, reason: str | None = None) -> Result:
+    async def start(self, starter: str, *, reason: str | None = None) -> ResultRecord:
         """Start a motor."""
         return await self.command(starter, "start", reason=reason)
 
-    async def stop(self, starter: str, *, reason: str | None = None) -> Result:
+    async def stop(self, starter: str, *, reason: str | None = None) -> ResultRecord:
         """Stop a motor, or all motors of a group; it is sent even when no gateway seems to be there."""
         return await self.command(starter, "stop", reason=reason)
 
-    async def read(self, starter: str, parameter: str) -> Result:
+    async def read(self, starter: str, parameter: str) -> ResultRecord:
         """Read a parameter, by its manual's code."""
         return await self.command(starter, "read", {"parameter": parameter})
 
     async def set(
         self, starter: str, parameter: str, value: float | str, *, reason: str | None = None
-    ) -> Result:
+    ) -> ResultRecord:
         """Set a parameter to a number, or to an enum's label."""
         return await self.command(starter, "set", {"parameter": parameter, "value": value}, reason=reason)
 
@@ -151,15 +119,3 @@ def broker_at(
         raise UsageError(f"{url!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
     tls = TlsSettings(ca_file) if parts[0].scheme == "mqtts" else None
     return BrokerSettings(parts[0].hostname or "", parts[1], client_id, username, password, tls=tls)
-
-
-def _result(record: ResultRecord) -> Result:
-    return Result(
-        id=str(record.id),
-        phase=record.phase.value,
-        code=record.code,
-        text=record.text,
-        time=rfc3339(record.time_s),
-        is_duplicate=record.is_duplicate,
-        values=record.values,
-    )

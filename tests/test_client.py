@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.client import Client, Result
+from gateway.client import Client
+from gateway.contract import ResultRecord
 from gateway.errors import NoResultError, UsageError
 from tests.rig import RigPlant
 from tests.rig.sites import ALICE, QUICK, SSW07, table
@@ -23,14 +24,14 @@ def plant() -> Iterator[RigPlant]:
         yield plant
 
 
-def start(plant: RigPlant, **options: object) -> Result:
+def start(plant: RigPlant, **options: object) -> ResultRecord:
     """Select a start and carry it out."""
     selected = plant.await_(ALICES.command("pump", "select", {"verb": "start"}))
     return plant.await_(ALICES.command("pump", "start", select=selected.values["select"], **options))
 
 
 def test_a_command_is_fresh_and_followed_to_its_end(plant: RigPlant) -> None:
-    phases: list[Result] = []
+    phases: list[ResultRecord] = []
 
     result = start(plant, reason="as agreed", expect={"state": "ready"}, ttl_s=3.0, on_phase=phases.append)
 
@@ -38,7 +39,7 @@ def test_a_command_is_fresh_and_followed_to_its_end(plant: RigPlant) -> None:
     assert sent.pop("issued_at").endswith("Z")
     assert sent.pop("id") == result.id
     assert sent.pop("boot") == plant.last("gateway/status")["boot"]
-    assert sent.keys() == {"token", "operator", "reason", "ttl_s", "expect", "select", "args"}
+    assert sent.keys() == {"token", "operator", "reason", "ttl_s", "expect", "select"}
     assert (sent["operator"], sent["reason"], sent["ttl_s"]) == ("Alice A.", "as agreed", 3.0)
     assert [phase.phase for phase in phases] == ["accepted", "written"]
     assert phases[1].may_have_acted

@@ -87,7 +87,7 @@ class Uplink:
             OutboxTable(),
             clock=clock,
             publish_event=publish_event,
-            wake=self.publisher.wake,
+            wake=lambda: self.publisher.wake(),
         )
         self._config = site.config
         self.leftovers = Leftovers(
@@ -131,7 +131,7 @@ class Uplink:
                 pulse=self._fresh,
             ),
         )
-        self.publisher.wake_with(self._connection.wake)
+        self.publisher.wake = self._connection.wake
 
     def listen(self, topic: str, on_message: Listener) -> None:
         """Have the payloads of one more topic, at whichever broker; none of them is ever a command."""
@@ -166,7 +166,7 @@ class Uplink:
 
     def retained(self, topic: str) -> Message | None:
         """Return the newest message of a retained topic; None once the broker has been made to forget it."""
-        return self.publisher.retained(topic)
+        return self.outbox.retained(topic)
 
     def is_connected(self) -> bool:
         """Return whether messages go out now."""

@@ -57,7 +57,6 @@ from gateway.contract.results import (
 from gateway.contract.topics import (
     LINE,
     CommandAddress,
-    Malformed,
     RetainedTopic,
     Topics,
     is_level,

@@ -24,9 +24,10 @@ from pydantic_core import PydanticSerializationError
 
 from gateway.contract.events import EventCode
 from gateway.contract.json_text import encoded, read_object, with_decimals
+from gateway.contract.results import meaning_of
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.topics import to_level
-from gateway.contract.values import PointInfo, ResultValues, StartSamples
+from gateway.contract.values import PointInfo, ResultValues, StartSamples, says
 from gateway.contract.vocabulary import (
     CONTRACT_VERSION,
     GatewayState,
@@ -62,16 +63,14 @@ _Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$"
 _AS_TEXT = PlainSerializer(rfc3339, return_type=_Text | None)  # null: beyond the calendar
 Time = Annotated[float, BeforeValidator(_known_seconds), _AS_TEXT]
 PossibleTime = Annotated[float | None, BeforeValidator(_seconds), _AS_TEXT]
-Seq = Annotated[int, Field(description="counts up by one over everything that this run publishes")]
+Seq = Annotated[int, says("counts up by one over everything that this run publishes")]
 Boot = Annotated[
-    str,
-    Field(description="names this run of the gateway: topic, boot and seq name a message once and for all"),
+    str, says("names this run of the gateway: topic, boot and seq name a message once and for all")
 ]
 Trust = Annotated[
     Quality,
-    Field(
-        description="good: just read; stale: the last good value, with its own time; "
-        "bad: never read, refused, impossible"
+    says(
+        "good: just read; stale: the last good value, with its own time; bad: never read, refused, impossible"
     ),
 ]
 
@@ -85,27 +84,22 @@ def _is_absent(value: object) -> bool:
 
 def _maybe(description: str) -> Any:
     """Describe a field that is absent from the JSON where it says nothing."""
-    return Field(description=description, exclude_if=_is_absent)
+    return says(description, exclude_if=_is_absent)
+
+
+def _if_any(description: str) -> Any:
+    """Describe a field that is absent from the JSON where it is 0 or empty."""
+    return says(description, exclude_if=not_)
 
 
 def _beside(description: str) -> Any:
     """Describe the items of the field that `BESIDE` names."""
-    return Field(description=description, exclude_if=lambda _: True)
-
-
-def _time(name: str, description: str) -> Any:
-    """Describe a time by its key in the JSON."""
-    return Field(alias=name, description=description)
+    return says(description, exclude_if=lambda _: True)
 
 
 def _described_by(kind: Any) -> PlainSerializer:
     """Describe JSON that is made elsewhere by a type of its own."""
     return PlainSerializer(lambda made: made, return_type=kind)
-
-
-def _if_any(description: str) -> Any:
-    """Describe a field that is absent from the JSON where it is 0 or empty."""
-    return Field(description=description, exclude_if=not_)
 
 
 def _rounded(digits: int) -> PlainSerializer:
@@ -202,10 +196,10 @@ class ValueRecord(Record):
     TOPIC = "starter/{starter}/value/{point}"
     starter: InTopic
     point: InTopic
-    value: Annotated[bool | int | float | str | None, Field(description="in `unit`; null: not known")]
-    unit: Annotated[str, Field(description="its unit; empty for none")]
+    value: Annotated[bool | int | float | str | None, says("in `unit`; null: not known")]
+    unit: Annotated[str, says("its unit; empty for none")]
     quality: Trust
-    time_s: Annotated[PossibleTime, _time("time", "when the reply left the wire; null: never read")]
+    time_s: Annotated[PossibleTime, says("when the reply left the wire; null: never read", alias="time")]
     seq: Seq
     boot: Boot = ""
     label: Annotated[str | None, _maybe("the name of the value, of an enum")] = None
@@ -216,11 +210,11 @@ class ValueRecord(Record):
 class LockRecord:
     """A maintenance lock: by whom, since when and why. It replaces no physical lock."""
 
-    by: Annotated[str, Field(description="the client that set it")]
-    operator: Annotated[str | None, Field(description="who that client says it acts for, a claim")] = None
-    since_s: Annotated[Time, _time("since", "when it was set")]
-    reason: Annotated[str, Field(description="why")]
-    notice: Annotated[Literal["replaces no physical lock"], Field(description="this text, a warning")] = (
+    by: Annotated[str, says("the client that set it")]
+    operator: Annotated[str | None, says("who that client says it acts for, a claim")] = None
+    since_s: Annotated[Time, says("when it was set", alias="since")]
+    reason: Annotated[str, says("why")]
+    notice: Annotated[Literal["replaces no physical lock"], says("this text, a warning")] = (
         "replaces no physical lock"
     )
 
@@ -232,22 +226,18 @@ class StateRecord(Record):
     TOPIC = "starter/{starter}/state"
     BESIDE = "flags"
     starter: InTopic
-    state: Annotated[StarterState, Field(description="the one word for it")]
+    state: Annotated[StarterState, says("the one word for it")]
     quality: Trust
-    time_s: Annotated[PossibleTime, _time("time", "when the oldest of its readings left the wire")]
+    time_s: Annotated[PossibleTime, says("when the oldest of its readings left the wire", alias="time")]
     seq: Seq
     boot: Boot = ""
     reason: Annotated[str, _maybe("why it is unknown although the starter answers")] = ""
     fault_code: Annotated[int | None, _maybe("number of the present fault, where the starter gives one")] = (
         None
     )
-    lock: Annotated[
-        LockRecord | None,
-        Field(alias="locked", description="the maintenance lock; null: not locked"),
-    ] = None
+    lock: Annotated[LockRecord | None, says("the maintenance lock; null: not locked", alias="locked")] = None
     flags: Annotated[
-        Mapping[str, bool | None],
-        _beside("each boolean point by its name: true, false, or null: not known"),
+        Mapping[str, bool | None], _beside("each boolean point by its name: true, false, or null: not known")
     ] = field(default_factory=dict)
 
 
@@ -257,9 +247,9 @@ class AvailabilityRecord(Record):
 
     TOPIC = "starter/{starter}/availability"
     starter: InTopic
-    state: Annotated[Presence, Field(description="degraded: a part is not read; disabled: it is not asked")]
-    since_s: Annotated[Time, _time("since", "since when")]
-    reason: Annotated[str | None, Field(description="why it is not online")]
+    state: Annotated[Presence, says("degraded: a part is not read; disabled: it is not asked")]
+    since_s: Annotated[Time, says("since when", alias="since")]
+    reason: Annotated[str | None, says("why it is not online")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,12 +259,12 @@ class AlarmRecord(Record):
     TOPIC = "starter/{starter}/alarm/{code}"
     starter: InTopic
     code: InTopic
-    is_active: Annotated[bool, Field(alias="active", description="whether it is active")]
-    severity: Annotated[Literal["fault", "alarm"], Field(description="a fault trips the motor")]
-    text: Annotated[str, Field(description="what the manual calls it")]
-    time_s: Annotated[Time, _time("time", "when it came last")]
-    cleared_s: Annotated[PossibleTime, _time("cleared", "when it went; null while it is active")]
-    count: Annotated[int, Field(description="how often it came")]
+    is_active: Annotated[bool, says("whether it is active", alias="active")]
+    severity: Annotated[Literal["fault", "alarm"], says("a fault trips the motor")]
+    text: Annotated[str, says("what the manual calls it")]
+    time_s: Annotated[Time, says("when it came last", alias="time")]
+    cleared_s: Annotated[PossibleTime, says("when it went; null while it is active", alias="cleared")]
+    count: Annotated[int, says("how often it came")]
     seq: Seq
     boot: Boot = ""
 
@@ -285,28 +275,26 @@ class InfoRecord(Record):
 
     TOPIC = "starter/{starter}/info"
     starter: InTopic
-    family: Annotated[str, Field(description="its family")]
-    model: Annotated[str | None, Field(description="its model")]
-    firmware: Annotated[str | None, Field(description="its firmware")]
-    serial: Annotated[str | None, Field(description="its serial number")]
-    hardware: Annotated[str | None, Field(description="its hardware version")] = None
-    rated_current_a: Annotated[float | None, Field(description="its rated current, A")] = None
-    rating: Annotated[str | None, Field(description="SSW900: the currents of its size")] = None
-    slot: Annotated[int | None, Field(description="SSW900: slot of the RS-485 accessory")] = None
-    accessories: Annotated[
-        tuple[str, ...] | None, Field(description="SSW900: the kinds in slots 1 and 2")
-    ] = None
-    line: Annotated[str, Field(description="the line that it is on")]
-    address: Annotated[int, Field(description="its Modbus address, 1 to 247")]
+    family: Annotated[str, says("its family")]
+    model: Annotated[str | None, says("its model")]
+    firmware: Annotated[str | None, says("its firmware")]
+    serial: Annotated[str | None, says("its serial number")]
+    hardware: Annotated[str | None, says("its hardware version")] = None
+    rated_current_a: Annotated[float | None, says("its rated current, A")] = None
+    rating: Annotated[str | None, says("SSW900: the currents of its size")] = None
+    slot: Annotated[int | None, says("SSW900: slot of the RS-485 accessory")] = None
+    accessories: Annotated[tuple[str, ...] | None, says("SSW900: the kinds in slots 1 and 2")] = None
+    line: Annotated[str, says("the line that it is on")]
+    address: Annotated[int, says("its Modbus address, 1 to 247")]
     points: Annotated[
         Mapping[str, Mapping[str, Any]],
         PlainSerializer(
             lambda points: {to_level(name): point for name, point in points.items()},
             return_type=Mapping[str, PointInfo],
         ),
-        Field(description="by name"),
+        says("by name"),
     ]
-    commands: Annotated[tuple[str, ...], Field(description="the verbs that it has")]
+    commands: Annotated[tuple[str, ...], says("the verbs that it has")]
     title: Annotated[str | None, _maybe("its name for people, where the configuration gives one")] = None
 
 
@@ -319,12 +307,12 @@ class EventRecord(Record):
     IS_DROPPABLE = True
     starter: InTopic
     seq: Seq
-    time_s: Annotated[Time, _time("time", "when it happened")]
+    time_s: Annotated[Time, says("when it happened", alias="time")]
     boot: Boot = ""
-    code: Annotated[EventCode, Field(description="what happened, for programs: see the events")]
-    severity: Annotated[Severity, Field(description="error: a person must act")]
-    text: Annotated[str, Field(description="what happened, for people")]
-    data: Annotated[Mapping[str, Any], Field(description="depends on the code: see the events")] = field(
+    code: Annotated[EventCode, says("what happened, for programs: see the events")]
+    severity: Annotated[Severity, says("error: a person must act")]
+    text: Annotated[str, says("what happened, for people")]
+    data: Annotated[Mapping[str, Any], says("depends on the code: see the events")] = field(
         default_factory=dict
     )
 
@@ -343,24 +331,35 @@ class ResultRecord(Record):
     BESIDE = "values"
     starter: InTopic
     client: InTopic
-    id: Annotated[str | None, Field(description="of the command")]
-    verb: Annotated[str, Field(description="of the command")]
-    phase: Annotated[Phase, Field(description="the last four are final")]
-    code: Annotated[str, Field(description="why, for programs: see the result codes")]
-    text: Annotated[str, Field(description="why, for people")]
-    time_s: Annotated[Time, _time("time", "when")]
+    id: Annotated[str | None, says("of the command")]
+    verb: Annotated[str, says("of the command")]
+    phase: Annotated[Phase, says("the last four are final")]
+    code: Annotated[str, says("why, for programs: see the result codes")]
+    text: Annotated[str, says("why, for people")]
+    time_s: Annotated[Time, says("when", alias="time")]
     is_duplicate: Annotated[
-        bool,
-        Field(
-            alias="duplicate",
-            description="whether this is the stored result of an id that was used before",
-        ),
+        bool, says("whether this is the stored result of an id that was used before", alias="duplicate")
     ] = False
     values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
         default_factory=dict
     )
     correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether the starter was seen to do it; nothing else is success."""
+        return self.phase is Phase.CONFIRMED
+
+    @property
+    def may_have_acted(self) -> bool:
+        """Return whether it may have reached the starter without being seen to act: a person must look."""
+        return self.phase in (Phase.WRITTEN, Phase.UNCONFIRMED)
+
+    @property
+    def what_to_do(self) -> str:
+        """Return what an operator should do about it."""
+        return meaning_of(self.code).remedy
 
     @property
     def key(self) -> str:
@@ -377,23 +376,21 @@ class AuditRecord(Record):
     RETAIN = False
     IS_DROPPABLE = True
     seq: Seq
-    time_s: Annotated[Time, _time("time", "when")]
-    starter: Annotated[str, Field(description="the starter")]
-    client: Annotated[str, Field(description="who commanded, by the broker's login")]
-    verb: Annotated[str, Field(description="what")]
-    args: Annotated[Mapping[str, Any], Field(description="its arguments, as they were sent")]
-    decision: Annotated[str, Field(description="the final phase, or duplicate")]
-    code: Annotated[str, Field(description="why, for programs: see the result codes")]
-    before: Annotated[Mapping[str, Any], Field(description="points before the write, by name")] = field(
+    time_s: Annotated[Time, says("when", alias="time")]
+    starter: Annotated[str, says("the starter")]
+    client: Annotated[str, says("who commanded, by the broker's login")]
+    verb: Annotated[str, says("what")]
+    args: Annotated[Mapping[str, Any], says("its arguments, as they were sent")]
+    decision: Annotated[str, says("the final phase, or duplicate")]
+    code: Annotated[str, says("why, for programs: see the result codes")]
+    before: Annotated[Mapping[str, Any], says("points before the write, by name")] = field(
         default_factory=dict
     )
-    after: Annotated[Mapping[str, Any], Field(description="points after it, by name")] = field(
-        default_factory=dict
-    )
-    id: Annotated[str | None, Field(description="of the command")] = None
+    after: Annotated[Mapping[str, Any], says("points after it, by name")] = field(default_factory=dict)
+    id: Annotated[str | None, says("of the command")] = None
     source: Annotated[str, _maybe("which way it came, where not by MQTT: web, sparkplug, gateway")] = ""
-    operator: Annotated[str | None, Field(description="who decided, a claim")]
-    reason: Annotated[str | None, Field(description="why, a claim")] = None
+    operator: Annotated[str | None, says("who decided, a claim")]
+    reason: Annotated[str | None, says("why, a claim")] = None
     boot: Boot = ""
 
 
@@ -419,7 +416,7 @@ class StartSource(enum.StrEnum):
 class Cause:
     """Who gave a start."""
 
-    source: Annotated[StartSource, Field(description="where it came from")] = StartSource.UNKNOWN
+    source: Annotated[StartSource, says("where it came from")] = StartSource.UNKNOWN
     client: Annotated[str | None, _maybe("of a command through the gateway")] = None
     command_id: Annotated[str | None, _maybe("of a command through the gateway")] = None
 
@@ -428,9 +425,9 @@ class Cause:
 class QuantityChange:
     """How a quantity of the last starts compares with the baseline."""
 
-    baseline: Annotated[Measured, Field(description="at the baseline")]
-    median: Annotated[Measured, Field(description="of the last starts")]
-    change_pct: Annotated[float, _rounded(1), Field(description="by how much it has changed, %")]
+    baseline: Annotated[Measured, says("at the baseline")]
+    median: Annotated[Measured, says("of the last starts")]
+    change_pct: Annotated[float, _rounded(1), says("by how much it has changed, %")]
 
 
 class _StoredRecord(Record):
@@ -454,12 +451,12 @@ class StartRecord(_StoredRecord):
     RETAIN = False
     IS_DROPPABLE = True
     starter: InTopic
-    id: Annotated[str, Field(description="names the start")]
-    time_s: Annotated[Time, _time("time", "when the motor began to accelerate")]
+    id: Annotated[str, says("names the start")]
+    time_s: Annotated[Time, says("when the motor began to accelerate", alias="time")]
     boot: Boot
     seq: Seq
-    cause: Annotated[Cause, Field(description="who gave the start")] = Cause()
-    outcome: Annotated[StartOutcome, Field(description="its end; given_up: the gateway lost sight of it")]
+    cause: Annotated[Cause, says("who gave the start")] = Cause()
+    outcome: Annotated[StartOutcome, says("its end; given_up: the gateway lost sight of it")]
     standstill_s: Annotated[Measured | None, _maybe("at rest before, as far as it was seen, s")] = None
     rate_hz: Annotated[Measured | None, _maybe("samples of the current by their time, Hz")] = None
     rated_a: Annotated[Measured | None, _maybe("rated current, A")] = None
@@ -475,14 +472,14 @@ class StartRecord(_StoredRecord):
         default_factory=dict
     )
     outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
-    is_baseline: Annotated[bool, Field(description="whether later starts are compared with it")] = False
+    is_baseline: Annotated[bool, says("whether later starts are compared with it")] = False
     drift: Annotated[
         Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
     ] = field(default_factory=dict)
     samples: Annotated[
         Mapping[str, tuple[float | None, ...]],
         _described_by(StartSamples),
-        Field(description="columns of the same length; null where a reply did not hold it"),
+        says("columns of the same length; null where a reply did not hold it"),
     ] = field(default_factory=dict)
 
 
@@ -493,11 +490,9 @@ class ReadingTable:
     Between two equal values a null means the same value: repeated readings of it are not stored.
     """
 
-    t_s: Annotated[tuple[float, ...], Field(description="time from the trip, s")]
-    points: Annotated[
-        Mapping[str, tuple[Number | None, ...]], Field(description="columns of the same length, by point")
-    ]
-    constant: Annotated[Mapping[str, Number], Field(description="points that did not change, by point")]
+    t_s: Annotated[tuple[float, ...], says("time from the trip, s")]
+    points: Annotated[Mapping[str, tuple[Number | None, ...]], says("columns of the same length, by point")]
+    constant: Annotated[Mapping[str, Number], says("points that did not change, by point")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -507,16 +502,16 @@ class TripRecord(_StoredRecord):
     TOPIC = "starter/{starter}/trip"
     RETAIN = False
     starter: InTopic
-    id: Annotated[str, Field(description="names the trip")]
-    time_s: Annotated[PossibleTime, _time("time", "the first reading that showed it")]
+    id: Annotated[str, says("names the trip")]
+    time_s: Annotated[PossibleTime, says("the first reading that showed it", alias="time")]
     boot: Boot
     seq: Seq
-    code: Annotated[str, Field(description="code of the fault, in lower case; `fault`: it has no number")]
-    text: Annotated[str, Field(description="its name in the manual")]
-    state_before: Annotated[str | None, Field(description="null: found at the first reading")]
-    readings: Annotated[ReadingTable, Field(description="the readings before it")]
-    at_fault: Annotated[Mapping[str, Row], Field(description="stored by the starter at the fault, by code")]
-    fault_history: Annotated[tuple[Row, ...], Field(description="the starter's own list, the newest first")]
+    code: Annotated[str, says("code of the fault, in lower case; `fault`: it has no number")]
+    text: Annotated[str, says("its name in the manual")]
+    state_before: Annotated[str | None, says("null: found at the first reading")]
+    readings: Annotated[ReadingTable, says("the readings before it")]
+    at_fault: Annotated[Mapping[str, Row], says("stored by the starter at the fault, by code")]
+    fault_history: Annotated[tuple[Row, ...], says("the starter's own list, the newest first")]
     thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
 
 
@@ -541,12 +536,12 @@ class OutboxRecord(Record):
 
     TOPIC = "gateway/outbox"
     QOS = 0
-    depth: Annotated[int, Field(description="messages that wait")]
-    oldest_s: Annotated[float, Field(description="age of the oldest, s")]
-    bytes: Annotated[int, Field(description="size of what waits, B")]
-    dropped: Annotated[int, Field(description="messages that were lost")]
-    refused: Annotated[int, Field(description="messages that the broker refused")]
-    reconnects: Annotated[int, Field(description="connections after the first")]
+    depth: Annotated[int, says("messages that wait")]
+    oldest_s: Annotated[float, says("age of the oldest, s")]
+    bytes: Annotated[int, says("size of what waits, B")]
+    dropped: Annotated[int, says("messages that were lost")]
+    refused: Annotated[int, says("messages that the broker refused")]
+    reconnects: Annotated[int, says("connections after the first")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -554,13 +549,11 @@ class StatusRecord(Record):
     """Whether the gateway works. `offline` is also the will, whose times are null."""
 
     TOPIC = "gateway/status"
-    state: Annotated[GatewayState, Field(description="its state")]
-    time_s: Annotated[PossibleTime, _time("time", "when this was published")]
-    boot: Annotated[
-        str, Field(description="names this connection; a command that carries another one is refused")
-    ]
-    since_s: Annotated[PossibleTime, _time("since", "since when it is in this state")]
-    reason: Annotated[str | None, Field(description="why it is degraded or offline")]
+    state: Annotated[GatewayState, says("its state")]
+    time_s: Annotated[PossibleTime, says("when this was published", alias="time")]
+    boot: Annotated[str, says("names this connection; a command that carries another one is refused")]
+    since_s: Annotated[PossibleTime, says("since when it is in this state", alias="since")]
+    reason: Annotated[str | None, says("why it is degraded or offline")]
     run: Boot
 
 
@@ -570,20 +563,18 @@ class FreshRecord(Record):
 
     TOPIC = "gateway/fresh"
     QOS = 0
-    token: Annotated[str, Field(description="for the `token` of a command")]
-    time_s: Annotated[Time, _time("time", "when it was issued")]
+    token: Annotated[str, says("for the `token` of a command")]
+    time_s: Annotated[Time, says("when it was issued", alias="time")]
 
 
 @dataclass(frozen=True, slots=True)
 class Operator:
     """What one client may ask of the starters that match."""
 
-    client: Annotated[str, Field(description="the level in the command topic")]
-    may: Annotated[tuple[str, ...], Field(description="verbs; * for all")]
-    starters: Annotated[tuple[str, ...], Field(description="names, with * and ? as in a shell")]
-    freshness: Annotated[
-        Literal["token", "issued_at"], Field(description="what proves its commands fresh")
-    ] = "token"
+    client: Annotated[str, says("the level in the command topic")]
+    may: Annotated[tuple[str, ...], says("verbs; * for all")]
+    starters: Annotated[tuple[str, ...], says("names, with * and ? as in a shell")]
+    freshness: Annotated[Literal["token", "issued_at"], says("what proves its commands fresh")] = "token"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -591,9 +582,9 @@ class GatewayRecord(Record):
     """What this gateway is."""
 
     TOPIC = "gateway/info"
-    product: Annotated[Literal["starter-gateway"], Field(description="this text")] = "starter-gateway"
-    version: Annotated[str, Field(description="its version")]
-    contract: Annotated[int, Field(description="version of what this page describes")] = CONTRACT_VERSION
+    product: Annotated[Literal["starter-gateway"], says("this text")] = "starter-gateway"
+    version: Annotated[str, says("its version")]
+    contract: Annotated[int, says("version of what this page describes")] = CONTRACT_VERSION
     boot: Boot
     mqtt_version: Annotated[
         str | None,
@@ -602,16 +593,15 @@ class GatewayRecord(Record):
             json_schema_extra={"enum": ["5", "3.1.1", None]},
         ),
     ] = None
-    starters: Annotated[tuple[str, ...], Field(description="names")]
-    lines: Annotated[tuple[str, ...], Field(description="names")]
-    operators: Annotated[tuple[Operator, ...], Field(description="who may do what")]
-    notice: Annotated[Literal["not a safety function"], Field(description="this text, a warning")] = (
+    starters: Annotated[tuple[str, ...], says("names")]
+    lines: Annotated[tuple[str, ...], says("names")]
+    operators: Annotated[tuple[Operator, ...], says("who may do what")]
+    notice: Annotated[Literal["not a safety function"], says("this text, a warning")] = (
         "not a safety function"
     )
-    groups: Annotated[
-        Mapping[str, tuple[str, ...]],
-        _if_any("members of each group, by its name"),
-    ] = field(default_factory=dict)
+    groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = field(
+        default_factory=dict
+    )
     line_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the lines that have one, by name")
     ] = field(default_factory=dict)
@@ -639,10 +629,10 @@ class ForgetRecord(Record):
 class HistoryItem:
     """A value that could not be sent when it was new."""
 
-    point: Annotated[str, Field(description="the point")]
-    value: Annotated[bool | int | float | str | None, Field(description="its value")]
+    point: Annotated[str, says("the point")]
+    value: Annotated[bool | int | float | str | None, says("its value")]
     quality: Trust
-    time_s: Annotated[PossibleTime, _time("time", "when the reply left the wire")]
+    time_s: Annotated[PossibleTime, says("when the reply left the wire", alias="time")]
     seq: Seq
 
 
@@ -654,9 +644,9 @@ class HistoryRecord(Record):
     RETAIN = False
     IS_DROPPABLE = True
     starter: InTopic
-    boot: Annotated[str, Field(description="the run that they were read in")]
+    boot: Annotated[str, says("the run that they were read in")]
     items: Annotated[
-        Sequence[bytes], _described_by(list[HistoryItem]), Field(description="the oldest first")
+        Sequence[bytes], _described_by(list[HistoryItem]), says("the oldest first")
     ]  # each as `history_item` made it
 
     def payload(self) -> bytes:

@@ -18,11 +18,16 @@ LINE = "line"
 
 
 class CommandAddress(NamedTuple):
-    """What the topic of a command says; the broker's ACL vouches for `client`."""
+    """What the topic of a command says; the broker's ACL vouches for `client`.
+
+    Where the topic names no command, unknown levels are empty and `verb` is what it has there, cut short.
+    """
 
     starter: str
     client: str
     verb: str
+    problem: str = ""  # of such a topic: one of a few words
+    text: str = ""  # what is wrong with it, and what would be right
 
 
 class RetainedTopic(NamedTuple):
@@ -30,16 +35,6 @@ class RetainedTopic(NamedTuple):
 
     kind: str  # info, availability, state, value, alarm; or LINE
     name: str  # of the starter or the line
-
-
-class Malformed(NamedTuple):
-    """A command topic that names no command; what of it cannot be known is empty."""
-
-    starter: str
-    client: str
-    verb: str  # what stands in its place, or the whole, cut short
-    problem: str  # one of a few words
-    text: str  # what is wrong, and what would be right
 
 
 def is_level(text: str) -> bool:
@@ -87,13 +82,11 @@ class Topics:
         line, starter, branch, leaf = found.groups()
         return RetainedTopic(LINE, line) if line else RetainedTopic(leaf or branch, starter)
 
-    def parse_command(self, topic: str) -> CommandAddress | Malformed | None:
+    def parse_command(self, topic: str) -> CommandAddress | None:
         """Return what a command's topic says, or what is wrong with it; None for any other topic."""
-        if topic == self._command_prefix[:-1]:
-            topic = self._command_prefix
-        if not topic.startswith(self._command_prefix):
+        if not f"{topic}/".startswith(self._command_prefix):
             return None
-        whole = topic.removeprefix(self._command_prefix)
+        whole = topic[len(self._command_prefix) :]
         levels = whole.split("/")
         if len(levels) == 3 and all(is_level(level) for level in levels):
             return CommandAddress(*levels)
@@ -101,7 +94,7 @@ class Topics:
         if not (is_level(starter) and is_level(client)):
             starter = client = ""
         verb = shortened("/".join(levels[2:]) if client else whole)
-        return Malformed(starter, client, verb, *_problem_of(levels))
+        return CommandAddress(starter, client, verb, *_problem_of(levels))
 
 
 def shortened(text: str, most: int = 40) -> str:

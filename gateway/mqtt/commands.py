@@ -15,7 +15,6 @@ from gateway.contract import (
     CommandError,
     CommandRequest,
     EventCode,
-    Malformed,
     Note,
     PublishEvent,
     ResultCode,
@@ -59,7 +58,7 @@ class Received:
 
 
 def command_in(
-    address: CommandAddress | Malformed,
+    address: CommandAddress,
     incoming: Incoming,
     received_s: float,
     *,
@@ -92,7 +91,7 @@ def command_in(
         expires_s=expires_s,
     )
     # The order of the refusals: first what the topic says, which alone needs no payload.
-    if isinstance(address, Malformed):
+    if address.problem:
         error = CommandError(ResultCode.MALFORMED_TOPIC, why=address.text)
         return Received(request, error, problem=address.problem)
     unknown = verb_error(address.starter, address.verb)
@@ -123,7 +122,7 @@ class IncomingCommands:
         self._publish_event = publish_event
         self._malformed = Damped(self._publish_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
-    def take(self, address: CommandAddress | Malformed, incoming: Incoming, received_s: float) -> None:
+    def take(self, address: CommandAddress, incoming: Incoming, received_s: float) -> None:
         """Pass an operator's message on, or answer why not.
 
         `address` is what its topic says, `received_s` its arrival on the steady clock.

@@ -2,25 +2,23 @@
 
 1. On its first connection a run reads what is stored below `gateway` and `starter`, until a token of its own
    (`gateway/fresh`) comes back: what was stored came before it. Only then is the gateway online.
-2. Starters and lines that are not configured are cleared at once, and values of points that a starter no
-   longer has, since a run begins with all its points; an alarm that an earlier run left active,
-   once its starter was read in this run and did not show it.
-3. Only that is cleared whose topic and fields are those of the contract, and nothing while another gateway is
-   there. Its heartbeat shows that, or a status that comes now; a stored status may be that of a gateway
-   that died with its broker.
+2. What this run has not published is cleared: at once where the starter or line is not configured, and values
+   of points that a starter no longer has, since a run begins with all its points; an alarm once its starter
+   was read in this run and did not show it.
+3. Nothing is cleared while another gateway is there. Its heartbeat shows that, or a status that comes now; a
+   stored status may be that of a gateway that died with its broker.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from gateway.contract import (
-    LINE,
     EventCode,
     FreshRecord,
     PublishEvent,
@@ -45,15 +43,6 @@ SETTLED_S = 3.0  # after a starter's first state: a fault's number is published 
 QUIET_S = 60.0  # without a sign of the other gateway, before it is reported again
 VALUE, ALARM = "value", "alarm"
 
-_FIELDS: Mapping[str, frozenset[str]] = {
-    "info": frozenset({"family", "model", "line", "address", "points", "commands"}),
-    "availability": frozenset({"state", "since", "reason"}),
-    "state": frozenset({"state", "quality", "time", "seq"}),
-    VALUE: frozenset({"value", "unit", "quality", "time", "seq"}),
-    ALARM: frozenset({"active", "severity", "text", "time", "cleared", "count"}),
-    LINE: frozenset({"utilisation", "polls", "answered", "silent"}),
-}
-
 
 class ReadConnection(Protocol):
     """The part of a connection that is used here."""
@@ -61,7 +50,7 @@ class ReadConnection(Protocol):
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
         """Have what is stored on these topics, as retained, and what comes."""
 
-    def unread(self, topic_filter: str) -> None:
+    def unlisten(self, topic: str) -> None:
         """End the subscription."""
 
 
@@ -93,7 +82,7 @@ class Leftovers:
         self._clear = clear
         self._publish_event = publish_event
         self._on_read = on_read
-        self._branches = (f"{topics.base}/gateway/#", f"{topics.base}/starter/#")
+        self._branches = [f"{topics.base}/gateway/#", f"{topics.base}/starter/#"]
         self._reading = _Reading()
         self._task: asyncio.Task[None] | None = None
         self._settled: dict[str, bool] = {}  # starters read in this run: whether their alarms are published
@@ -104,7 +93,7 @@ class Leftovers:
     def connected(self, connection: ReadConnection) -> None:
         """Watch for another gateway, and read what is stored unless that has been done in this run."""
         for topic in (self._topics.of(StatusRecord), self._topics.of(FreshRecord)):
-            connection.read(topic, _ignore)
+            connection.read(topic, lambda _: None)  # the answer to the whole branch says it
         if self.is_read:
             return
         self._reading = _Reading()
@@ -125,7 +114,7 @@ class Leftovers:
         elif incoming.topic == self._topics.of(StatusRecord):
             self._take_status(incoming)
         elif incoming.is_retained and self._task is not None:
-            self._take_stored(incoming)
+            self._take_stored(incoming.topic)
 
     def put(self, record: Record) -> None:
         """Note that a starter was read."""
@@ -136,40 +125,32 @@ class Leftovers:
             asyncio.get_running_loop().call_later(SETTLED_S, self._settle, record.starter)
 
     def _take_heartbeat(self, incoming: Incoming) -> None:
-        if incoming.is_retained:
-            return
         token = _fields_of(incoming).get("token")
-        if not isinstance(token, str):
-            return  # somebody has cleared the topic
-        if not self._tokens.has_made(token):
-            self._note_sharing()
+        if incoming.is_retained or not isinstance(token, str):
+            return  # it is old, or somebody has cleared the topic
+        if self._tokens.has_made(token):
+            self._reading.is_ended.set()
         else:
-            self._reading.is_ended.set()  # our own token came back: everything stored came before it
+            self._note_sharing()
 
     def _take_status(self, incoming: Incoming) -> None:
         fields = _fields_of(incoming)
         run = fields.get("run", self._tokens.boot.run)
         if run == self._tokens.boot.run or fields.get("state") == "offline":
             return
-        if not incoming.is_retained:
-            self._note_sharing()
-        else:
+        if incoming.is_retained:
             self._reading.is_doubtful = True
+        else:
+            self._note_sharing()
 
-    def _take_stored(self, incoming: Incoming) -> None:
-        found = self._topics.parse_retained(incoming.topic)
+    def _take_stored(self, topic: str) -> None:
+        found = self._topics.parse_retained(topic)
         if found is None:
             return
-        is_left = not self._is_current(found) or found.kind == VALUE
-        if not (is_left or found.kind == ALARM) or self._is_published(incoming.topic):
-            return
-        fields = _fields_of(incoming)
-        if not fields.keys() >= _FIELDS[found.kind]:
-            return
-        if is_left:
-            self._reading.left[incoming.topic] = ""
-        elif fields["active"] and fields.get("boot") != self._tokens.boot.run:
-            self._reading.left[incoming.topic] = found.name
+        if found.kind == ALARM and self._is_current(found):
+            self._reading.left[topic] = found.name
+        elif found.kind == VALUE or not self._is_current(found):
+            self._reading.left[topic] = ""
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""
@@ -188,10 +169,10 @@ class Leftovers:
                 await reading.is_judged.wait()
         self._task = None
         for branch in self._branches:
-            connection.unread(branch)
+            connection.unlisten(branch)
         if reading.is_refused or not reading.is_ended.is_set():
-            branches = list(self._branches)
-            self._publish_event(EventCode.LEFTOVERS_UNREAD, topics=branches, branches=" and ".join(branches))
+            branches = " and ".join(self._branches)
+            self._publish_event(EventCode.LEFTOVERS_UNREAD, topics=self._branches, branches=branches)
         self.is_read = True
         self._on_read()
 
@@ -202,20 +183,19 @@ class Leftovers:
 
     def _clear_left(self) -> None:
         """Clear all that waits for no starter, or for one that has been read in this run."""
-        reading = self._reading
-        if not self._is_shared.is_set():
-            ready = [
-                topic for topic, starter in reading.left.items() if self._settled.get(starter, not starter)
-            ]
-            for topic in ready:
-                del reading.left[topic]
-            left = sorted(topic for topic in ready if not self._is_published(topic))
-            for topic in left:
-                self._clear(topic)
-            if left:
-                log.info("topics=%d left by earlier runs cleared, the first is %s", len(left), left[0])
-        if not reading.left or self._is_shared.is_set():
-            reading.is_judged.set()
+        left = self._reading.left
+        if self._is_shared.is_set():
+            left.clear()
+        ready = [topic for topic, starter in left.items() if self._settled.get(starter, not starter)]
+        for topic in ready:
+            del left[topic]
+        unpublished = sorted(topic for topic in ready if not self._is_published(topic))
+        for topic in unpublished:
+            self._clear(topic)
+        if unpublished:
+            log.info("topics=%d left by earlier runs cleared, first %s", len(unpublished), unpublished[0])
+        if not left:
+            self._reading.is_judged.set()
 
 
 @dataclass(slots=True)
@@ -223,9 +203,7 @@ class _Reading:
     """What one connection has read of the stored messages."""
 
     is_ended: asyncio.Event = field(default_factory=asyncio.Event)  # everything was read, or refused
-    is_judged: asyncio.Event = field(
-        default_factory=asyncio.Event
-    )  # nothing is left, or nothing may be cleared
+    is_judged: asyncio.Event = field(default_factory=asyncio.Event)  # nothing is left to be cleared
     is_refused: bool = False
     is_doubtful: bool = False  # another's status is stored
     may_clear: bool = False  # everything is read, and nothing is doubtful
@@ -242,7 +220,3 @@ def _fields_of(incoming: Incoming) -> dict[str, Any]:
         return read_object(incoming.payload)
     except ValueError:
         return {}
-
-
-def _ignore(_: bool) -> None:  # noqa: FBT001 - the callback's shape
-    """Do nothing: the answer to the whole branch says it."""

@@ -33,7 +33,7 @@ class Publisher:
         self._boot = boot
         self._outbox = outbox
         self._clock = clock
-        self._wake: Callable[[], None] = _no_connection
+        self.wake: Callable[[], None] = lambda: None  # has what waits sent, by the connection
         self._state: GatewayState = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
@@ -44,22 +44,10 @@ class Publisher:
         """Return the gateway's state: starting, online or degraded."""
         return self._state
 
-    def wake_with(self, wake: Callable[[], None]) -> None:
-        """Set the function to call when there is something to send."""
-        self._wake = wake
-
     def announce(self, message: Message) -> None:
         """Publish a message, of an integration or of a record."""
         self._outbox.put(message, self._clock.now_s())
-        self._wake()
-
-    def retained(self, topic: str) -> Message | None:
-        """Return the newest message of a retained topic; None once the broker has been made to forget it."""
-        return self._outbox.retained(topic)
-
-    def wake(self) -> None:
-        """Have what waits sent."""
-        self._wake()
+        self.wake()
 
     def put(self, record: Record) -> None:
         """Take one record, in order; returns at once and never raises."""
@@ -123,7 +111,3 @@ class Publisher:
         return StatusRecord(
             state=state, time_s=time_s, boot=boot.token, since_s=since_s, reason=reason, run=boot.run
         )
-
-
-def _no_connection() -> None:
-    """Do nothing: there is no connection to wake yet."""

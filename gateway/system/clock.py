@@ -59,30 +59,6 @@ def certain_s(before: ClockReading, now: ClockReading) -> float:
     return now.up_s
 
 
-class ClockSteps:
-    """Compares readings; `doubt` says in words what has happened, None while nothing has."""
-
-    def __init__(self) -> None:
-        self.doubt: str | None = None
-        self._offset_s: float | None = None  # before the latest step: smaller ones add up
-        self._stepped_s = 0.0
-
-    def look(self, now: ClockReading) -> bool:
-        """Take a reading and return whether `doubt` has changed."""
-        before = self.doubt
-        step_s = 0.0 if self._offset_s is None else now.offset_s - self._offset_s
-        if self._offset_s is None or abs(step_s) > STEP_S:
-            self._offset_s = now.offset_s
-        if abs(step_s) > STEP_S:
-            self.doubt = (
-                f"this gateway's clock was set {'ahead' if step_s > 0 else 'back'} by {abs(step_s):.1f} s"
-            )
-            self._stepped_s = now.up_s
-        elif self.doubt is not None and now.up_s - self._stepped_s >= SETTLED_S:
-            self.doubt = None
-        return self.doubt != before
-
-
 class Clock(Protocol):
     """What the loops need of time; tests give a virtual one."""
 
@@ -191,7 +167,9 @@ class ClockWatch:
         self._trust = trust
         self._ask = ask
         self._read = read
-        self._steps = ClockSteps()
+        self._offset_s: float | None = None  # before the latest step: smaller ones add up
+        self._step: str | None = None  # in words, until the clock was steady for long enough
+        self._stepped_s = 0.0
         self._answer = False
         self._asked_s: float | None = None
         self.on_change: Callable[[str | None], None] = lambda _: None
@@ -202,24 +180,34 @@ class ClockWatch:
 
     def look(self) -> None:
         """Notice a step since the last look; to be called often, and before any command is judged."""
-        if self._steps.look(self._read()):
-            self._asked_s = None  # what the kernel said before does not count
-            self.on_change(self._steps.doubt)
+        now = self._read()
+        step_s = 0.0 if self._offset_s is None else now.offset_s - self._offset_s
+        if self._offset_s is None or abs(step_s) > STEP_S:
+            self._offset_s = now.offset_s
+        if abs(step_s) > STEP_S:
+            self._stepped_s = now.up_s
+            way = "ahead" if step_s > 0 else "back"
+            self._note(f"this gateway's clock was set {way} by {abs(step_s):.1f} s")
+        elif self._step is not None and now.up_s - self._stepped_s >= SETTLED_S:
+            self._note(None)
 
     def doubt(self) -> str | None:
         """Return why the wall clock cannot be compared with others now, with a remedy; None when it can."""
         if self._trust == "untrusted":
             return f"the configuration does not trust this gateway's clock ({_DISTRUSTED})"
-        if self._steps.doubt is not None:
-            return f"{self._steps.doubt}, so issued_at does not count for {SETTLED_S:g} s"
+        if self._step is not None:
+            return f"{self._step}, so issued_at does not count for {SETTLED_S:g} s"
         if self._trust == "auto" and not self._is_synchronised():
             return f"this gateway's clock is not synchronised ({_UNSYNCHRONISED})"
         return None
 
+    def _note(self, step: str | None) -> None:
+        self._step = step
+        self._asked_s = None  # what the kernel said before does not count
+        self.on_change(step)
+
     def _is_synchronised(self) -> bool:
-        """Return what the kernel said at most 10 s ago, or what the configuration says instead."""
-        if self._trust == "trusted":
-            return True
+        """Return what the kernel said at most 10 s ago."""
         now_s = self._read().up_s
         if self._asked_s is None or now_s - self._asked_s >= ASK_EVERY_S:
             self._answer = self._ask()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import getpass
 import logging
 import os
 import socket
@@ -22,7 +21,6 @@ FILE = "gateway.lock"
 
 _MOST_BYTES = 300  # of the file: a process id and a host's name
 _NOT_PERMITTED = frozenset({errno.EACCES, errno.EPERM})
-_READ_ONLY = frozenset({errno.EROFS, errno.EISDIR})  # what can be opened for reading can be locked as well
 
 log = logging.getLogger(__name__)
 
@@ -69,27 +67,22 @@ def is_locked(state_dir: Path, *, if_unseen: bool = False) -> bool:
 
 
 def _open(state_dir: Path) -> int | None:
-    path = state_dir / FILE
+    path, user = state_dir / FILE, os.getuid()
     try:
         state_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
-        try:
-            return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        except OSError as error:
-            if error.errno not in _READ_ONLY:
-                raise
-            return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        if error.errno in _NOT_PERMITTED and os.access(state_dir, os.W_OK | os.X_OK):
-            raise StartError(
-                f"{path} is another user's: {_user()} may not write it",
-                f"sudo chown -R {os.getuid()} {state_dir}",
-            ) from error
-        if error.errno in _NOT_PERMITTED:
-            raise StartError(
-                f"state_dir {state_dir}: {_user()} may not write there", _remedy(state_dir)
-            ) from error
-        _do_without(state_dir, error)
-        return None
+        if error.errno not in _NOT_PERMITTED:
+            _do_without(state_dir, error)
+            return None
+        if os.access(state_dir, os.W_OK | os.X_OK):
+            what = f"{path} is another user's: user {user} may not write it"
+            raise StartError(what, f"sudo chown -R {user} {state_dir}") from error
+        raise StartError(
+            f"state_dir {state_dir}: user {user} may not write there",
+            "set state_dir in [gateway] to a folder of this user, or make this one for it: "
+            f"sudo install -d -m 700 -o {user} {state_dir}",
+        ) from error
 
 
 def _lock(descriptor: int, state_dir: Path) -> None:
@@ -122,17 +115,3 @@ def _holder(descriptor: int) -> str:
 
 def _do_without(state_dir: Path, error: OSError) -> None:
     log.warning("state_dir %s: no lock: %s; a second gateway there is not noticed", state_dir, error.strerror)
-
-
-def _user() -> str:
-    try:
-        return f"user {getpass.getuser()}"
-    except (KeyError, OSError):  # one without a name
-        return f"user {os.getuid()}"
-
-
-def _remedy(state_dir: Path) -> str:
-    return (
-        "set state_dir in [gateway] to a folder of this user, or make this one for it: "
-        f"sudo install -d -m 700 -o {os.getuid()} {state_dir}"
-    )

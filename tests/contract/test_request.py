@@ -69,6 +69,7 @@ def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(
         {"reason": "a\x1b[31m"},
         {"args": []},
         {"args": None},
+        {"expect": "ready"},
         {"Id": "c1"},
     ],
 )

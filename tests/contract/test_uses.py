@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping, Set
 
 from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
 from gateway.contract.results import NOTES, RESULTS
 from gateway.contract.wording import names_in
-from tests.contract.uses import ADDED_TO_FAULT, FAULT, Use, calls, composed, uses
+from tests.contract.uses import Use, uses
 
 USES = list(uses())
 EVENT_USES = [use for use in USES if use.table == "events"]
@@ -49,27 +48,3 @@ def test_a_severity_is_given_where_a_code_has_several_and_each_is_used() -> None
         given = {use.severity for use in EVENT_USES if use.code == code}
         listed = {each.value for each in meaning.severities}
         assert given == {""} if len(listed) == 1 else "?" in given or given == listed, code
-
-
-def test_no_sentence_is_made_elsewhere() -> None:
-    assert list(composed()) == []
-
-
-def test_only_the_contract_makes_events() -> None:
-    made = {(file, ast.unparse(call.func)) for file, call in calls("Event", "EventRecord")}
-
-    assert {each for each in made if "." not in each[1]} == {
-        ("contract/events.py", "Event"),
-        ("contract/bus.py", "EventRecord"),
-    }
-
-
-def test_a_fault_of_a_line_is_completed_in_one_place() -> None:
-    relays = [
-        (file, {each.arg for each in call.keywords} - {None})
-        for file, call in calls("_publish_event")
-        if any(each.arg is None for each in call.keywords)
-    ]
-
-    assert relays == [("app/plant.py", ADDED_TO_FAULT)]
-    assert {file for file, _ in calls(FAULT)} == {"line/rtu/bus_faults.py"}

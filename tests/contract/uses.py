@@ -80,28 +80,8 @@ def uses() -> Iterator[Use]:
                     yield Use(where, "results", code, case, fields)
 
 
-def composed() -> Iterator[str]:
-    """Yield where a sentence is made of pieces, instead of by a table."""
-    makers = {"Note", *RESULT_MAKERS}
-    for file, call in calls():
-        is_event = any(_named(each, "EventCode") for each in call.args[:2])
-        for keyword in call.keywords if is_event or callee(call) in makers else ():
-            for part in ast.walk(keyword.value):
-                if isinstance(part, ast.JoinedStr) and any(_is_words(piece) for piece in part.values):
-                    yield f"{file}:{call.lineno} {keyword.arg}"
-    for file, call in calls("ResultRecord", "replace"):
-        texts = [each.value for each in call.keywords if each.arg == "text"]
-        if any(isinstance(part, ast.JoinedStr | ast.BinOp) for text in texts for part in ast.walk(text)):
-            yield f"{file}:{call.lineno} text"
-
-
 def callee_of(node: ast.expr) -> str:
     return callee(node) if isinstance(node, ast.Call) else ""
-
-
-def _is_words(piece: ast.expr) -> bool:
-    words = str(piece.value).split() if isinstance(piece, ast.Constant) else ()
-    return sum(word.isalpha() for word in words) > 1
 
 
 def _events(file: str, call: ast.Call, at: int, fields: frozenset[str]) -> Iterator[Use]:

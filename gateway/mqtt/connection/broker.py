@@ -16,12 +16,11 @@ from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.starters import TOKEN_EVERY_S as EVERY_S
+from gateway.starters import TOKEN_EVERY_S
 from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)
 
-PULSE_EVERY_S = EVERY_S
 PULSE_RETRY_S = 0.1
 Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
@@ -36,16 +35,16 @@ class Hooks:
     change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
-    PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    TOKEN_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
     """
 
-    will: Callable[[], Message | None]
+    will: Callable[[], Message]
     on_incoming: Callable[[Incoming], None]
     on_link: Callable[[bool, str], None]
-    on_notice: Callable[[Event], None] = lambda _: None
-    on_read: Callable[[Incoming], None] | None = None
-    on_version: Callable[[Version], None] = lambda _: None
-    pulse: Callable[[], Message] | None = None
+    on_notice: Callable[[Event], None]
+    on_read: Callable[[Incoming], None]
+    on_version: Callable[[Version], None]
+    pulse: Callable[[], Message]
 
 
 class BrokerConnection:
@@ -62,16 +61,13 @@ class BrokerConnection:
         self._command_filter = command_filter
         self._hooks = hooks
         self._listeners: dict[str, Listener] = {}
-        self._attempts = Attempts(settings, seed=settings.seed)
-        self._news = self._news_of(settings)
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
         self._closing = asyncio.Event()
         self._moved = asyncio.Event()
         self._acknowledged = asyncio.Event()
-        self._is_outbox_shut = False
-        self._farewell_code: int | None = None
+        self._begin()
 
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
@@ -79,11 +75,7 @@ class BrokerConnection:
             while True:
                 await until_first(self._stay_connected(), self._moved.wait())
                 self._moved.clear()
-                self._attempts = Attempts(self.settings, seed=self.settings.seed)
-                self._news = self._news_of(self.settings)
-                self._farewell_code = None
-                self._is_outbox_shut = False
-                self._closing.clear()
+                self._begin()
         finally:
             if self._sending is not None:
                 self._sending.cancel()
@@ -106,8 +98,9 @@ class BrokerConnection:
             self._subscribe(self._session, topic)
 
     def unlisten(self, topic: str) -> None:
-        """Stop taking messages of a topic of `listen`."""
-        if self._listeners.pop(topic, None) is not None and self._session is not None:
+        """Stop taking messages of a topic of `listen` or `read`."""
+        self._listeners.pop(topic, None)
+        if self._session is not None:
             self._session.unlisten(topic)
 
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
@@ -117,11 +110,6 @@ class BrokerConnection:
         """
         if self._session is not None:
             self._session.read(topic_filter, on_answer)
-
-    def unread(self, topic_filter: str) -> None:
-        """End the subscription of `read`."""
-        if self._session is not None:
-            self._session.unlisten(topic_filter)
 
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
@@ -145,6 +133,14 @@ class BrokerConnection:
         session.abort()
         self._session = None  # a message of it that is still on its way to us counts as early
 
+    def _begin(self) -> None:
+        """Begin with the present broker, of which nothing is known yet."""
+        self._attempts = Attempts(self.settings, seed=self.settings.seed)
+        self._news = LinkNews(self.settings, self._hooks.on_link, self._hooks.on_notice)
+        self._is_outbox_shut = False
+        self._farewell_code: int | None = None
+        self._closing.clear()
+
     def _take(self, incoming: Incoming) -> None:
         """Pass a message on by its topic: to who listens there, else as a command.
 
@@ -153,7 +149,7 @@ class BrokerConnection:
         on_message = self._listeners.get(incoming.topic)
         if on_message is not None:
             on_message(incoming.payload)
-        elif self._hooks.on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
+        elif not incoming.topic.startswith(self._command_filter[:-2]):
             self._hooks.on_read(incoming)
         else:
             is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
@@ -242,12 +238,11 @@ class BrokerConnection:
         """
         if self._beating is not None:
             self._beating.cancel()
-        pulse = self._hooks.pulse
-        if pulse is None or self._is_outbox_shut:
+        if self._is_outbox_shut:
             return
         pause_s = PULSE_RETRY_S
-        if session.publish_now(pulse()):
-            pause_s = PULSE_EVERY_S
+        if session.publish_now(self._hooks.pulse()):
+            pause_s = TOKEN_EVERY_S
             self._outbox.grant_history()
             self.wake()
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
@@ -272,9 +267,6 @@ class BrokerConnection:
         # A message for each acknowledgement, one by one, would wake us and the broker for each.
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
-
-    def _news_of(self, settings: BrokerSettings) -> LinkNews:
-        return LinkNews(settings, self._hooks.on_link, self._hooks.on_notice)
 
     def _refusal(self, what: str) -> str:
         hint = "let this user read it, in the broker's access list"

@@ -6,11 +6,12 @@ import asyncio
 import uuid
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import TypeVar
 
 from gateway.contract import (
     STOP,
+    CommandRequest,
     FreshRecord,
     Record,
     ResultRecord,
@@ -34,22 +35,6 @@ TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no ga
 R = TypeVar("R", bound=Record)
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What is asked of whom, and by whom."""
-
-    starter: str
-    client: str  # the level in the topics
-    verb: str
-    args: Mapping[str, Any] = field(default_factory=dict)
-    operator: str | None = None  # a claim
-    reason: str | None = None
-    id: str | None = None  # None: a new one
-    ttl_s: float | None = None  # None: as the gateway has it
-    expect: Mapping[str, Any] = field(default_factory=dict)  # what must be so still, e.g. {"state": "ready"}
-    select: str | None = None  # the token of a selection
-
-
 class CommandClient:
     """One command, once."""
 
@@ -59,24 +44,34 @@ class CommandClient:
         self._news: asyncio.Queue[Incoming | int | None] = asyncio.Queue()  # int: reason code; None: lost
 
     async def send(
-        self, order: Order, *, now_s: float, within_s: float, on_phase: Callable[[ResultRecord], None]
-    ) -> ResultRecord | None:
-        """Return the final result, None when none came in time; every phase goes to `on_phase` before.
+        self,
+        order: CommandRequest,
+        *,
+        now_s: float,
+        within_s: float,
+        on_phase: Callable[[ResultRecord], None],
+    ) -> ResultRecord:
+        """Return the final result; every phase goes to `on_phase` before. `now_s` is the wall time.
 
-        `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
+        BrokerError when the broker or the gateway is away, or writing is forbidden: it was not sent.
+        NoResultError when it was sent, and its end is unknown.
         """
         order = replace(order, id=order.id or uuid.uuid4().hex)
+        is_stop = order.verb == STOP
+        proof: Mapping[str, str] = {}
+        trouble: BrokerError | None = None
         async with self._connected() as session:
-            is_answered = await session.subscribe(
-                self._topics.of(ResultRecord, starter=order.starter, client=order.client)
-            )
-            proof, trouble = await self._proof(session, order)
-            if not is_answered:
+            results = self._topics.of(ResultRecord, starter=order.starter, client=order.client)
+            if not await session.subscribe(results):
                 trouble = self._forbidden(f"read the results of {order.client}")
-            if trouble is not None and order.verb != STOP:
+            try:
+                proof = await self._proof(session, is_stop=is_stop)
+            except BrokerError as error:
+                trouble = trouble or error
+            # A stop is sent without any proof; what would have prevented it is reported if no result comes.
+            if trouble is not None and (not is_stop or session.lost.done()):
                 raise trouble
-            message = self._message(order, proof=proof, now_s=now_s)
-            session.publish(1, message)
+            session.publish(1, self._message(order, proof=proof, now_s=now_s))
             within_s = min(within_s, TROUBLED_WITHIN_S) if trouble is not None else within_s
             try:
                 async with asyncio.timeout(within_s):
@@ -84,7 +79,9 @@ class CommandClient:
             except TimeoutError:
                 if trouble is not None:
                     raise BrokerError(f"the stop was sent, and no gateway answered: {trouble}") from None
-                return None
+                text = f"no final result within {within_s:g} s: look at the starter before you try again"
+                hint = f"is {order.client} allowed to write commands?"
+                raise NoResultError(str(order.id), f"{text} ({hint})") from None
 
     async def retained(self, kind: type[R], *, within_s: float, **names: str) -> R | None:
         """Return the retained record of a topic, None when there is none; BrokerError as `send`."""
@@ -104,32 +101,21 @@ class CommandClient:
         finally:
             await session.disconnect()
 
-    async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
-        """Return what proves a command fresh; a stop is sent without, and reports why there is none."""
-        try:
-            return await self._read_proof(session, is_stop=order.verb == STOP), None
-        except BrokerError as error:
-            if order.verb != STOP or session.lost.done():
-                raise
-            return {}, error
-
-    async def _read_proof(self, session: Session, *, is_stop: bool) -> Mapping[str, str]:
+    async def _proof(self, session: Session, *, is_stop: bool) -> Mapping[str, str]:
+        """Return what proves a command fresh; BrokerError where no gateway gives it."""
         within_s = STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S
-        status = await self._present(session, within_s, StatusRecord, "state", "is it running?")
+        status = await self._retained(session, within_s, StatusRecord)
+        if status is None:
+            raise self._missing(StatusRecord, "state", "is it running?")
         if status.state == "offline":
             raise BrokerError(f"the gateway is offline: {status.reason or 'no reason given'}", "start it")
         if is_stop:
             return {"boot": status.boot}
         # Taken last, so that it is as young as can be.
-        fresh = await self._present(session, within_s, FreshRecord, "token", "is it of this version?")
+        fresh = await self._retained(session, within_s, FreshRecord)
+        if fresh is None:
+            raise self._missing(FreshRecord, "token", "is it of this version?")
         return {"boot": status.boot, "token": fresh.token}
-
-    async def _present(self, session: Session, within_s: float, kind: type[R], name: str, hint: str) -> R:
-        """Return a record that a gateway keeps retained; BrokerError when there is none."""
-        record = await self._retained(session, within_s, kind)
-        if record is None:
-            raise BrokerError(f"no gateway has published its {name} in {self._topics.of(kind)}", hint)
-        return record
 
     async def _retained(self, session: Session, within_s: float, kind: type[R], **names: str) -> R | None:
         topic = self._topics.of(kind, **names)
@@ -144,17 +130,18 @@ class CommandClient:
         except TimeoutError:
             return None
 
-    async def _final(self, order: Order, on_phase: Callable[[ResultRecord], None]) -> ResultRecord:
+    async def _final(self, order: CommandRequest, on_phase: Callable[[ResultRecord], None]) -> ResultRecord:
         names = {"starter": order.starter, "client": order.client}
         while True:
             result = await self._next(ResultRecord, names, order)
-            if result is None or result.id != order.id:
-                continue
-            if result.phase.is_final:
-                return result
-            on_phase(result)
+            if result is not None and result.id == order.id:
+                if result.phase.is_final:
+                    return result
+                on_phase(result)
 
-    async def _next(self, kind: type[R], names: Mapping[str, str], order: Order | None = None) -> R | None:
+    async def _next(
+        self, kind: type[R], names: Mapping[str, str], order: CommandRequest | None = None
+    ) -> R | None:
         """Return the next message when it is such a record and readable, else None."""
         news = await self._news.get()
         match news:
@@ -172,25 +159,26 @@ class CommandClient:
             case _:
                 return None
 
-    def _message(self, order: Order, *, proof: Mapping[str, str], now_s: float) -> Message:
-        optional = {
-            **proof,
-            "operator": order.operator,
-            "reason": order.reason,
-            "ttl_s": order.ttl_s,
-            "expect": order.expect,
-            "select": order.select,
-        }
+    def _message(self, order: CommandRequest, *, proof: Mapping[str, str], now_s: float) -> Message:
         body = {
             "id": order.id,
             "issued_at": rfc3339(now_s),
             "args": order.args,
-            **{name: value for name, value in optional.items() if value},
+            "ttl_s": order.proof.ttl_s,
+            "operator": order.operator,
+            "reason": order.reason,
+            "expect": order.expect,
+            "select": order.select,
+            **proof,
         }
         topic = self._topics.command(order.starter, order.client, order.verb)
-        return Message(topic, encoded(body), qos=1, retain=False)
+        payload = encoded({name: value for name, value in body.items() if value})
+        return Message(topic, payload, qos=1, retain=False)
 
-    def _lost(self, order: Order | None) -> GatewayError:
+    def _missing(self, kind: type[Record], name: str, hint: str) -> BrokerError:
+        return BrokerError(f"no gateway has published its {name} in {self._topics.of(kind)}", hint)
+
+    def _lost(self, order: CommandRequest | None) -> GatewayError:
         text = f"the connection to {self._settings.address} was lost"
         if order is None:
             return BrokerError(text, "nothing was sent")

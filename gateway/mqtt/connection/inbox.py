@@ -17,7 +17,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.contract import STOP, CommandAddress, Malformed, Topics, shortened
+from gateway.contract import STOP, CommandAddress, Topics, shortened
 from gateway.mqtt.commands import Incoming
 from gateway.system.rate_limits import Bucket, Rate
 
@@ -27,7 +27,6 @@ MOST, MOST_OF_CLIENT = 300, 100  # messages that wait; not less than `RateLimits
 PARSED_STOPS = Rate(50.0, 50)  # a second, at once
 SHARE = 0.5  # of the time, for parsing
 AHEAD_S = 0.01  # so long before its share is due, it may be used
-_Address = CommandAddress | Malformed
 
 
 class Inbox:
@@ -41,7 +40,7 @@ class Inbox:
         self,
         topics: Topics,
         *,
-        take: Callable[[_Address, Incoming, float], None],
+        take: Callable[[CommandAddress, Incoming, float], None],
         refuse: Callable[[str, str, str], None],
         now_s: Callable[[], float],
     ) -> None:
@@ -49,7 +48,7 @@ class Inbox:
         self._take = take
         self._refuse = refuse
         self._now_s = now_s
-        self._waiting: deque[tuple[_Address, Incoming, float]] = deque()
+        self._waiting: deque[tuple[CommandAddress, Incoming, float]] = deque()
         self._of_client: Counter[str] = Counter()
         self._parsed_stops = Bucket(PARSED_STOPS)
         self._paid_s = 0.0  # when the parsing done so far is within its share
@@ -61,7 +60,7 @@ class Inbox:
         address = self._topics.parse_command(incoming.topic)
         if address is None:
             logger.debug("topic=%s is no command", shortened(incoming.topic))
-        elif isinstance(address, CommandAddress) and address.verb == STOP:
+        elif address.verb == STOP and not address.problem:
             is_parsed = self._parsed_stops.take(now_s)
             self._take(address, incoming if is_parsed else replace(incoming, payload=b""), now_s)
         elif self._has_room(address.client):
@@ -72,7 +71,7 @@ class Inbox:
     def _has_room(self, client: str) -> bool:
         return len(self._waiting) < MOST and self._of_client[client] < MOST_OF_CLIENT
 
-    def _wait(self, address: _Address, incoming: Incoming, now_s: float) -> None:
+    def _wait(self, address: CommandAddress, incoming: Incoming, now_s: float) -> None:
         self._waiting.append((address, incoming, now_s))
         self._of_client[address.client] += 1
         if self._work is None:

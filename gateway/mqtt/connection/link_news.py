@@ -27,10 +27,9 @@ class LinkNews:
     on_link: Callable[[bool, str], None]
     on_notice: Callable[[Event], None]
     _noticed: set[str] = field(default_factory=set)  # the codes of notices, since a connection held
-    _logged: set[str] = field(default_factory=set)  # troubles, likewise
+    _logged: list[str] = field(default_factory=list)  # troubles, likewise; empty for a connection without
     _short_ones: int = 0
-    _link: tuple[bool, str] | None = None
-    _last_word: tuple[bool, str] | None = None  # as logged
+    _link: tuple[bool, str] = (False, "")
 
     def report(self, trouble: str, version: Version, *, is_connected: bool) -> None:
         """Report a connection, or its loss, unless that is the state already."""
@@ -38,18 +37,19 @@ class LinkNews:
             return
         self._link = (is_connected, trouble)
         if trouble not in self._logged:
-            self._log(version)
+            self._log(trouble, version)
         else:
             log.debug("broker=%s %s", self.settings.address, trouble or "connected")
         self.on_link(is_connected, trouble)
 
     def held(self, version: Version) -> None:
         """Note that the connection has held; say so when the loss of an earlier one was logged last."""
+        _, trouble = self._link
+        if self._logged[-1:] != [trouble]:
+            self._log(trouble, version)
         self._noticed.clear()
         self._logged.clear()
         self._short_ones = 0
-        if self._last_word != self._link:
-            self._log(version)
 
     def lost(self, notice: Event | None, reason: str) -> None:
         """Have the cause of a loss published, known or guessed, unless that has been done."""
@@ -62,9 +62,7 @@ class LinkNews:
             self._noticed.add(notice.code)
             self.on_notice(notice)
 
-    def _log(self, version: Version) -> None:
-        self._last_word = self._link
-        trouble = "" if self._link is None else self._link[1]
-        self._logged.add(trouble)
+    def _log(self, trouble: str, version: Version) -> None:
+        self._logged.append(trouble)
         connected = f"broker={self.settings.address} connected, MQTT {version}"
         log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)

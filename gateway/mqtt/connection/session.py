@@ -108,7 +108,7 @@ class Session:
         self._ask(topic_filter, options, on_answer)
 
     def unlisten(self, topic: str) -> None:
-        """Stop taking messages of a topic of `listen`."""
+        """End a subscription."""
         if not self.lost.done():
             self._client.unsubscribe(topic)
 

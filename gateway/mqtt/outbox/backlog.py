@@ -10,7 +10,7 @@
 |                  |                                                      | `give_back`: it waits            |
 | left to the table | it waited beyond its queue's window, and is written | `page`: it waits                 |
 
-Nothing here does I/O: `batches` says what is to be written, and `written` or `unwritten` must follow. A row
+Nothing here does I/O: `batch` says what is to be written, and `written` or `unwritten` must follow. A row
 that is gone before it was written never is; any other is deleted, together with what is written later.
 """
 
@@ -192,26 +192,22 @@ class Backlog:
 
     # What is to be written.
 
-    def batches(self) -> list[Batch]:
-        """Return what is to be written next: what is to be deleted, then what is new."""
-        found: list[Batch] = []
+    def batch(self) -> Batch | None:
+        """Return what is to be written next: what is to be deleted, which makes room, before what is new."""
         needed = frozenset(self._needed.values())
-        gone = dict(
-            islice(((id_, rank) for id_, rank in self._gone.items() if id_ not in needed), MOST_DELETED)
-        )
-        if gone:
+        deletable = (item for item in self._gone.items() if item[0] not in needed)
+        if gone := dict(islice(deletable, MOST_DELETED)):
             self._gone = {id_: rank for id_, rank in self._gone.items() if id_ not in gone}
-            found.append(Batch((), gone, self.losses.unstored(has_events=False)))
+            return Batch((), gone, self.losses.unstored(has_events=False))
         events = [id_ for id_ in self._unwritten if self._rows[id_].rank is not Rank.VALUE]
         values = (id_ for id_ in self._unwritten if self._rows[id_].rank is Rank.VALUE)
         has_events = len(events) <= MOST_ROWS
         ids = [*events, *islice(values, MOST_VALUES)][:MOST_ROWS]
         losses = self.losses.unstored(has_events=has_events)
-        if ids or losses is not None or (found and found[0].losses is not None):
-            self._unwritten.update(dict.fromkeys(ids, True))
-            rows = [self._rows[id_] for id_ in ids]
-            found.append(Batch(rows, losses=losses, has_events=has_events))
-        return found
+        if not ids and losses is None:
+            return None
+        self._unwritten.update(dict.fromkeys(ids, True))
+        return Batch([self._rows[id_] for id_ in ids], losses=losses, has_events=has_events)
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""

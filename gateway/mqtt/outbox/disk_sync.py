@@ -171,30 +171,25 @@ class DiskSync:
 
     async def _write(self) -> None:
         """Write all that is to be written, as far as a full disk permits."""
-        while batches := self._outbox.backlog.batches():
-            for failure in await asyncio.gather(*map(self._write_batch, batches), return_exceptions=True):
-                if failure is not None:
-                    raise failure
-
-    async def _write_batch(self, batch: Batch) -> None:
         backlog = self._outbox.backlog
-        now_s = self._clock.now_s()
-        is_flushed = batch.is_flushed or now_s - self._flushed_s > FLUSH_S
-        is_freeing = not batch.rows
-        may_wait = is_freeing and backlog.is_empty and self._outbox.is_connected
-        try:
-            await self._do(
-                partial(self._written, batch),
-                is_flushed=is_flushed,
-                is_freeing=is_freeing,
-                within_s=BEHIND_S if may_wait else 0.0,
-            )
-        except BaseException:
-            backlog.unwritten(batch)
-            raise
-        backlog.written(batch)
-        if is_flushed:
-            self._flushed_s = now_s
+        while (batch := backlog.batch()) is not None:
+            now_s = self._clock.now_s()
+            is_flushed = batch.is_flushed or now_s - self._flushed_s > FLUSH_S
+            is_freeing = not batch.rows
+            may_wait = is_freeing and backlog.is_empty and self._outbox.is_connected
+            try:
+                await self._do(
+                    partial(self._written, batch),
+                    is_flushed=is_flushed,
+                    is_freeing=is_freeing,
+                    within_s=BEHIND_S if may_wait else 0.0,
+                )
+            except BaseException:
+                backlog.unwritten(batch)
+                raise
+            backlog.written(batch)
+            if is_flushed:
+                self._flushed_s = now_s
 
     def _written(self, batch: Batch, connection: Connection) -> None:
         self._table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))

@@ -205,7 +205,7 @@ async def _way() -> _Way:
                 way.note_message()
             outbox.acked(outgoing.ticket, 0)
 
-    publisher.wake_with(lambda: loop.call_soon(send))
+    publisher.wake = lambda: loop.call_soon(send)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
     services = StarterServices(monitor_every_s=inf)

@@ -37,25 +37,20 @@ def _logins(at_least: int, at_most: int):  # type: ignore[no-untyped-def]
 
 REFUSED = [
     row(
-        f"a broker that refuses the connection ({name}) is tried again; the line is polled on",
+        "a broker that refuses the connection is tried again; the line is polled on",
         given=SSW07,
-        before=broker(refuses=code),
+        before=broker(refuses=0x86),  # bad user name or password
         at={60.0: broker(refuses=None)},
         then={
             59.0: [count("#", 0), _logins(14, 70)],
             75.0: [
-                seen("gateway/event", code="broker_away", text=re.compile(words), times=1),
+                seen("gateway/event", code="broker_away", text=re.compile("check username"), times=1),
                 retained("gateway/status", state="online"),
                 clean_line,
                 lambda plant: "" if plant.last("gateway/line/pumps")["answered"] > 60 else "not polled",
             ],
         },
-    )
-    for code, name, words in (
-        (0x86, "bad user name or password", "."),
-        (0x87, "not authorised", "."),
-        (0x97, "quota exceeded", "."),
-    )
+    ),
 ]
 
 VERSIONS = [
@@ -116,12 +111,6 @@ VERSIONS = [
         },
     ),
     row(
-        "a live retained start is refused in MQTT 5, where its flag shows",
-        given=SSW07 + ALICE,
-        at={4.0: lambda plant: plant.publish(*_start(plant), client="alice", retain=True)},
-        then={6.0: [result("start rejected retained"), frames("pump")]},
-    ),
-    row(
         "a live retained stop stops in MQTT 5, and a stored one never",
         given=SSW07 + ALICE,
         at={4.0: publish("command/pump/alice/stop", b"", client="alice", retain=True), 10.0: "broker drops"},
@@ -134,10 +123,6 @@ VERSIONS = [
         },
     ),
 ]
-
-
-def _start(plant: RigPlant) -> tuple[str, dict[str, str]]:
-    return "command/pump/alice/start", {"id": "1", "token": plant.token()}
 
 
 OTHERS = [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 from typing import Any
 
 import pytest
@@ -28,7 +27,6 @@ from tests.rig.sites import ALICE, QUICK, SSW07, operator
 from tests.scenarios.broker.support import count
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
-DEEP = "[" * 1500 + "]" * 1500
 
 
 def payload(text: bytes | str) -> Any:
@@ -44,59 +42,30 @@ def payload(text: bytes | str) -> Any:
 GOOD = '"id": "1", "token": "TOKEN"'
 BAD_PAYLOADS = {
     "nothing": "",
-    "no JSON": "start!",
     "no object": "[1, 2]",
-    "half an object": '{"id": "1"',
     "two objects": "{" + GOOD + "}{}",
     "no text": b"\xff\xfe\x00",
     "a key twice": "{" + GOOD + ', "id": "2"}',
     "an unknown key": "{" + GOOD + ', "speed": 1}',
     "no id": '{"token": "TOKEN"}',
-    "an empty id": '{"id": "", "token": "TOKEN"}',
-    "an id of a kilobyte": '{"id": "' + 1000 * "x" + '", "token": "TOKEN"}',
-    "a number as id": '{"id": 1, "token": "TOKEN"}',
-    "a null id": '{"id": null, "token": "TOKEN"}',
-    "NaN": "{" + GOOD + ', "ttl_s": NaN}',
-    "a number that is too large": "{" + GOOD + ', "ttl_s": 1e999}',
-    "no time to live": "{" + GOOD + ', "ttl_s": 0}',
-    "a time to live of an hour": "{" + GOOD + ', "ttl_s": 3600}',
-    "a negative time to live": "{" + GOOD + ', "ttl_s": -5}',
-    "args that are no object": "{" + GOOD + ', "args": [1]}',
-    "arguments that a start has not": "{" + GOOD + ', "args": {"parameter": "P314"}}',
-    "expectations that are no object": "{" + GOOD + ', "expect": "ready"}',
     "seventeen expectations": "{" + GOOD + ', "expect": ' + json.dumps({f"p{n}": 1 for n in range(17)}) + "}",
     "an expectation of a point that is not there": "{" + GOOD + ', "expect": {"colour": 1}}',
-    "a time without an offset": '{"id": "1", "issued_at": "2026-11-21T00:00:04"}',
-    "a time that is none": '{"id": "1", "issued_at": "soon"}',
-    "a thousand brackets": '{"id": "1", "args": ' + DEEP + "}",
     "five kilobytes": "{" + GOOD + ', "reason": "' + 5000 * "x" + '"}',
     "a surrogate": '{"id": "\\ud800", "token": "TOKEN"}',
-    "a zero byte": '{"id": "a\\u0000", "token": "TOKEN"}',
 }
 STOP_PAYLOADS = {
     "nothing": b"",
-    "a word": b"now!",
     "noise": bytes(range(256)),
-    "half an object": b'{"id": "1"',
     "an unknown key": b'{"id": "1", "speed": 1}',
-    "a wrong token": b'{"id": "1", "token": "x"}',
-    "an old time": b'{"id": "1", "issued_at": "2020-01-01T00:00:00Z"}',
     "five kilobytes": b"x" * 5000,
     "a wrong boot": b'{"id": "1", "boot": "0000000000000000"}',
 }
 MISTYPED = {  # with the answer, where the topic has a starter and a client
     "command/pump/alice/STOP": "STOP rejected malformed_topic",
-    "command/PUMP/alice/start": "start rejected malformed_topic",
     "command/pump/Alice/start": "",
     "command/pump/alice/start/": "start/ rejected malformed_topic",
     "command/pump/alice/start/now": "start/now rejected malformed_topic",
-    "command/pump/alice": "",
-    "command//alice/start": "",
-    "command/pump//start": "",
-    "command": "",
-    "command/pump/alice/st art": "st art rejected malformed_topic",
     "command/pump/alice/frobnicate": "frobnicate rejected unknown_verb",
-    "command/pump/alice/configure": "configure rejected unknown_verb",
 }
 
 
@@ -168,29 +137,6 @@ REFUSED = [
         given=SSW07 + ALICE,
         at={4.0: command("ghost/alice/start")},
         then={5.0: [result("start rejected unknown_starter", starter="ghost")]},
-    ),
-    row(
-        "a command to a line of results or events is none",
-        given=SSW07 + ALICE,
-        at={
-            4.0: [
-                publish("result/pump/alice", {"id": "1"}),
-                publish("starter/pump/state", {"state": "running"}),
-            ]
-        },
-        then={8.0: [frames("pump"), never("audit"), never("result/pump/alice", phase="accepted")]},
-    ),
-    row(
-        "a message of a megabyte beside the commands changes nothing",
-        given=SSW07 + ALICE,
-        at={4.0: publish("command/pump/alice/start", b"x" * 1_000_000, client="alice")},
-        then={
-            30.0: [
-                msg("starter/pump/state", quality="good"),
-                msg("gateway/status", state="online"),
-                frames("pump"),
-            ]
-        },
     ),
 ]
 
@@ -308,41 +254,3 @@ FLOODS = [
 @pytest.mark.parametrize("row", PAYLOADS + STOPS + TOPICS + REFUSED + FLOODS)
 def test_what_arrives(row: ScenarioRow) -> None:
     play(row)
-
-
-def test_random_messages_beside_the_commands_never_raise_and_start_nothing() -> None:
-    """What is a bug in the log fails the test (`RigPlant`)."""
-    dice = random.Random(1)
-    odd: list[Any] = [
-        None,
-        True,
-        7,
-        -(10**25),
-        1.5,
-        "",
-        "x" * 70,
-        "\ud800",
-        "a\x00",
-        "P314",
-        [],
-        ["1"],
-        {"value": {}},
-        {"a": 1},
-    ]
-    keys = ["id", "token", "boot", "issued_at", "ttl_s", "operator", "reason", "args", "expect", "select"]
-    verbs = ["start", "jog", "set", "read", "select", "lock", "unlock", "STOP", "x", "start/now", "", "é"]
-    with RigPlant(SSW07 + ALICE) as plant:
-        plant.run(until=3.0)
-        for _ in range(400):
-            body = json.dumps(
-                {key: dice.choice(odd) for key in dice.sample(keys, dice.randrange(8))}
-            ).encode()
-            content = dice.choice([body, body[: dice.randrange(len(body))], dice.randbytes(20)])
-            flags: dict[str, Any] = {"retain": dice.random() < 0.2, "client": "alice"}
-            plant.publish(f"command/pump/alice/{dice.choice(verbs)}", content, **flags)
-            plant.run(until=plant.world.now_s() + 0.2)
-        plant.run(until=plant.world.now_s() + 3.0)
-
-        assert {each.split()[-2] for each in plant.results()} == {"rejected"}
-        assert plant.starter("pump").writes == []
-        assert plant.last("gateway/status")["state"] == "online"

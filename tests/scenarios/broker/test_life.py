@@ -11,7 +11,6 @@ import pytest
 from tests.rig import (
     RigPlant,
     ScenarioRow,
-    clean_line,
     command,
     event,
     fault,
@@ -20,17 +19,15 @@ from tests.rig import (
     never,
     play,
     result,
-    results,
     retained,
     row,
     seen,
 )
-from tests.rig.sites import ALICE, FOUR, QUICK, SSW07, starter, table
+from tests.rig.sites import ALICE, FOUR, QUICK, SSW07, table
 from tests.rig.state import with_sql
-from tests.scenarios.broker.support import TRIP, afresh, codes, order
+from tests.scenarios.broker.support import TRIP, afresh, order
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
-TWO = SSW07 + starter("fan", 2, "ssw06")
 LOCK = command("pump/alice/lock", args={"reason": "belt is off"})
 
 
@@ -73,12 +70,6 @@ BEGINNING = [
         },
     ),
     row(
-        "nothing is written to a starter at a start or an end, nor after a kill",
-        given=FOUR + ALICE,
-        at={5.0: "kill", 6.0: "start", 11.0: "restart", 16.0: "end"},
-        then={16.0: [*(frames(name) for name in ("pump", "fan", "mill", "belt")), clean_line]},
-    ),
-    row(
         "a run begins without any good value, whatever the one before had published",
         given=SSW07,
         at={5.0: ["kill", fault("silent", "pump")], 6.0: "start"},
@@ -101,18 +92,6 @@ BEGINNING = [
                 msg("starter/pump/state", state="running", quality="good"),
                 never("starter/pump/event", since=8.0, code="started"),
                 frames("pump"),
-            ]
-        },
-    ),
-    row(
-        "a starter that is not there at the start is offline, and the gateway online",
-        given=TWO,
-        absent=("fan",),
-        then={
-            20.0: [
-                retained("starter/fan/availability", state="offline"),
-                retained("starter/fan/state", state="unknown"),
-                retained("gateway/status", state="online"),
             ]
         },
     ),
@@ -160,24 +139,14 @@ ENDS = [
             ]
         },
     ),
-    row(
-        "an end without a broker is over within ten seconds",
-        given=SSW07,
-        at={5.0: "broker down", 6.0: "end"},
-        then={6.0: lambda plant: "" if plant.world.now_s() < 16.0 else f"{plant.world.now_s()}"},
-    ),
-    row(
-        "an end at a broker that stands still is over within ten seconds",
-        given=SSW07,
-        at={5.0: "broker stalls", 6.0: "end"},
-        then={6.0: lambda plant: "" if plant.world.now_s() < 16.0 else f"{plant.world.now_s()}"},
-    ),
-    row(
-        "a command that is under way has its final result before the end",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={4.0: command("pump/alice/start"), 4.1: "end"},
-        then={4.2: [result("start unconfirmed shutting_down"), frames("pump", START), last_words]},
+    *(
+        row(
+            f"an end with the {words} is over within ten seconds",
+            given=SSW07,
+            at={5.0: words, 6.0: "end"},
+            then={6.0: lambda plant: "" if plant.world.now_s() < 16.0 else f"{plant.world.now_s()}"},
+        )
+        for words in ("broker down", "broker stalls")
     ),
 ]
 
@@ -219,18 +188,6 @@ MEMORY = [
                 frames("pump", START),
             ],
         },
-    ),
-    row(
-        "a refused id stays refused after a restart",
-        given=SSW07 + ALICE,
-        at={
-            4.0: "pump control local",
-            6.0: again(),
-            8.0: "pump control remote",
-            9.0: "restart",
-            14.0: again(),
-        },
-        then={15.0: [msg("result/pump/alice", id="one", phase="rejected", duplicate=True), frames("pump")]},
     ),
     row(
         "a token of the run before is not fresh, though its time is not over",
@@ -294,35 +251,6 @@ MEMORY = [
                     "" if len({m.json["id"] for m in plant.messages("starter/pump/trip")}) == 1 else "two"
                 ),
                 retained("starter/pump/alarm/e05", active=True),
-            ]
-        },
-    ),
-    row(
-        "another device than before the restart takes no command until it is accepted",
-        given=SSW07 + ALICE,
-        at={
-            6.0: "end",
-            6.5: lambda plant: plant.lines["pumps"].swap("pump", "ssw07", model="SSW-07 30.0A"),
-            7.0: "start",
-            14.0: command("pump/alice/start"),
-        },
-        then={
-            15.0: [
-                event("identity_changed", topic="starter/pump/event"),
-                result("start rejected identity_changed"),
-            ]
-        },
-    ),
-    row(
-        "three kills in a row leave everything right",
-        given=FOUR + ALICE,
-        sim={"pump": QUICK},
-        at={3.0: "kill", 3.1: "start", 3.5: "kill", 3.6: "start", 4.0: "kill", 4.1: "start", 10.0: again()},
-        then={
-            14.0: [
-                results("start accepted ok", "start written ok", "start confirmed ok"),
-                retained("gateway/status", state="online"),
-                codes("gateway/event", since=12.0),
             ]
         },
     ),

@@ -13,13 +13,10 @@ from tests.rig import (
     clean_line,
     command,
     event,
-    fault,
     frames,
     msg,
     never,
     play,
-    result,
-    results,
     retained,
     row,
     seen,
@@ -89,18 +86,6 @@ OUTAGES = [
         },
     ),
     row(
-        "the line is polled on while the broker is away",
-        given=SSW07,
-        at={5.0: "broker down", 65.0: "broker up"},
-        then={
-            70.0: lambda plant: (
-                ""
-                if plant.last("gateway/line/pumps")["answered"] > 60
-                else str(plant.last("gateway/line/pumps"))
-            )
-        },
-    ),
-    row(
         "a value of the outage is published as it is now, and what it was meanwhile as history",
         given=SSW07,
         at={
@@ -144,21 +129,6 @@ OUTAGES = [
                 afresh(12.0),
                 order(("starter/belt/state", {}), ("gateway/status", {"state": "online"}), since=12.0),
                 never("gateway/status", since=12.0, state="offline"),
-            ]
-        },
-    ),
-    row(
-        "a broker that lost what it retained has all of it again",
-        given=SSW07,
-        at={8.0: "broker down", 9.0: lambda plant: plant.broker.start(retained=False)},
-        then={
-            20.0: [
-                retained("gateway/info", product="starter-gateway"),
-                retained("gateway/status", state="online"),
-                retained("starter/pump/info", family="ssw07"),
-                retained("starter/pump/availability", state="online"),
-                retained("starter/pump/state", state="ready", quality="good"),
-                retained("starter/pump/value/current", quality="good"),
             ]
         },
     ),
@@ -208,32 +178,9 @@ OUTAGES = [
             ]
         },
     ),
-    row(
-        "a lost starter is reported after the return although it was lost and found in the outage",
-        given=SSW07,
-        at={5.0: "broker down", 6.0: fault("silent", "pump", for_s=20.0), 60.0: "broker up"},
-        then={
-            80.0: [
-                codes("starter/pump/event", "went_silent", "answers_again"),
-                msg("starter/pump/availability", state="online"),
-            ]
-        },
-    ),
 ]
 
 ACKNOWLEDGEMENTS = [
-    row(
-        "late acknowledgements lose and double nothing",
-        given=SSW07,
-        at={3.0: broker(ack_after_s=1.0), 5.0: TRIP, 10.0: HEAL},
-        then={
-            25.0: [
-                codes("starter/pump/event", "fault", "cleared"),
-                never("gateway/event", code="broker_away"),
-                _same_number_same_bytes,
-            ]
-        },
-    ),
     row(
         "what was not acknowledged is sent again, the same to the byte",
         given=SSW07,
@@ -272,11 +219,8 @@ def test_nothing_is_lost(row: ScenarioRow) -> None:
 @pytest.mark.parametrize(
     ("stall_s", "expected"),
     [
-        (1.0, [START]),
         (3.0, [START]),
         (5.5, []),
-        (8.0, []),
-        (20.0, []),
         (60.0, []),
     ],
 )
@@ -330,26 +274,6 @@ STALLS = [
                 ),
             ]
         },
-    ),
-    row(
-        "a token of before a lost connection proves nothing",
-        given=SSW07 + ALICE,
-        at={
-            5.0: lambda plant: setattr(plant, "old", plant.token()),
-            5.1: "broker drops",
-            8.0: lambda plant: plant.command("pump/alice/start", token=plant.old, ttl_s=60),  # type: ignore[attr-defined]
-        },
-        then={9.0: [results("start rejected not_fresh"), frames("pump")]},
-    ),
-    row(
-        "a boot of before a lost connection is refused, with a right token too",
-        given=SSW07 + ALICE,
-        at={
-            5.0: lambda plant: setattr(plant, "old", plant.last("gateway/status")["boot"]),
-            5.1: "broker drops",
-            8.0: lambda plant: plant.command("pump/alice/start", boot=plant.old),  # type: ignore[attr-defined]
-        },
-        then={9.0: [result("start rejected wrong_boot"), frames("pump")]},
     ),
 ]
 

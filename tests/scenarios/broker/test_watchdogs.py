@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
-
 import pytest
 
 from tests.rig import (
@@ -13,78 +10,34 @@ from tests.rig import (
     command,
     event,
     fault,
-    frames,
     msg,
-    never,
     play,
     reload,
     result,
     row,
-    seen,
 )
 from tests.rig.sites import ALICE, SSW07, line, starter
 from tests.rig.state import stored_document, with_document
 from tests.scenarios.broker.support import codes
-from tests.scenarios.commands import do
 
 SLOW = line(baud=9600)
 PUMP = starter("pump", 1, "ssw07")
 MANY = "".join(starter(f"p{at}", at, "ssw07", watchdog_s=3.0) for at in range(2, 20))
 OTHERS = tuple(f"p{at}" for at in range(2, 20))
 USED_FOR_30 = msg("gateway/line/pumps", watchdogs={"load": pytest.approx(0.0016, abs=0.001)})
-SET_3 = command("pump/alice/set", args={"parameter": "P314", "value": 3})
-
-
-def stored(plant: RigPlant) -> str:
-    """The file of the state has the watchdog that was set."""
-    found = stored_document(plant, "watchdogs")
-    return "" if "3" in json.dumps(found.get("pump")) else f"{found}"
 
 
 ROWS = [
     row(
-        "a watchdog that the line can keep is set, and no event says that it may act",
-        given=SSW07 + ALICE,
-        at={6.0: do("pump set", parameter="P314", value=1)},
-        then={
-            30.0: [
-                result("set confirmed ok"),
-                seen("starter/pump/event", code="readiness", severity="info", since=6.0),
-                never("starter/pump/event", code="readiness", severity="error"),
-                never("gateway/event", code="watchdog_unkept"),
-            ]
-        },
-    ),
-    row(
-        "a watchdog that the line can keep is set, and stored for the next run",
-        given=SSW07 + ALICE,
-        at={6.0: SET_3, 15.0: "kill", 16.0: "start"},
-        then={
-            14.0: [result("set confirmed ok"), stored],
-            40.0: [stored, never("starter/pump/event", code="parameter_changed")],
-        },
-    ),
-    row(
-        "a watchdog that the line cannot keep is refused, with the gap and the shortest that can be met",
-        given=SLOW + PUMP + MANY + ALICE,
-        absent=OTHERS,
-        at={20.0: command("pump/alice/set", args={"parameter": "P314", "value": 1})},
-        then={
-            22.0: [
-                result("set rejected watchdog_unkept"),
-                seen(
-                    "result/pump/alice",
-                    text=re.compile("the shortest watchdog of pump that the line can meet is"),
-                ),
-                frames("pump"),
-            ]
-        },
-    ),
-    row(
         "a watchdog that the starter refused to take costs the line nothing more",
         given=line() + starter("pump", 1, "ssw07", every_s=20.0) + ALICE,
         sim={"pump": {"settings": {313: 2, 314: 30}}},
-        at={30.0: [fault("refuse", "pump", 4, (6, 16), for_s=5.0), SET_3]},
+        at={
+            30.0: [
+                fault("refuse", "pump", 4, (6, 16), for_s=5.0),
+                command("pump/alice/set", args={"parameter": "P314", "value": 3}),
+            ]
+        },
         then={29.0: USED_FOR_30, 90.0: [result("set failed server_device_failure"), USED_FOR_30]},
     ),
     row(
