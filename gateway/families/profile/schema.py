@@ -317,6 +317,12 @@ def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
     return lru_cache(maxsize=512)(make)  # a site has a few profiles: most starters ask for the same points
 
 
+def remade(profile: Profile, **changed: object) -> Profile:
+    """Return a profile with other parts, which caches nothing of the former's."""
+    fields = {name: getattr(profile, name) for name in Profile.model_fields}
+    return Profile.model_validate({**fields, **changed})
+
+
 class Variant(Model):
     """The differences of a starter from others of its family; unknown until configured or identified."""
 
