@@ -12,18 +12,14 @@ from pathlib import Path
 import pytest
 
 import gateway.families
-from gateway.families.profile.load import LANGUAGES, read_profile, rows_of
+from gateway.families.profile.load import FAMILIES, LANGUAGES, read_profile, rows_of
 from gateway.families.profile.parameters import READS
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Command, Profile, Write
 from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
 
-FOLDERS = [
-    *sorted(
-        each for each in (Path(gateway.families.__file__).parent / "profiles").iterdir() if each.is_dir()
-    ),
-    Path(__file__).parent / "acme",
-]
+PROFILES = Path(gateway.families.__file__).parent / "profiles"
+FOLDERS = [*(PROFILES / family for family in FAMILIES), Path(__file__).parent / "acme"]
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 READ_OVERHEAD = 5  # bytes of a reply frame beside its words: unit, function, byte count, CRC
 WRITE_OVERHEAD = 9  # bytes of an FC16 frame beside its words
