@@ -12,16 +12,15 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gateway.config.mistakes import Key
-from gateway.config.schema import REPEATED_TABLES
 from gateway.errors import Problem
 
 _MAY_END = re.compile(r"""\]|\"{3}|'{3}""")  # a statement of several lines is at its end
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-_LONG_NUMBER = re.compile(r"[0-9_]{1000,}")
 _QUOTES = "close it with the quote it begins with"
 _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.py)
     "Invalid value": 'text goes in quotes: "..."; true and false are small; a number begins with a digit',
     "Expected newline": "one key a line; text goes in quotes; a decimal point is a point: 0.5",
+    "Cannot declare": "several go as [[line]], with two brackets; of the others one, with all its keys",
     "Cannot overwrite": "a key is given twice, or as a value and as a table: keep one of them",
     "Expected '='": 'such as name = "mcc1"; several words are no key',
     "Expected ']": "such as [gateway], or [[line]] with two brackets",
@@ -90,16 +89,10 @@ def _paths(value: Any) -> Iterator[Key]:
 def syntax_problem(error: ValueError, text: str) -> Problem:
     """Return what the parser's error says of this text, in its words, with a hint for the usual slips."""
     message = str(error)
-    place = _PLACE.search(message)
-    what = _PLACE.sub("", message)
-    if place is None:  # of int(), which knows no place
-        found = _LONG_NUMBER.search(text)
-        line = None if found is None else text.count("\n", 0, found.start()) + 1
-        return Problem("syntax", "a number has too many digits", "is something missing in between?", line)
-    line = int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
-    where = f"at column {place[2]}" if place[2] else "at the end of the file"
+    place, what = _PLACE.search(message), _PLACE.sub("", message)
     hint = next((hint for begins, hint in _HINTS.items() if what.startswith(begins)), "see https://toml.io")
-    if what.startswith("Cannot declare"):
-        name = ".".join(re.findall(r"'([^']*)'", what))
-        hint = f"several go as [[{name}]]" if name in REPEATED_TABLES else f"one [{name}] with all its keys"
-    return Problem("syntax", f"{what}, {where}", hint, line)
+    if place is None:  # of int(), which knows no place
+        return Problem("syntax", what, hint)
+    if place[1] is None:
+        return Problem("syntax", f"{what}, at the end of the file", hint, text.rstrip("\n").count("\n") + 1)
+    return Problem("syntax", f"{what}, at column {place[2]}", hint, int(place[1]))

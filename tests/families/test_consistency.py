@@ -16,10 +16,17 @@ from gateway.families.profile.load import FAMILIES, LANGUAGES, read_profile, row
 from gateway.families.profile.parameters import READS
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Command, Profile, Write
-from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
+from gateway.families.profile.word_types import TYPE_LIMITS
 
 PROFILES = Path(gateway.families.__file__).parent / "profiles"
 FOLDERS = [*(PROFILES / family for family in FAMILIES), Path(__file__).parent / "acme"]
+# How many words each type takes; a string takes what its row says.
+TYPE_WORDS: dict[Type, int] = {
+    **dict.fromkeys((*TYPE_LIMITS, Type.VERSION_LOW, Type.VERSION_HIGH), 1),
+    **dict.fromkeys((Type.U32, Type.S32, Type.TIME, Type.IP_ADDRESS), 2),
+    Type.MAC_ADDRESS: 3,
+    Type.DATE: 4,
+}
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 READ_OVERHEAD = 5  # bytes of a reply frame beside its words: unit, function, byte count, CRC
 WRITE_OVERHEAD = 9  # bytes of an FC16 frame beside its words
