@@ -56,6 +56,10 @@ class Limits(Model):
     segment_devices: int | None = None  # on a line without repeaters; None = not stated
     max_gap: int = 0  # unknown registers that a block read may span (SSW900 7.3: they read 0)
 
+    def most(self, table: Table) -> int:
+        """Return the most registers or bits of a table that one request may read."""
+        return self.read_bits if table.is_bits else self.read_registers
+
 
 class Verify(Model):
     """How a command is seen to have acted: this point becomes this value, within this time."""
