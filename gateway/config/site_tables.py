@@ -48,16 +48,8 @@ class PointsTable(ConfigTable):
     """`[[points]]`: rows of a family that are published besides its points."""
 
     family: Family = Field(description="The family whose rows these are.")
-    codes: Several[RowPattern] = Field(
-        min_length=1,
-        description="Rows by the manual's codes, with * and ? as in a shell, such as S4.3.*.",
-    )
-    every_s: float = Field(
-        DEFAULT_EVERY_S,
-        ge=0.1,
-        le=3600,
-        description="How often they are read; the shortest period of a row counts.",
-    )
+    codes: Several[RowPattern] = Field(min_length=1, description="Rows by their codes, with * and ?: S4.3.*.")
+    every_s: float = Field(DEFAULT_EVERY_S, ge=0.1, le=3600, description="How often they are read, at least.")
     starters: Several[Glob] = Field(("*",), min_length=1, description="Only of these starters of the family.")
 
 
@@ -69,26 +61,15 @@ class RowTable(ConfigTable):
     name: PointName = Field(description="The name of its point, where one is asked for.")
     title: Text = Field(description="Its name for people.")
     address: int | None = Field(
-        None,
-        ge=0,
-        le=0xFFFF,
-        description="Its register, where that is not the number in its code (e.g. ssw900: the net id).",
+        None, ge=0, le=0xFFFF, description="Its register, where its code is no number (ssw900: the net id)."
     )
-    type: Literal["u16", "s16", "u32", "s32"] = Field(
-        "u16", description="The number in its registers; 32 bits have the low word first."
-    )
+    type: Literal["u16", "s16", "u32", "s32"] = Field("u16", description="32 bits have the low word first.")
     scale: float = Field(1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001.")
     unit: str = Field("", max_length=16, description="The unit of its value.")
-    min: float | None = Field(
-        None, ge=-1e10, le=1e10, description="The smallest value to be set, in its unit."
-    )
-    max: float | None = Field(
-        None, ge=-1e10, le=1e10, description="The largest value to be set, in its unit."
-    )
+    min: float | None = Field(None, ge=-1e10, le=1e10, description="The smallest value to be set.")
+    max: float | None = Field(None, ge=-1e10, le=1e10, description="The largest value to be set.")
     writable: bool = Field(default=False, description="Whether it may be set; it needs min and max then.")
-    while_: Literal["stopped", "always"] = Field(
-        "stopped", alias="while", description="When it may be set: at standstill only, or always."
-    )
+    while_: Literal["stopped", "always"] = Field("stopped", alias="while", description="When it may be set.")
 
     @property
     def profile(self) -> Profile:
