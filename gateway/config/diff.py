@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
-from gateway.config.schema import NOT_SIMULATED, Config, LineTable, StarterTable
+from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.errors import Problem
 
 FIXED = ("gateway.name", "gateway.language", "gateway.state_dir", "mqtt.base")
@@ -96,5 +96,5 @@ def _machine(starter: StarterTable) -> StarterTable:
 
     The points and rows that the configuration adds stay, wherever they are asked for.
     """
-    others = {"rules": None, "simulated": NOT_SIMULATED, "every_s": 1.0, "points": ()}
+    others = {"rules": None, "simulated": None, "every_s": 1.0, "points": ()}
     return starter.model_copy(update=others)

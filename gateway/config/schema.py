@@ -39,23 +39,13 @@ from gateway.families import ENGLISH, Profile, diagnosis, extension, load_profil
 
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
-MOTOR_VERBS = (
-    "start",
-    "reset",
-    "set",
-    "jog",
-    "direction",
-    "local_remote",
-    "general_enable",
-    "output",
-    "configure",
-)
+VERBS = ("start", "reset", "set", "jog", "direction", "local_remote", "general_enable", "output", "configure")
 if TYPE_CHECKING:
     Verb = str
     TwoStepVerb = str
 else:
-    Verb = Literal[(*MOTOR_VERBS, "stop", "read", *OWN_VERBS, "*")]
-    TwoStepVerb = Literal[MOTOR_VERBS]
+    Verb = Literal[(*VERBS, "stop", "read", *OWN_VERBS, "*")]
+    TwoStepVerb = Literal[VERBS]
 
 
 class GatewayTable(ConfigTable):
@@ -102,9 +92,6 @@ class GroupTable(ConfigTable):
     starters: Several[Glob] = Field(min_length=1, description="Its members: names, with * and ?.")
 
 
-NOT_SIMULATED = SimulatedTable()  # one for all: nothing changes it
-
-
 class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
@@ -126,13 +113,13 @@ class StarterTable(ConfigTable):
         None,
         ge=0,
         le=1000,
-        description="Timeout set in the starter; 0: off; refused where it cannot be kept.",
+        description="Timeout set in the starter; 0: off; refused where the line is too slow.",
     )
     enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
     points: Several[RowPattern] = Field((), description="Rows that are points too, by code, with * and ?.")
     rules: RulesTable | None = Field(None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(
-        default_factory=lambda: NOT_SIMULATED, description="What `simulate` makes of it; `run` ignores it."
+        default_factory=SimulatedTable, description="What `simulate` makes of it; `run` ignores it."
     )
     _additions: SiteAdditions = PrivateAttr(SiteAdditions())  # of the configuration, to its family
 

@@ -177,7 +177,7 @@ def _runs(profile: Profile, rows: Iterable[Parameter], timing: LineTiming | None
 
 
 def widest_gap(timing: LineTiming) -> int:
-    """Return how many registers that nobody wants take the line less time than another request."""
+    """Return how many registers that are not wanted take the line less time than another request."""
     request_s = timing.wire_s(_REQUEST_BYTES + _REPLY_BYTES) + timing.silence_s + LEAST_DELAY_S
     return int(request_s / timing.wire_s(_WORD_BYTES))
 
