@@ -128,9 +128,8 @@ class StarterTable(ConfigTable):
         profile = load_profile(self.family)
         if self.slot is not None and len(profile.command_word) < 2:
             yield Mistake(("slot",), f"{self.family} has no slots", "leave it out")
-        said = {"model": self.model, "watchdog_s": self.watchdog_s}
-        for name, why in diagnosis.wrong_settings(profile, **said):
-            yield Mistake((name,), f"{short(said[name])} {why}", "see its manual")
+        for name, why in diagnosis.wrong_settings(profile, model=self.model, watchdog_s=self.watchdog_s):
+            yield Mistake((name,), f"{short(getattr(self, name))} {why}", "see its manual")
         for mistake in self.simulated.not_of(profile):
             yield replace(mistake, key=("simulated", *mistake.key))
 

@@ -45,13 +45,6 @@ def _shipped(family: str, language: str) -> Profile:
     return read_profile(_PROFILES / family, language)
 
 
-def languages_of(family: str) -> tuple[str, ...]:
-    """Return the languages in which a shipped family has names, English first."""
-    return tuple(
-        each for each in LANGUAGES if each == ENGLISH or (_PROFILES / family / f"{each}.csv").is_file()
-    )
-
-
 def read_profile(directory: Traversable, language: str = ENGLISH) -> Profile:
     """Return the profile in `directory`; ValueError with every part that has not the shape of its model."""
     content = tomllib.loads((directory / "family.toml").read_text(encoding="utf-8"))
