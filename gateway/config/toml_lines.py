@@ -1,20 +1,19 @@
 """The line of a key in a TOML text: `tomllib` gives no positions, and a mistake needs its line.
 
-Each statement, a header or a key with its value, is a document of its own: lines are put together until they
-are one. So the parser itself says where a statement ends and which keys it has.
+Headers and keys are looked for at the beginnings of lines. What is inside a value has the line of its key.
 """
 
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 from gateway.config.mistakes import Key
 from gateway.errors import Problem
 
-_MAY_END = re.compile(r"""\]|\"{3}|'{3}""")  # a statement of several lines is at its end
+_PART = re.compile(r"""\"(?:[^"\\]|\\.)*"|'[^']*'|[A-Za-z0-9_-]+""")  # of a key
+_NAME = rf"(?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*"
+_LINE = re.compile(rf"\s*(?:(\[\[?)\s*)?({_NAME})\s*(?(1)\]|=)")  # a header, or a key with its value
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _QUOTES = "close it with the quote it begins with"
 _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.py)
@@ -34,56 +33,29 @@ _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.p
 
 
 def locate(text: str) -> dict[Key, int]:
-    """Return the 1-based line of every table and key; what is inside a value has the line of its key."""
+    """Return the 1-based line of every table, and of every key that begins a line."""
     lines: dict[Key, int] = {}
-    counts: dict[Key, int] = {}  # items so far of each array of tables
+    counts: dict[Key, int] = {}  # items so far of each array of tables, less one
     table: Key = ()
-    for line, said, is_header in _statements(text):
-        if is_header:
-            table = ()
-            while said:
-                (part, said), *_ = said.items()
-                table = (*table, part)
-                lines.setdefault(table, line)
-                if isinstance(said, list):
-                    counts[table] = counts.get(table, -1) + 1
-                    said = said[0]
-                if table in counts:  # a path through an array of tables goes to its latest item
-                    table = (*table, counts[table])
-                    lines.setdefault(table, line)
-        else:
-            for path in _paths(said):
-                lines.setdefault((*table, *path), line)
+    for number, line in enumerate(text.split("\n"), 1):
+        if found := _LINE.match(line):
+            brackets, parts = found[1], _PART.findall(found[2])
+            key = () if brackets else table
+            for place, part in enumerate(parts, 1):
+                key = (*key, part.strip("\"'"))
+                lines.setdefault(key, number)
+                if brackets == "[[" and place == len(parts):
+                    counts[key] = counts.get(key, -1) + 1
+                if key in counts:  # a path through an array of tables goes to its latest item
+                    key = (*key, counts[key])
+                    lines.setdefault(key, number)
+            table = key if brackets else table
     return lines
 
 
 def line_of(lines: Mapping[Key, int], key: Key) -> int | None:
     """Return the line of the key, or of the nearest table around it; None when the file has neither."""
     return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
-
-
-def _statements(text: str) -> Iterator[tuple[int, dict[str, Any], bool]]:
-    """Yield the line on which each statement begins, what it says, and whether it is a header."""
-    begun, statement = 1, list[str]()
-    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
-        statement.append(line)
-        if len(statement) > 1 and not _MAY_END.search(line):
-            continue
-        try:
-            said = tomllib.loads("\n".join(statement))
-        except (ValueError, RecursionError):
-            continue
-        if said:
-            yield begun, said, statement[0].lstrip().startswith("[")
-        begun, statement = number + 1, []
-
-
-def _paths(value: Any) -> Iterator[Key]:
-    """Yield the path of everything in a value."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, item in items:
-        yield (key,)
-        yield from ((key, *path) for path in _paths(item))
 
 
 def syntax_problem(error: ValueError, text: str) -> Problem:
