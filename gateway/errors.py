@@ -2,7 +2,6 @@
 
 GatewayError
 ├── ConfigError          the configuration is wrong: print all problems, exit 78
-├── ProfileError         a shipped family profile is wrong: a bug, exit 1
 ├── UsageError           a command line asks for what does not exist: exit 2
 ├── StartError           another gateway runs, or this user may not: exit 1
 ├── PortError            the port cannot be opened (now): report, wait, retry
@@ -53,15 +52,6 @@ class ConfigError(GatewayError):
         self.path = path
         self.problems = problems
         super().__init__("\n".join(f"{path}: {problem}" for problem in problems))
-
-
-class ProfileError(GatewayError):
-    """A family's profile contradicts itself; carries every problem at once."""
-
-    def __init__(self, family: str, problems: list[str]) -> None:
-        self.family = family
-        self.problems = problems
-        super().__init__("\n".join(f"profile {family}: {problem}" for problem in problems))
 
 
 class UsageError(GatewayError):

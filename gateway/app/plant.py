@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from gateway.app.health import Health
-from gateway.config import Additions, ConfigChanges, LineTable, setups_of, timing_of
+from gateway.config import ConfigChanges, LineTable, setups_of, timing_of
 from gateway.contract import EventCode, ForgetRecord, PublishEvent, RecordWriter
 from gateway.families import ENGLISH
 from gateway.line import (
@@ -83,11 +83,10 @@ class Plant:
             endings.append(self._host.remove_line(name))
         for name, every_s in changes.paces:
             self.starters[name].set_every(every_s)
-        if changes.refresh_s is not None:
-            self._refresh_s = changes.refresh_s
-            for starter in self.starters.values():
-                starter.set_refresh(changes.refresh_s)
-        new = [starter for additions in changes.starters_new for starter in self._join(additions)]
+        self._refresh_s = changes.refresh_s
+        for starter in self.starters.values():
+            starter.set_refresh(changes.refresh_s)
+        new = [starter for table in changes.lines_joined for starter in self._join(table)]
         new += [starter for table in changes.lines_new for starter in self._add_line(table)]
         return self._start_new(new, endings)
 
@@ -162,10 +161,9 @@ class Plant:
         )
         return [self._add_starter(setup) for setup in setups]
 
-    def _join(self, additions: Additions) -> list[StarterTelemetry]:
-        """Add starters to a line that runs; each gets its first request at once."""
-        names = {each.name for each in additions.starters}
-        new = [self._add_starter(setup) for setup in self._setups(additions.line) if setup.name in names]
+    def _join(self, table: LineTable) -> list[StarterTelemetry]:
+        """Add the starters of a table to its line, which runs; each gets its first request at once."""
+        new = [self._add_starter(setup) for setup in self._setups(table)]
         for starter in new:
             polls = starter.polls()
             for poll in polls:

@@ -15,7 +15,7 @@ from gateway.config.convert import (
     version_of,
     wiring_of,
 )
-from gateway.config.diff import Additions, ConfigChanges, changes_of, fixed
+from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.integration_tables import HomeAssistantTable, SparkplugTable
 from gateway.config.mistakes import Mistake, choose
 from gateway.config.reading import load, parse

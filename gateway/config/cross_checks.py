@@ -6,10 +6,8 @@ rest is judged of the document without the keys that are wrong by themselves.
 
 from __future__ import annotations
 
-import os
-import posixpath
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import filter as fitting
 from typing import Any
 
@@ -26,47 +24,23 @@ SPARKPLUG_NAMESPACE = "spBv1.0"
 Document = Mapping[str, Any]
 
 
-def _adapter(_: Key, port: object) -> object:
-    """Return what all names of an adapter have in common: its device number, while it is plugged in."""
-    if not isinstance(port, str) or not posixpath.isabs(port):
-        return port
-    try:
-        number = os.stat(port).st_rdev
-    except (OSError, ValueError):
-        number = 0
-    return number or posixpath.normpath(port)
-
-
-def _itself(_: Key, value: object) -> object:
-    return value
-
-
-_Seen = Callable[[Key, object], object]  # what is compared: of a key and its value
-
 # Keys of which no two may be alike, and why. A command's topic must name one target: a starter or a group.
-_UNIQUE: tuple[tuple[tuple[str, ...], _Seen, str], ...] = (
-    (("line.name",), _itself, "each line needs its own name"),
-    (("line.port",), _adapter, "put all starters of a port under one [[line]]"),
-    (
-        ("line.starter.name", "group.name"),
-        _itself,
-        "each starter needs its own name, whatever its line, and so does each group",
-    ),
-    (
-        ("line.starter.address",),
-        lambda key, address: (key[1], address),
-        "each starter on a line needs its own address",
-    ),
-    (("web.user.name",), _itself, "each login needs its own name"),
-)
+_UNIQUE = {
+    ("line.name",): "each line needs its own name",
+    ("line.port",): "put all starters of a port under one [[line]]",
+    ("line.starter.name", "group.name"): "each starter needs its own name, and so does each group",
+    ("line.starter.address",): "each starter on a line needs its own address",
+    ("web.user.name",): "each login needs its own name",
+}
 
 
 def wrong_names(document: Document) -> Iterator[Mistake]:
     """Yield names that stand twice, and names of what is not there."""
-    for paths, compared, hint in _UNIQUE:
+    for paths, hint in _UNIQUE.items():
         seen: dict[object, Key] = {}
         for key, value in (found for path in paths for found in _at(document, path)):
-            yield from _again(seen, key, value, compared(key, value), hint)
+            compared = (key[1], value) if key[-1] == "address" else value  # those of one line
+            yield from _again(seen, key, value, compared, hint)
     names = [str(name) for _, name in _at(document, "line.starter.name")]
     for table in ("operator", "rules", "group", "points"):
         for key, pattern in _at(document, f"{table}.starters"):

@@ -47,14 +47,10 @@ class LoginTable(ConfigTable):
         description="File with the password in one line, for its owner only; or a systemd credential, "
         "mqtt.password or sparkplug.password; or, at [mqtt], STARTER_GATEWAY_MQTT_PASSWORD.",
     )
-    ca_file: Text | None = Field(
-        None, description="The certificate authority of the broker, PEM; absent: those of the system."
-    )
+    ca_file: Text | None = Field(None, description="The broker's authority, PEM; absent: the system's.")
     cert_file: Text | None = Field(None, description="The client's certificate, PEM; with key_file.")
     key_file: Text | None = Field(None, description="The client's private key, PEM; with cert_file.")
-    allow_plaintext: bool = Field(
-        default=False, description="Permits mqtt:// to a broker on another machine."
-    )
+    allow_plaintext: bool = Field(default=False, description="Permits mqtt:// to brokers on other machines.")
 
     def is_exposed(self, url: str) -> bool:
         """Return whether a broker on another machine is reached without encryption, and may not be."""
@@ -66,24 +62,13 @@ class MqttTable(LoginTable):
     """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
 
     url: BrokerUrl = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
-    base: Base = Field(
-        DEFAULT_BASE, description="What all topics begin with; {gateway} stands for the gateway's name."
-    )
-    client_id: Text | None = Field(
-        None, description="The MQTT client id; absent: the gateway's name. One connection each."
-    )
-    version: MqttVersion = Field(
-        "auto", description="The version of MQTT; auto: 5, and 3.1.1 where the broker refuses that."
-    )
+    base: Base = Field(DEFAULT_BASE, description="What topics begin with; {gateway} is the gateway's name.")
+    client_id: Text | None = Field(None, description="The MQTT client id; absent: the gateway's name.")
+    version: MqttVersion = Field("auto", description="The version of MQTT; auto: 5, else 3.1.1.")
     keepalive_s: int = Field(
-        6,
-        ge=3,
-        le=3600,
-        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
+        6, ge=3, le=3600, description="After 1.5 times so long a silence the broker publishes offline."
     )
-    refresh_s: float = Field(
-        300.0, ge=1, le=86400, description="After so long an unchanged value is published again."
-    )
+    refresh_s: float = Field(300.0, ge=1, le=86400, description="When unchanged values are published again.")
 
     @property
     def host(self) -> str:
@@ -118,32 +103,23 @@ class WebUserTable(ConfigTable):
     password: Annotated[str, Field(pattern=LINE_PATTERN)] = Field(
         description="What `starter-gateway web-password` prints: the password cannot be read from it."
     )
-    operator: Name = Field(
-        description="The `client` of an [[operator]]: the same rights, limits and audit as over MQTT."
-    )
+    operator: Name = Field(description="The `client` of an [[operator]]: the login has its rights.")
 
 
 class WebTable(ConfigTable):
     """`[web]`: the status page; without this table nothing listens."""
 
     listen: Listen = Field(
-        "127.0.0.1:8480",
-        description="address:port or [::1]:port; other addresses than loopback only with logins.",
+        "127.0.0.1:8480", description="address:port; other than loopback only with logins."
     )
     hosts: Several[HostName] = Field((), description="Further names that the page is called by.")
     base_path: PagePath = Field("/", description="The path below which a proxy serves the page.")
-    cert_file: Text | None = Field(
-        None, description="The page's certificate, PEM; with key_file it speaks TLS only."
-    )
+    cert_file: Text | None = Field(None, description="The page's certificate, PEM; with it TLS only.")
     key_file: Text | None = Field(None, description="The page's private key, PEM; with cert_file.")
     allow_plaintext: bool = Field(default=False, description="Permits http:// to other machines.")
     trusted_proxies: Several[Network] = Field((), description='Addresses or networks of proxies, e.g. "::1".')
-    pages_per_address: int = Field(
-        32, ge=1, le=48, description="How many pages may be open at one address, or by one login."
-    )
-    users: Several[WebUserTable] = Field(
-        (), alias="user", description="Who may log in; none: the page is read-only."
-    )
+    pages_per_address: int = Field(32, ge=1, le=48, description="Most pages open at one address or login.")
+    users: Several[WebUserTable] = Field((), alias="user", description="Who may log in; none: read-only.")
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what would open the page to more than this machine without protection."""
@@ -162,84 +138,54 @@ class WebTable(ConfigTable):
 class HistoryTable(ConfigTable):
     """`[history]`: stores values over time for seven days; starts and trips are recorded without it."""
 
-    values: Several[Name] = Field(
-        ("current",), min_length=1, max_length=8, description="The points, of every starter that has them."
-    )
+    values: Several[Name] = Field(("current",), min_length=1, max_length=8, description="Names of points.")
 
 
 class MetricsTable(ConfigTable):
     """`[metrics]`: what Prometheus scrapes, on the status page's server or in a file."""
 
-    all_points: bool = Field(
-        default=False, description="Adds every point that is a number, as point_value; many series."
-    )
+    all_points: bool = Field(default=False, description="Adds every point that is a number, as point_value.")
     token_file: Text | None = Field(
         None,
         description="File with the token that a scrape must carry, for its owner only; or a systemd "
         "credential, metrics.token; without: none is needed from this machine, or by TLS.",
     )
-    textfile: PromFile | None = Field(
-        None, description="File for node-exporter's textfile collector, written every 15 s."
-    )
+    textfile: PromFile | None = Field(None, description="File for node-exporter, written every 15 s.")
 
 
 class HomeAssistantTable(ConfigTable):
     """`[homeassistant]`: announces the starters to Home Assistant; without this table nothing is."""
 
-    discovery_prefix: Topic = Field(
-        DEFAULT_DISCOVERY_PREFIX, description="Home Assistant's discovery prefix, as set there."
-    )
-    birth_topic: Topic | None = Field(
-        None,
-        description='Where Home Assistant publishes "online" when it has begun; absent: PREFIX/status.',
-    )
+    discovery_prefix: Topic = Field(DEFAULT_DISCOVERY_PREFIX, description="The discovery prefix set there.")
+    birth_topic: Topic | None = Field(None, description='Where it publishes "online"; absent: PREFIX/status.')
     operator: Name | None = Field(
         None,
         description="Home Assistant's login at the broker, the `client` of an [[operator]]; its rights "
         "decide which buttons there are. Absent: none.",
     )
-    commands: bool = Field(
-        default=False, description="Buttons for start and reset too; a stop needs an operator only."
-    )
-    page_url: Url | None = Field(
-        None, description="The status page as others reach it; shown at each device."
-    )
+    commands: bool = Field(default=False, description="Buttons for start and reset too, beside stop.")
+    page_url: Url | None = Field(None, description="The page as others reach it; shown at each device.")
 
 
 class SparkplugTable(LoginTable):
     """`[sparkplug]`: the gateway as a Sparkplug B 3.0 edge node; without this table it is none."""
 
     group: SparkplugId = Field(description="The group id: the first level that hosts sort nodes by.")
-    node: SparkplugId | None = Field(
-        None, description="The edge node id, unique in its group; absent: the gateway's name."
-    )
+    node: SparkplugId | None = Field(None, description="The edge node id; absent: the gateway's name.")
     urls: Several[BrokerUrl] = Field(
         (),
         description="Servers of its own, tried one after the other, with the login and certificates of this "
         "table; absent: the broker, login and certificates of [mqtt].",
     )
-    mqtt_version: MqttVersion = Field(
-        "auto", description="The version of MQTT; auto: 5, and 3.1.1 where a server refuses that."
-    )
-    keepalive_s: int = Field(
-        15, ge=5, le=3600, description="Without traffic for so long the server is pinged."
-    )
-    primary_host: SparkplugId | None = Field(
-        None, description="Host id of the application that must be online before anything is published."
-    )
+    mqtt_version: MqttVersion = Field("auto", description="The version of MQTT; auto: 5, else 3.1.1.")
+    keepalive_s: int = Field(15, ge=5, le=3600, description="After so long without traffic a ping is sent.")
+    primary_host: SparkplugId | None = Field(None, description="Host without which nothing is published.")
     commands: bool = Field(
-        default=False, description="Whether hosts may write Command/Stop, Command/Start and Command/Reset."
+        default=False, description="Whether hosts may write Command/Stop, Start and Reset."
     )
-    operator: Name | None = Field(
-        None, description="The `client` of an [[operator]]: whose rights all Sparkplug hosts together have."
-    )
-    ttl_s: float = Field(
-        5.0, gt=0, le=60, description="How old a command may be, by its payload's timestamp."
-    )
-    datatypes_in_data: bool = Field(
-        default=False,
-        description="Names data types in data messages too, for hosts that do not remember births.",
-    )
+    operator: Name | None = Field(None, description="The `client` of an [[operator]], for all hosts.")
+    ttl_s: float = Field(5.0, gt=0, le=60, description="How old a command may be, by its timestamp.")
+    datatypes_in_data: bool = Field(default=False, description="Names data types in data messages too.")
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield servers without encryption, and what is for servers of its own only."""

@@ -19,7 +19,6 @@ from gateway.config.schema import Config
 from gateway.config.toml_lines import line_of, locate, syntax_problem
 from gateway.errors import ConfigError, Problem
 
-_MAX_BYTES = 1_000_000
 _DECIDING = {"base", "homeassistant", "metrics", "points", "row", "rules"}  # rules across tables hang on them
 
 Check = Callable[[Config], list[Mistake]]
@@ -73,13 +72,10 @@ def _beside(document: dict[str, Any], wrong: Sequence[Key]) -> list[Mistake]:
 
 def _read(path: str | Path) -> str:
     try:
-        with Path(path).open("rb") as file:
-            content = file.read(_MAX_BYTES + 1)
+        content = Path(path).read_bytes()
     except OSError as error:
         hint = "is the path right, and may this user read it?"
         raise _unusable(path, Problem("file", error.strerror or str(error), hint)) from error
-    if len(content) > _MAX_BYTES:
-        raise _unusable(path, Problem("file", f"is larger than {_MAX_BYTES} bytes", "is it the right one?"))
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -39,23 +39,13 @@ from gateway.families import ENGLISH, Profile, diagnosis, extension, load_profil
 
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
-MOTOR_VERBS = (
-    "start",
-    "reset",
-    "set",
-    "jog",
-    "direction",
-    "local_remote",
-    "general_enable",
-    "output",
-    "configure",
-)
+VERBS = ("start", "reset", "set", "jog", "direction", "local_remote", "general_enable", "output", "configure")
 if TYPE_CHECKING:
     Verb = str
     TwoStepVerb = str
 else:
-    Verb = Literal[(*MOTOR_VERBS, "stop", "read", *OWN_VERBS, "*")]
-    TwoStepVerb = Literal[MOTOR_VERBS]
+    Verb = Literal[(*VERBS, "stop", "read", *OWN_VERBS, "*")]
+    TwoStepVerb = Literal[VERBS]
 
 
 class GatewayTable(ConfigTable):
@@ -65,48 +55,33 @@ class GatewayTable(ConfigTable):
     state_dir: Path = Field(
         Path("/var/lib/starter-gateway"),
         strict=False,
-        description="Folder of what must outlive the gateway: commands, audit, outbox, locks, fingerprints.",
+        description="Folder of what must outlive the gateway: commands, audit, outbox, locks.",
     )
     clock: Literal["auto", "trusted", "untrusted"] = Field(
         "auto",
-        description="Whether issued_at can prove a command fresh; auto: when the kernel says synchronised.",
+        description="Whether issued_at proves a command fresh; auto: while the kernel is synchronised.",
     )
-    language: Language = Field(
-        "en",
-        description="Of the names of faults, alarms and points; English where a manual has none.",
-    )
+    language: Language = Field("en", description="Language of the names; English where a manual has none.")
 
 
 class RulesTable(ConfigTable):
     """`[line.starter.rules]`: what the gateway demands of commands to one starter; nothing by default."""
 
     starts_per_hour: int | None = Field(
-        None,
-        ge=1,
-        le=1000,
-        description="Most starts in any 60 minutes; local starts count as well. Absent: no limit.",
+        None, ge=1, le=1000, description="Most in 60 minutes, local ones too."
     )
     minimum_pause_s: float | None = Field(
-        None, ge=0, le=86400, description="Least time from standstill to the next start."
+        None, ge=0, le=86400, description="Least time at rest before a start."
     )
-    feeder: Name | None = Field(
-        None, description="Name of the supply; its starters, of all lines, start one after the other."
-    )
-    stagger_s: float | None = Field(
-        None, gt=0, le=3600, description="Least time after another start on the same feeder."
-    )
-    two_step: Several[TwoStepVerb] | None = Field(
-        None, description="Verbs that need a `select` before; never stop."
-    )
+    feeder: Name | None = Field(None, description="Supply whose starters, of all lines, start one by one.")
+    stagger_s: float | None = Field(None, gt=0, le=3600, description="Least time between starts on a feeder.")
+    two_step: Several[TwoStepVerb] | None = Field(None, description="Verbs that need a `select`; never stop.")
 
 
 class SharedRulesTable(RulesTable):
     """`[[rules]]`: the same for several starters; a later table wins, a starter's own over all."""
 
-    starters: Several[Glob] = Field(
-        min_length=1,
-        description="Which starters the rules hold for: names, with * and ? as in a shell.",
-    )
+    starters: Several[Glob] = Field(min_length=1, description="Names of starters, with * and ?.")
 
 
 class GroupTable(ConfigTable):
@@ -114,24 +89,16 @@ class GroupTable(ConfigTable):
 
     name: Name = Field(description="Stands where a starter's name stands in command and result topics.")
     title: Title | None = Field(None, description="Its name for people; absent: its name.")
-    starters: Several[Glob] = Field(
-        min_length=1, description="Its members: names, with * and ? as in a shell."
-    )
-
-
-NOT_SIMULATED = SimulatedTable()  # one for all: nothing changes it
+    starters: Several[Glob] = Field(min_length=1, description="Its members: names, with * and ?.")
 
 
 class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
     name: Name = Field(description="The starter's name: a level in its topics.")
-    title: Title | None = Field(
-        None, description='Its name for people, e.g. "Cooling water 1"; absent: its name.'
-    )
-    address: int = Field(
-        ge=1, le=247, description="Its Modbus address, as set in the starter."
-    )  # [SERIAL 2.2]
+    title: Title | None = Field(None, description="Its name for people; absent: its name.")
+    # [SERIAL 2.2]
+    address: int = Field(ge=1, le=247, description="Its Modbus address, as set in the starter.")
     family: Family = Field(description="Its family, e.g. ssw07, which also stands for the SSW-08.")
     every_s: float = Field(
         1.0,
@@ -139,29 +106,20 @@ class StarterTable(ConfigTable):
         le=3600,
         description="Period of status and electrical values; 0: as fast as the line allows.",
     )
-    model: Text | None = Field(
-        None, description='Its model, e.g. "SSW-06 820A"; absent: as the starter says.'
-    )
-    slot: int | None = Field(
-        None, ge=1, le=2, description="SSW900: slot of the RS-485 accessory; absent: as it says."
-    )
-    response_time_s: float | None = Field(
-        None, gt=0, le=10, description="Longest time to a reply; absent: as the manual says."
-    )
+    model: Text | None = Field(None, description="Its model, e.g. SSW-06 820A; absent: as the starter says.")
+    slot: int | None = Field(None, ge=1, le=2, description="SSW900: slot of the RS-485; absent: as it says.")
+    response_time_s: float | None = Field(None, gt=0, le=10, description="Longest; absent: the manual's.")
     watchdog_s: float | None = Field(
         None,
         ge=0,
         le=1000,
-        description="Communication timeout set in the starter, 0: off; what the line cannot keep is refused.",
+        description="Timeout set in the starter; 0: off; refused where the line is too slow.",
     )
     enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
-    points: Several[RowPattern] = Field(
-        (),
-        description="Rows that are points too, by the manual's codes, with * and ?; read every 10 s.",
-    )
+    points: Several[RowPattern] = Field((), description="Rows that are points too, by code, with * and ?.")
     rules: RulesTable | None = Field(None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(
-        default_factory=lambda: NOT_SIMULATED, description="What `simulate` makes of it; `run` ignores it."
+        default_factory=SimulatedTable, description="What `simulate` makes of it; `run` ignores it."
     )
     _additions: SiteAdditions = PrivateAttr(SiteAdditions())  # of the configuration, to its family
 
@@ -170,9 +128,8 @@ class StarterTable(ConfigTable):
         profile = load_profile(self.family)
         if self.slot is not None and len(profile.command_word) < 2:
             yield Mistake(("slot",), f"{self.family} has no slots", "leave it out")
-        said = {"model": self.model, "watchdog_s": self.watchdog_s}
-        for name, why in diagnosis.wrong_settings(profile, **said):
-            yield Mistake((name,), f"{short(said[name])} {why}", "see its manual")
+        for name, why in diagnosis.wrong_settings(profile, model=self.model, watchdog_s=self.watchdog_s):
+            yield Mistake((name,), f"{short(getattr(self, name))} {why}", "see its manual")
         for mistake in self.simulated.not_of(profile):
             yield replace(mistake, key=("simulated", *mistake.key))
 
@@ -208,25 +165,13 @@ class LineTable(ConfigTable):
     port: Port = Field(description="The adapter: an absolute path, or socket://host:port.")
     baud: Baud = Field(description="Rate, the same in all starters of the line.")
     framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
-    adapter_allowance_s: float = Field(
-        0.02, ge=0, le=1, description="What adapter and driver add to the way of a reply."
-    )
+    adapter_allowance_s: float = Field(0.02, ge=0, le=1, description="What the adapter adds to a reply.")
     deaf_after_s: float = Field(
-        15.0,
-        ge=0,
-        le=3600,
-        description="After so long a silence of all its starters the port is opened again; 0: never.",
+        15.0, ge=0, le=3600, description="The port is reopened after so long a silence of all; 0: never."
     )
-    order: Several[Name] | None = Field(
-        None,
-        description="The starters as they follow each other along the cable; absent: by address.",
-    )
-    points: Several[RowPattern] = Field(
-        (), description="The same for each starter of the line that has such rows."
-    )
-    starters: Several[StarterTable] = Field(
-        alias="starter", min_length=1, description="The starters on the line, one table each."
-    )
+    order: Several[Name] | None = Field(None, description="The starters along the cable; absent: by address.")
+    points: Several[RowPattern] = Field((), description="The same for each starter that has such rows.")
+    starters: Several[StarterTable] = Field(alias="starter", min_length=1, description="Its starters.")
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what is wrong with the order along the cable, and settings that a family does not have."""
@@ -251,17 +196,11 @@ class LineTable(ConfigTable):
 class OperatorTable(ConfigTable):
     """`[[operator]]`: what one client may ask of which starters."""
 
-    client: Name = Field(
-        description="The level in the command topic; the broker's access list ties it to a login."
-    )
+    client: Name = Field(description="The level in the command topic; the broker ties it to a login.")
     may: Several[Verb] = Field(min_length=1, description='Verbs that the client may use; ["*"]: all.')
-    starters: Several[Glob] = Field(
-        min_length=1, description="Starters: names, with * and ? as in a shell; of a group its members count."
-    )
+    starters: Several[Glob] = Field(min_length=1, description="Names, with * and ?; of a group its members.")
     freshness: Literal["token", "issued_at"] = Field(
-        "token",
-        description="What proves a command fresh: token or issued_at; issued_at alone, for commands over a "
-        "bridge.",
+        "token", description='What proves a command fresh; "token": it or issued_at; "issued_at": that alone.'
     )
 
 
@@ -270,29 +209,19 @@ class Config(ConfigTable):
 
     gateway: GatewayTable = Field(description="Who this gateway is.")
     mqtt: MqttTable = Field(description="The broker and the way to it.")
-    lines: Several[LineTable] = Field(
-        alias="line", min_length=1, description="The RS-485 lines, one table each."
-    )
-    operators: Several[OperatorTable] = Field(
-        (), alias="operator", description="Who may send commands; none: read-only."
-    )
-    rules: Several[SharedRulesTable] = Field(
-        (), description="Rules for several starters; a later table wins."
-    )
+    lines: Several[LineTable] = Field(alias="line", min_length=1, description="The RS-485 lines.")
+    operators: Several[OperatorTable] = Field((), alias="operator", description="Commands; none: read-only.")
+    rules: Several[SharedRulesTable] = Field((), description="Rules for several starters; a later one wins.")
     groups: Several[GroupTable] = Field((), alias="group", description="Starters that one command stops.")
     points: Several[PointsTable] = Field((), description="Rows of a family that are points too.")
-    rows: Several[RowTable] = Field(
-        (), alias="row", description="Rows that the manuals here do not describe."
-    )
+    rows: Several[RowTable] = Field((), alias="row", description="Rows that the manuals do not describe.")
     web: WebTable | None = Field(None, description="The status page; absent: none.")
     history: HistoryTable | None = Field(None, description="Values over time; absent: not stored.")
     metrics: MetricsTable | None = Field(None, description="For Prometheus; absent: none.")
     home_assistant: HomeAssistantTable | None = Field(
         None, alias="homeassistant", description="Discovery by Home Assistant; absent: none."
     )
-    sparkplug: SparkplugTable | None = Field(
-        None, description="The gateway as a Sparkplug edge node; absent: none."
-    )
+    sparkplug: SparkplugTable | None = Field(None, description="A Sparkplug edge node; absent: none.")
 
     @property
     def traced(self) -> tuple[str, ...]:

@@ -12,51 +12,32 @@ from gateway.config.values import ConfigTable, Firmware
 from gateway.contract import CommandError
 from gateway.families import FAMILIES, Profile, load_profile, parameters
 
+Delay = Annotated[float, Field(ge=0.1, le=999)]  # s
+TimeConstant = Annotated[float, Field(ge=1, le=86400)]  # s
+Share = Annotated[float, Field(ge=0, le=100)]  # %
+Excess = Annotated[float, Field(ge=0, le=1000)]  # %
+
 
 class SimulatedMotorTable(ConfigTable):
     """`[line.starter.simulated.motor]`: the motor behind a simulated starter; keys may be left out."""
 
-    load_pct: float | None = Field(None, ge=0, le=1000, description="Share of the rated load.")
-    start_current_pct: float | None = Field(
-        None, ge=100, le=1000, description="Current at the start, of the rated current."
-    )
-    ramp_up_s: float | None = Field(
-        None, ge=0.1, le=999, description="Ramp of a start, until the starter is configured."
-    )
+    load_pct: Excess | None = Field(None, description="Share of the rated load.")
+    start_current_pct: float | None = Field(None, ge=100, le=1000, description="Of the rated current.")
+    ramp_up_s: Delay | None = Field(None, description="Ramp of a start, until the starter is configured.")
     ramp_down_s: float | None = Field(None, ge=0, le=999, description="Ramp of a stop.")
-    friction_pct: float | None = Field(
-        None, ge=0, le=1000, description="By how much longer the motor accelerates."
+    friction_pct: Excess | None = Field(None, description="By how much longer the motor accelerates.")
+    wear_per_start_pct: Share | None = Field(None, description="Growth of friction_pct by each start.")
+    wear_per_hour_pct: Share | None = Field(
+        None, description="Growth of friction_pct by each hour of running."
     )
-    wear_per_start_pct: float | None = Field(
-        None, ge=0, le=100, description="By so much friction_pct grows with each start."
-    )
-    wear_per_hour_pct: float | None = Field(
-        None, ge=0, le=100, description="By so much friction_pct grows with each hour of running."
-    )
-    thermal_pct: float | None = Field(
-        None, ge=0, lt=100, description="Thermal image at first, of the level that trips."
-    )
-    heating_s: float | None = Field(
-        None, ge=1, le=86400, description="Time constant of the thermal image while current flows."
-    )
-    cooling_s: float | None = Field(
-        None, ge=1, le=86400, description="Time constant of the thermal image at standstill."
-    )
-    undervoltage_pct: float | None = Field(
-        None, ge=0, le=100, description="Below this share of the rated voltage it trips."
-    )
-    undervoltage_s: float | None = Field(
-        None, ge=0.1, le=999, description="After so long an undervoltage it trips."
-    )
-    phase_loss_s: float | None = Field(
-        None, ge=0.1, le=999, description="After so long without one phase it trips."
-    )
-    line_voltage_pct: float = Field(
-        100.0, ge=0, le=120, description="Voltage of the supply, of the rated voltage."
-    )
-    lost_phase: Literal["r", "s", "t"] | None = Field(
-        None, description="The phase of the supply that is missing."
-    )
+    thermal_pct: float | None = Field(None, ge=0, lt=100, description="Thermal image at first, of the trip.")
+    heating_s: TimeConstant | None = Field(None, description="Of the thermal image while current flows.")
+    cooling_s: TimeConstant | None = Field(None, description="Of the thermal image at standstill.")
+    undervoltage_pct: Share | None = Field(None, description="Below this share of its voltage it trips.")
+    undervoltage_s: Delay | None = Field(None, description="After so long an undervoltage it trips.")
+    phase_loss_s: Delay | None = Field(None, description="After so long without one phase it trips.")
+    line_voltage_pct: float = Field(100.0, ge=0, le=120, description="Of the supply, of the rated one.")
+    lost_phase: Literal["r", "s", "t"] | None = Field(None, description="The phase that is missing.")
 
 
 class SimulatedTable(ConfigTable):
@@ -67,11 +48,9 @@ class SimulatedTable(ConfigTable):
         {}, description="Words of its parameters by the manual's code, as on the wire."
     )
     markers: dict[str, bool] = Field(
-        {}, description="SSW900: bits of a SoftPLC program, by COIL or DI and the address."
+        {}, description="SSW900: bits of a SoftPLC program, by COIL or DI, address."
     )
-    braking_s: float = Field(
-        0.0, ge=0, le=600, description="SSW-06, SSW-07: DC braking at each stop; 0: none."
-    )
+    braking_s: float = Field(0.0, ge=0, le=600, description="SSW-06, SSW-07: DC braking at a stop; 0: none.")
     motor: SimulatedMotorTable = Field(SimulatedMotorTable(), description="The motor behind it.")
 
     def not_of(self, profile: Profile) -> Iterator[Mistake]:

@@ -11,7 +11,19 @@ from pydantic import Field
 from gateway.config.mistakes import Mistake
 from gateway.config.values import ConfigTable, Glob, PointName, RowCode, RowPattern, Several, Text
 from gateway.contract import to_level
-from gateway.families import FAMILIES, LANGUAGES, TYPE_LIMITS, Profile, Type, extension, load_profile
+from gateway.families import (
+    FAMILIES,
+    LANGUAGES,
+    TYPE_LIMITS,
+    Access,
+    Confidence,
+    Parameter,
+    Profile,
+    Table,
+    Type,
+    extension,
+    load_profile,
+)
 from gateway.starters import OWN_POINT_NAMES
 
 if TYPE_CHECKING:
@@ -36,16 +48,8 @@ class PointsTable(ConfigTable):
     """`[[points]]`: rows of a family that are published besides its points."""
 
     family: Family = Field(description="The family whose rows these are.")
-    codes: Several[RowPattern] = Field(
-        min_length=1,
-        description="Rows by the manual's codes, with * and ? as in a shell, such as S4.3.*.",
-    )
-    every_s: float = Field(
-        DEFAULT_EVERY_S,
-        ge=0.1,
-        le=3600,
-        description="How often they are read; the shortest period of a row counts.",
-    )
+    codes: Several[RowPattern] = Field(min_length=1, description="Rows by their codes, with * and ?: S4.3.*.")
+    every_s: float = Field(DEFAULT_EVERY_S, ge=0.1, le=3600, description="How often they are read, at least.")
     starters: Several[Glob] = Field(("*",), min_length=1, description="Only of these starters of the family.")
 
 
@@ -57,31 +61,25 @@ class RowTable(ConfigTable):
     name: PointName = Field(description="The name of its point, where one is asked for.")
     title: Text = Field(description="Its name for people.")
     address: int | None = Field(
-        None,
-        ge=0,
-        le=0xFFFF,
-        description="Its register, where that is not the number in its code (e.g. ssw900: the net id).",
+        None, ge=0, le=0xFFFF, description="Its register, where its code is no number (ssw900: the net id)."
     )
-    type: Literal["u16", "s16", "u32", "s32"] = Field(
-        "u16", description="The number in its registers; 32 bits have the low word first."
-    )
+    type: Literal["u16", "s16", "u32", "s32"] = Field("u16", description="32 bits have the low word first.")
     scale: float = Field(1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001.")
     unit: str = Field("", max_length=16, description="The unit of its value.")
-    min: float | None = Field(
-        None, ge=-1e10, le=1e10, description="The smallest value to be set, in its unit."
-    )
-    max: float | None = Field(
-        None, ge=-1e10, le=1e10, description="The largest value to be set, in its unit."
-    )
+    min: float | None = Field(None, ge=-1e10, le=1e10, description="The smallest value to be set.")
+    max: float | None = Field(None, ge=-1e10, le=1e10, description="The largest value to be set.")
     writable: bool = Field(default=False, description="Whether it may be set; it needs min and max then.")
-    while_: Literal["stopped", "always"] = Field(
-        "stopped", alias="while", description="When it may be set: at standstill only, or always."
-    )
+    while_: Literal["stopped", "always"] = Field("stopped", alias="while", description="When it may be set.")
 
     @property
     def profile(self) -> Profile:
         """Return the family's own profile."""
         return load_profile(self.family)
+
+    @property
+    def words(self) -> int:
+        """Return how many registers it has."""
+        return 2 if self.type.endswith("32") else 1
 
     @property
     def place(self) -> int | None:
@@ -113,7 +111,7 @@ class RowTable(ConfigTable):
             return "parameter", f"{self.parameter!r} is no parameter of {self.family}", hint
         if self.address is not None and self.address != self.place:
             return "address", f"is {self.address}, and not the number of {self.parameter}", "leave it out"
-        if self.place + (2 if self.type.endswith("32") else 1) > REGISTERS:
+        if self.place + self.words > REGISTERS:
             return "address", f"{self.place} and the next are no registers", "the last register is 65535"
         if self.scale not in SCALES:
             return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
@@ -127,37 +125,39 @@ class RowTable(ConfigTable):
             low, high = self.limits
             lowest, highest = TYPE_LIMITS[Type(self.type)]
             if not lowest <= low <= high <= highest:
-                return (
-                    "max",
-                    f"{self.min:g} to {self.max:g} do not fit {self.type}",
-                    "another type, or other limits",
-                )
+                hint = "another type, or other limits"
+                return "max", f"{self.min:g} to {self.max:g} do not fit {self.type}", hint
         why = extension.why_not_described(profile, self.described().row)
         if why:
             return "parameter", f"{self.parameter} is not to be described: {why}", "leave this [[row]] out"
         codes = {to_level(code) for code in profile.parameters} - {to_level(self.parameter)}
-        points = {
-            name for family in FAMILIES for name in load_profile(family).points
-        }  # rules go by their names
+        points = {name for family in FAMILIES for name in load_profile(family).points}  # rules go by these
         if self.name in codes | points | OWN_POINT_NAMES | _TAKEN:
             return "name", f"{self.name!r} means something else already", "another name"
         return None
 
     def described(self) -> extension.SiteRow:
-        """Return the row as the family's own rows are."""
-        return extension.site_row(
-            self.profile,
-            self.parameter,
-            point=self.name,
-            title=self.title,
-            address=-1 if self.place is None else self.place,
-            kind=self.type,
+        """Return the row as the family's own rows are; a scale by the model, as its manual has it, stays."""
+        known = self.profile.parameters.get(self.parameter)
+        low, high = self.limits or (None, None)
+        row = Parameter(
+            code=self.parameter,
+            name=self.title,
+            table=Table.HOLDING,
+            address=self.place or 0,
+            words=self.words,
+            type=Type(self.type),
             decimals=SCALES.index(self.scale),
             unit=self.unit,
-            limits=self.limits,
-            is_writable=self.writable,
+            raw_min=low,
+            raw_max=high,
+            access=Access.RW if self.writable else Access.RO,
+            confidence=Confidence.SITE,
             is_stopped_only=self.while_ == "stopped",
+            is_rated_scaled=known is not None and known.is_rated_scaled,
+            source="the site's configuration",
         )
+        return extension.SiteRow(row=row, point=self.name)
 
 
 class SiteAdditions(NamedTuple):

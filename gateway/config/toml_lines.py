@@ -1,27 +1,25 @@
 """The line of a key in a TOML text: `tomllib` gives no positions, and a mistake needs its line.
 
-Each statement, a header or a key with its value, is a document of its own: lines are put together until they
-are one. So the parser itself says where a statement ends and which keys it has.
+Headers and keys are looked for at the beginnings of lines. What is inside a value has the line of its key.
 """
 
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 from gateway.config.mistakes import Key
-from gateway.config.schema import REPEATED_TABLES
 from gateway.errors import Problem
 
-_MAY_END = re.compile(r"""\]|\"{3}|'{3}""")  # a statement of several lines is at its end
+_PART = re.compile(r"""\"(?:[^"\\]|\\.)*"|'[^']*'|[A-Za-z0-9_-]+""")  # of a key
+_NAME = rf"(?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*"
+_LINE = re.compile(rf"\s*(?:(\[\[?)\s*)?({_NAME})\s*(?(1)\]|=)")  # a header, or a key with its value
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-_LONG_NUMBER = re.compile(r"[0-9_]{1000,}")
 _QUOTES = "close it with the quote it begins with"
 _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.py)
     "Invalid value": 'text goes in quotes: "..."; true and false are small; a number begins with a digit',
     "Expected newline": "one key a line; text goes in quotes; a decimal point is a point: 0.5",
+    "Cannot declare": "several go as [[line]], with two brackets; of the others one, with all its keys",
     "Cannot overwrite": "a key is given twice, or as a value and as a table: keep one of them",
     "Expected '='": 'such as name = "mcc1"; several words are no key',
     "Expected ']": "such as [gateway], or [[line]] with two brackets",
@@ -35,26 +33,23 @@ _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.p
 
 
 def locate(text: str) -> dict[Key, int]:
-    """Return the 1-based line of every table and key; what is inside a value has the line of its key."""
+    """Return the 1-based line of every table, and of every key that begins a line."""
     lines: dict[Key, int] = {}
-    counts: dict[Key, int] = {}  # items so far of each array of tables
+    counts: dict[Key, int] = {}  # items so far of each array of tables, less one
     table: Key = ()
-    for line, said, is_header in _statements(text):
-        if is_header:
-            table = ()
-            while said:
-                (part, said), *_ = said.items()
-                table = (*table, part)
-                lines.setdefault(table, line)
-                if isinstance(said, list):
-                    counts[table] = counts.get(table, -1) + 1
-                    said = said[0]
-                if table in counts:  # a path through an array of tables goes to its latest item
-                    table = (*table, counts[table])
-                    lines.setdefault(table, line)
-        else:
-            for path in _paths(said):
-                lines.setdefault((*table, *path), line)
+    for number, line in enumerate(text.split("\n"), 1):
+        if found := _LINE.match(line):
+            brackets, parts = found[1], _PART.findall(found[2])
+            key = () if brackets else table
+            for place, part in enumerate(parts, 1):
+                key = (*key, part.strip("\"'"))
+                lines.setdefault(key, number)
+                if brackets == "[[" and place == len(parts):
+                    counts[key] = counts.get(key, -1) + 1
+                if key in counts:  # a path through an array of tables goes to its latest item
+                    key = (*key, counts[key])
+                    lines.setdefault(key, number)
+            table = key if brackets else table
     return lines
 
 
@@ -63,43 +58,13 @@ def line_of(lines: Mapping[Key, int], key: Key) -> int | None:
     return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
 
 
-def _statements(text: str) -> Iterator[tuple[int, dict[str, Any], bool]]:
-    """Yield the line on which each statement begins, what it says, and whether it is a header."""
-    begun, statement = 1, list[str]()
-    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
-        statement.append(line)
-        if len(statement) > 1 and not _MAY_END.search(line):
-            continue
-        try:
-            said = tomllib.loads("\n".join(statement))
-        except (ValueError, RecursionError):
-            continue
-        if said:
-            yield begun, said, statement[0].lstrip().startswith("[")
-        begun, statement = number + 1, []
-
-
-def _paths(value: Any) -> Iterator[Key]:
-    """Yield the path of everything in a value."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, item in items:
-        yield (key,)
-        yield from ((key, *path) for path in _paths(item))
-
-
 def syntax_problem(error: ValueError, text: str) -> Problem:
     """Return what the parser's error says of this text, in its words, with a hint for the usual slips."""
     message = str(error)
-    place = _PLACE.search(message)
-    what = _PLACE.sub("", message)
-    if place is None:  # of int(), which knows no place
-        found = _LONG_NUMBER.search(text)
-        line = None if found is None else text.count("\n", 0, found.start()) + 1
-        return Problem("syntax", "a number has too many digits", "is something missing in between?", line)
-    line = int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
-    where = f"at column {place[2]}" if place[2] else "at the end of the file"
+    place, what = _PLACE.search(message), _PLACE.sub("", message)
     hint = next((hint for begins, hint in _HINTS.items() if what.startswith(begins)), "see https://toml.io")
-    if what.startswith("Cannot declare"):
-        name = ".".join(re.findall(r"'([^']*)'", what))
-        hint = f"several go as [[{name}]]" if name in REPEATED_TABLES else f"one [{name}] with all its keys"
-    return Problem("syntax", f"{what}, {where}", hint, line)
+    if place is None:  # of int(), which knows no place
+        return Problem("syntax", what, hint)
+    if place[1] is None:
+        return Problem("syntax", f"{what}, at the end of the file", hint, text.rstrip("\n").count("\n") + 1)
+    return Problem("syntax", f"{what}, at column {place[2]}", hint, int(place[1]))

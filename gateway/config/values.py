@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import ipaddress
 import posixpath
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Self, TypeVar
 from urllib.parse import SplitResult, urlsplit
 
@@ -39,14 +38,20 @@ def _text(pattern: str, most: int, hint: str) -> FieldInfo:
 NAME_PATTERN = r"^[a-z0-9_-]+$"
 GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
 TOPIC_PATTERN = r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$"
+_LEVEL = r"([a-z0-9_-]|\{gateway\})+"
+_BASE_PATTERN = rf"^{_LEVEL}(/{_LEVEL})*$"
+_PATH_PATTERN = r"^/([A-Za-z0-9_~-][A-Za-z0-9_.~-]*/?)*$"  # browsers resolve . and .. before they ask
 _HOST_PATTERN = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$"
 
 Text = Annotated[str, Field(min_length=1, max_length=1024)]
+Line = Annotated[str, Field(min_length=1, max_length=60)]
 Name = Annotated[str, _text(NAME_PATTERN, 64, "only a-z, 0-9, _ and -")]
 Glob = Annotated[str, _text(GLOB_PATTERN, 64, "only a-z, 0-9, _ and -, and * or ? for any others")]
 User = Annotated[str, _text(r"^[A-Za-z0-9_.@-]+$", 64, "only letters, digits, _ . @ and -")]
 Firmware = Annotated[str, _text(r"^\d{1,2}\.\d{1,2}$", 5, "two numbers with a point, such as 1.30")]
 Topic = Annotated[str, _text(TOPIC_PATTERN, 128, "levels with only letters, digits, _ . and -: home/status")]
+Base = Annotated[str, _text(_BASE_PATTERN, 1024, "only a-z, 0-9, _ and - between slashes, and {gateway}")]
+PagePath = Annotated[str, _text(_PATH_PATTERN, 128, "a path such as /mcc1, no level beginning with a point")]
 Url = Annotated[str, _text(r"^https?://[^\s/]+(/\S*)?$", 256, "it begins with http:// or https://")]
 PromFile = Annotated[str, _text(r"^[^\x00]*[^/\x00]\.prom$", 1024, "a file's name that ends in .prom")]
 HostName = Annotated[str, _text(_HOST_PATTERN, 253, "a name or address without port, such as mcc1.plant")]
@@ -93,72 +98,48 @@ def is_loopback(host: str) -> bool:
 def _as_broker(url: str) -> str:
     parts = split_url(url)
     if parts is None:
-        scheme = url.partition("://")[0]
-        near = [] if scheme in SCHEMES else difflib.get_close_matches(scheme, SCHEMES, n=1)
-        hint = f"did you mean {near[0]}?" if near else "mqtts://host:8883"
-        raise wrong(f"{short(re.sub(r'[^/]*@', '...@', url))} is no broker address", hint)
+        raise wrong(f"{short(re.sub(r'[^/]*@', '...@', url))} is no broker address", "mqtts://host:8883")
     split, _port = parts
-    if split.username is not None or split.password is not None:
-        raise wrong("holds a login", "use username and password_file")
-    if split.path not in ("", "/") or split.query or split.fragment:
-        raise wrong("has more than a host and a port", "leave out what follows the port")
+    if "@" in split.netloc or split.path not in ("", "/") or split.query or split.fragment:
+        hint = "a login goes into username and password_file; nothing follows the port"
+        raise wrong("has more than a host and a port", hint)
     return url
 
 
-def _as_base(base: str) -> str:
-    for level in base.replace("{gateway}", "x").split("/"):
-        if not re.fullmatch(NAME_PATTERN[1:-1], level):
-            what = f"has the level {short(level)}" if level else "has an empty level"
-            raise wrong(what, "only a-z, 0-9, _ and - between slashes, and {gateway}")
-    return base
-
-
-def _as_port(port: str) -> str:
+def _is_port(port: str) -> bool:
     socket = _SOCKET.fullmatch(port)
-    if not posixpath.isabs(port) and (socket is None or not 0 < int(socket[1]) <= 0xFFFF):
-        hint = "an absolute path such as /dev/serial/by-id/..., or socket://host:port"
-        raise wrong(f"{short(port)} is no port", hint)
-    return port
+    return posixpath.isabs(port) or (socket is not None and 0 < int(socket[1]) <= 0xFFFF)
 
 
-def _as_listen(listen: str) -> str:
-    if split_listen(listen) is None:
-        hint = "address:port, such as 127.0.0.1:8480 or [::1]:8480; 0.0.0.0 for all addresses"
-        raise wrong(f"{short(listen)} is no address with a port", hint)
-    return listen
+def _is_title(title: str) -> bool:
+    return title.isprintable() and not title.isspace()
 
 
-def _as_title(title: str) -> str:
-    if not title.isprintable() or title.isspace():
-        raise wrong(f"{short(title)} cannot be printed", "letters, digits, signs and spaces, in one line")
-    return title
-
-
-def _as_network(text: str) -> str:
+def _is_network(text: str) -> bool:
     try:
         ipaddress.ip_network(text, strict=False)
     except ValueError:
-        hint = "an address or network such as 192.0.2.7 or 10.0.0.0/8"
-        raise wrong(f"{short(text)} is no address", hint) from None
-    return text
+        return False
+    return True
 
 
-def _as_path(path: str) -> str:
-    if not {".", ".."}.isdisjoint(path.split("/")):
-        hint = "a path such as /mcc1: browsers resolve . and .. before they ask"
-        raise wrong(f"{short(path)} has a level . or ..", hint)
-    return path
+def _only(is_right: Callable[[str], object], what: str, hint: str) -> AfterValidator:
+    """Return the check that a text is right; else it says what it is not, and gives the hint."""
+
+    def check(text: str) -> str:
+        if not is_right(text):
+            raise wrong(f"{short(text)} {what}", hint)
+        return text
+
+    return AfterValidator(check)
 
 
 _SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
 BrokerUrl = Annotated[Text, AfterValidator(_as_broker)]
-Base = Annotated[Text, AfterValidator(_as_base)]
-Port = Annotated[Text, AfterValidator(_as_port)]
-Listen = Annotated[Text, AfterValidator(_as_listen)]
-Title = Annotated[str, Field(min_length=1, max_length=60), AfterValidator(_as_title)]
-Network = Annotated[Text, AfterValidator(_as_network)]
-_Path = _text(r"^/([A-Za-z0-9_.~-]+/?)*$", 128, "a path such as /mcc1")
-PagePath = Annotated[str, _Path, AfterValidator(_as_path)]
+Port = Annotated[Text, _only(_is_port, "is no port", "such as /dev/serial/by-id/... or socket://host:port")]
+Listen = Annotated[Text, _only(split_listen, "is no address with a port", "127.0.0.1:8480 or [::1]:8480")]
+Title = Annotated[Line, _only(_is_title, "cannot be printed", "letters, digits, signs and spaces")]
+Network = Annotated[Text, _only(_is_network, "is no address", "such as 192.0.2.7 or 10.0.0.0/8")]
 
 
 class ConfigTable(BaseModel):

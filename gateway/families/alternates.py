@@ -89,15 +89,13 @@ def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Itera
 
 
 def _longer(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
-    limits = profile.limits
     end = address + count
     is_bit = table is Table.COIL
-    longest = limits.read_bits if is_bit else limits.read_registers
     for run_table, first, run_end in profile.readable_runs:
         if run_table is not table or not first <= address or not end <= run_end:
             continue
         size = -(-count // _BYTE_BITS) * _BYTE_BITS + 1 if is_bit else count + 1
-        while size <= min(longest, run_end - first):
+        while size <= min(profile.limits.most(table), run_end - first):
             start = min(address, run_end - size)
             yield read_run(table, start, size), partial(_cut, start=address - start, count=count)
             size += _BYTE_BITS if is_bit else 1

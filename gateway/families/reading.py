@@ -1,6 +1,6 @@
 """Few reads for many rows: the blocks of a family's points that are polled, and the reads of any rows.
 
-A block joins rows where a gap costs the line less than another request (`plan_blocks`); rows that a site
+A block joins rows where a gap costs the line less than another request (`widest_gap`); rows that a site
 asks for besides are joined into the blocks that are there. `reads_for` and
 `bulk_reads` join the rows that a command or a copy of the parameters needs, `rows_in` takes answers apart,
 `read_back` says how a written row shows.
@@ -12,14 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import chain, groupby
-from math import inf
 
 from gateway.families.profile.decode import is_there
 from gateway.families.profile.extension import EXTRA
 from gateway.families.profile.parameters import find, is_read_alone, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
-from gateway.families.profile.schema import Limits, Profile, Variant, once_per_profile
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.profile.word_types import shown_within
 from gateway.modbus import LineTiming, Request
 
@@ -32,33 +31,6 @@ _SPANNED = 24  # registers that are no parameter, rather than a second request: 
 _REQUEST_BYTES = 8  # a read request, with unit and CRC [APP 6.3, 6.4; SERIAL 2.5.1]
 _REPLY_BYTES = 5  # what is in its reply besides the registers
 _WORD_BYTES = 2
-
-
-def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int) -> list[list[Parameter]]:
-    """Return the rows, which are in order of address, in the runs that take the line the least time.
-
-    All registers between two rows must be readable; no run has more than `longest` registers.
-    """
-    request_s = timing.wire_s(_REQUEST_BYTES + _REPLY_BYTES) + timing.silence_s + LEAST_DELAY_S
-    word_s = timing.wire_s(_WORD_BYTES)
-    least_s = [0.0] + [inf] * len(rows)  # for the first so many rows
-    starts = [0] * (len(rows) + 1)  # of the last run in that
-    for count in range(1, len(rows) + 1):
-        end = 0
-        for start in range(count - 1, -1, -1):
-            end = max(end, rows[start].address + rows[start].words)
-            size = end - rows[start].address
-            if size > longest:
-                break
-            cost_s = least_s[start] + request_s + size * word_s
-            if cost_s < least_s[count]:
-                least_s[count], starts[count] = cost_s, start
-    runs: list[list[Parameter]] = []
-    count = len(rows)
-    while count:
-        runs.append(list(rows[starts[count] : count]))
-        count = starts[count]
-    return runs[::-1]
 
 
 STATUS, VALUES, SLOW = GROUPS = ("status", "values", "slow")
@@ -197,17 +169,22 @@ def _runs(profile: Profile, rows: Iterable[Parameter], timing: LineTiming | None
 
     runs: list[list[Parameter]] = []
     for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):
-        if timing is not None and not table.is_bits and profile.limits.max_gap:
-            runs += cheapest_runs(list(alike), timing, longest=profile.limits.read_registers)
-        else:
-            runs += runs_of(alike, partial(_fits, profile.limits))
+        gap = profile.limits.max_gap
+        if timing is not None and gap and not table.is_bits:
+            gap = widest_gap(timing)
+        runs += runs_of(alike, partial(_fits, profile.limits.most(table), gap))
     return runs
 
 
-def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
+def widest_gap(timing: LineTiming) -> int:
+    """Return how many registers that are not wanted take the line less time than another request."""
+    request_s = timing.wire_s(_REQUEST_BYTES + _REPLY_BYTES) + timing.silence_s + LEAST_DELAY_S
+    return int(request_s / timing.wire_s(_WORD_BYTES))
+
+
+def _fits(longest: int, gap: int, run: Sequence[Parameter], row: Parameter) -> bool:
     end = run[-1].address + run[-1].words
-    longest = limits.read_bits if row.table.is_bits else limits.read_registers
-    return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
+    return row.address - end <= gap and row.address + row.words - run[0].address <= longest
 
 
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
@@ -235,10 +212,9 @@ def with_rows(profile: Profile, reads: Sequence[Read], codes: Iterable[str]) -> 
 
 def _may_span(profile: Profile, rows: Sequence[Parameter]) -> bool:
     """Return whether one request may carry rows of one table: all registers between are in the manual."""
-    limits, first, last = profile.limits, rows[0], rows[-1]
+    first, last = rows[0], rows[-1]
     end = last.address + last.words
-    longest = limits.read_bits if first.table.is_bits else limits.read_registers
-    if len({row.table for row in rows}) > 1 or end - first.address > longest:
+    if len({row.table for row in rows}) > 1 or end - first.address > profile.limits.most(first.table):
         return False
     if not all(row.is_sure for row in rows):
         return False
@@ -317,15 +293,13 @@ def _mask(row: Parameter) -> int:
 
 def _may_join(profile: Profile, run: list[Parameter], row: Parameter) -> bool:
     """Return whether one request may span this row too, with nothing in between that could refuse it."""
-    limits = profile.limits
-    first, is_bit = run[0], row.table.is_bits
-    longest = limits.read_bits if is_bit else limits.read_registers
-    if row.table is not first.table or row.address + row.words - first.address > longest:
+    size = row.address + row.words - run[0].address
+    if row.table is not run[0].table or size > profile.limits.most(row.table):
         return False
     end = max(one.address + one.words for one in run)
-    if is_bit:
+    if row.table.is_bits:
         return all((row.table, address) in profile.rows_at for address in range(end, row.address))
-    return row.address - end <= limits.max_gap
+    return row.address - end <= profile.limits.max_gap
 
 
 def _read(run: list[Parameter]) -> Read:

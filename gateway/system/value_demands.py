@@ -1,4 +1,4 @@
-"""What a value must be: pydantic's words made plain, for the configuration, profiles and commands."""
+"""What a value must be: pydantic's words made plain, for the configuration and commands."""
 
 from __future__ import annotations
 

@@ -60,13 +60,6 @@ def test_a_file_that_is_not_utf_8_is_reported_with_its_line(tmp_path: Path) -> N
         load(tmp_path / "site.toml")
 
 
-def test_a_huge_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "site.toml").write_bytes(b"#" * 1_000_001)
-
-    with pytest.raises(ConfigError, match="is larger than"):
-        load(tmp_path / "site.toml")
-
-
 WORDS = "[|]|[[|{|}|=|,|\"|'|#|\n|-1|nan|1e999|true|line|starter|\\|é"
 SOME = st.lists(st.sampled_from(WORDS.split("|")), max_size=4).map("".join)
 

@@ -25,7 +25,7 @@ name = "mcc1" => name = 7 | line 2: gateway.name: is 7 (must be a text in quotes
 name = "mcc1" => nme = "mcc1" | line 2: gateway.nme: unknown key (did you mean name?)
 address = 1\n => address = true\n | line 15: line[0].starter[0].address: is true (must be a whole number)
 every_s = 2.0 => every_s = nan | line 22: line[0].starter[1].every_s: is nan (must be a finite number)
-every_s = 2.0 => title = "a\u0007" | line 22: line[0].starter[1].title: 'a\x07' cannot be printed (letters,
+every_s = 2.0 => title = "a\u0007" | line 22: line[0].starter[1].title: 'a\x07' cannot be printed (letters
 every_s = 2.0 => title = " " | line 22: line[0].starter[1].title: ' ' cannot be printed
 every_s = 2.0 => title = "" | line 22: line[0].starter[1].title: is empty
 framing = "8E1" => framing = "8E1"\ntitle = "0123456789012345678901234567890123456789012345678901234567890"
@@ -50,13 +50,13 @@ name = "mcc1" => name = "A65" | line 2: gateway.name: is 'aaaaaaaa
 mqtts://broker.plant:8883 => mqtts://broker:99999
     | line 5: mqtt.url: 'mqtts://broker:99999' is no broker address (mqtts://host:8883)
 mqtts://broker.plant:8883 => mqtts://bob:secret@broker
-    | line 5: mqtt.url: holds a login (use username and password_file)
+    | line 5: mqtt.url: has more than a host and a port (a login goes into username and password_file;
 mqtts://broker.plant:8883 => mqtts://broker/path
-    | line 5: mqtt.url: has more than a host and a port (leave out what follows the port)
+    | line 5: mqtt.url: has more than a host and a port (a login
 [mqtt] => [mqtt]\nbase = "Starters/{gateway}"
-    | line 5: mqtt.base: has the level 'Starters' (only a-z, 0-9, _ and - between slashes, and {gateway})
+    | line 5: mqtt.base: is 'Starters/{gateway}' (only a-z, 0-9, _ and - between slashes, and {gateway})
 [mqtt] => [mqtt]\nbase = "starters/"
-    | line 5: mqtt.base: has an empty level (only a-z, 0-9, _ and - between slashes, and {gateway})
+    | line 5: mqtt.base: is 'starters/' (only a-z, 0-9, _ and - between slashes, and {gateway})
 [mqtt] => [mqtt]\ncert_file = "c.pem"
     | line 5: mqtt.cert_file: needs key_file beside it (a certificate and its key go together)
 [mqtt] => [mqtt]\npassword_file = "p"
@@ -103,17 +103,17 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [web]\ncert_file = "c.pem" | line 29: web.cert_file: needs key_file beside it
 [web]\ntrusted_proxies = ["proxy"] | line 29: web.trusted_proxies[0]: 'proxy' is no address
 [web]\nhosts = ["http://x"] | line 29: web.hosts[0]: is 'http://x' (a name or address without port
-[web]\nbase_path = "mcc1" | line 29: web.base_path: is 'mcc1' (a path such as /mcc1)
+[web]\nbase_path = "mcc1" | line 29: web.base_path: is 'mcc1' (a path such as /mcc1
 [web]\n[[web.user]]\nname = "anna"\npassword = "LINE"
     | line 29: web.user[0].operator: is missing (name the client of an [[operator]]: the login has its rights)
-[web]\nbase_path = "/a/../b" | line 29: web.base_path: '/a/../b' has a level . or .. (a path such as
-[web]\nbase_path = "/./" | line 29: web.base_path: '/./' has a level . or ..
+[web]\nbase_path = "/a/../b" | line 29: web.base_path: is '/a/../b' (a path such as
+[web]\nbase_path = "/./" | line 29: web.base_path: is '/./' (a path such as /mcc1
 [web]\nUSER\nUSER | line 34: web.user[1].name: 'anna' is also web.user[0].name
 [sparkplug]\ngroup = "plant"\ncommands = true | line 30: sparkplug.commands: needs operator beside it
 [sparkplug]\ngroup = "plant"\nusername = "x" | line 30: sparkplug.username: needs urls beside it
 [sparkplug]\ngroup = "plant"\nurls = ["mqtt://x"]
     | line 30: sparkplug.urls[0]: would send passwords and commands unencrypted
-[sparkplug]\ngroup = "plant"\nurls = ["mqtts://a:b@x"] | line 30: sparkplug.urls[0]: holds a login
+[sparkplug]\ngroup = "plant"\nurls = ["mqtts://a:b@x"] | line 30: sparkplug.urls[0]: has more than a host
 [sparkplug]\ngroup = "plant"\nurls = ["mqtts://x"]\npassword_file = "own.password"
     | line 31: sparkplug.password_file: needs username beside it
 [sparkplug]\ngroup = "plant"\nurls = ["mqtts://x"]\ncert_file = "x"
@@ -139,8 +139,8 @@ address = 1 => address = "1" | line 15: line[0].starter[0].address: is '1' (must
     | line 10: line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
 19200 => 1234 | line 10: line[0].baud: is 1234 (must be 1200, 2400,
 /dev/rs485-pumps => COM3
-    | line 9: line[0].port: 'COM3' is no port (an absolute path such as /dev/serial/by-id/...,
-/dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (an absol
+    | line 9: line[0].port: 'COM3' is no port (such as /dev/serial/by-id/...
+/dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (such as
 [[operator]] => [[line]]\nname="b"\nport="/dev/rs485-pumps"\nbaud=9600\nframing="8N2"\nSTARTER[[operator]]
     | line 26: line[1].port: '/dev/rs485-pumps' is also line[0].port (put all starters of a port under one [[l
 every_s = 2.0 => every_s = -1.0 | line 22: line[0].starter[1].every_s: is -1.0 (must be at least 0)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
-
 import pytest
 
-from gateway.errors import ProfileError, UsageError
-from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile, read_profile
+from gateway.errors import UsageError
+from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.names import meaning_of, printed_name
 from gateway.families.profile.parameters import to_words
 from gateway.families.profile.rows import Confidence
-
-SSW06 = Path(__file__).parents[2] / "gateway" / "families" / "profiles" / "ssw06"
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -71,21 +66,9 @@ def test_spanish_names_stand_where_the_manual_has_them_and_english_ones_elsewher
     assert all(row is spanish.parameters[row.code] for rows in spanish.rows_at.values() for row in rows)
 
 
-def test_a_language_that_does_not_exist_is_refused_with_those_that_do() -> None:
+def test_a_family_or_a_language_that_does_not_exist_is_refused_with_those_that_do() -> None:
+    for family in ("ssw08", "", "../ssw07"):
+        with pytest.raises(UsageError, match="there are sst, ssw06, ssw07, ssw900"):
+            load_profile(family)
     with pytest.raises(UsageError, match="no language 'de'; there are en, es, pt"):
         load_profile("ssw06", "de")
-
-
-def test_a_name_of_nothing_is_a_mistake_of_the_table(tmp_path: Path) -> None:
-    folder = tmp_path / "ssw06"
-    shutil.copytree(SSW06, folder)
-    with (folder / "es.csv").open("a", encoding="utf-8") as table:
-        table.write("P999,,nada,1\nVB01.15,7,nada,1\nE28,,nada,1\n")
-
-    with pytest.raises(ProfileError) as raised:
-        read_profile(folder, "es")
-
-    text = str(raised.value)
-    assert "P999 is nothing that has a name" in text
-    assert "VB01.15 7 is nothing that has a name" in text
-    assert "E28 is nothing that has a name" in text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gateway.families.profile.load import ENGLISH, languages_of, load_profile
+from gateway.families.profile.load import ENGLISH, LANGUAGES, load_profile
 from gateway.families.profile.names import meaning_of
 from gateway.families.profile.rows import RESERVED, Parameter
 from gateway.families.profile.schema import Point, Profile, Write
@@ -71,11 +71,11 @@ def _write(write: Write) -> str:
 
 
 def _alarms(profile: Profile) -> str:
-    others = {
+    named = {
         language: {each.code: each.text for each in load_profile(profile.family, language).alarms}
-        for language in languages_of(profile.family)
-        if language != ENGLISH
+        for language in LANGUAGES
     }
+    others = {language: names for language, names in named.items() if names != named[ENGLISH]}
     return _table(
         "Faults and alarms",
         ("code", "kind", "name", "section", *(f"in {language}" for language in others)),

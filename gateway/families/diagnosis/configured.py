@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 from gateway.contract import CommandError
@@ -14,26 +13,22 @@ from gateway.families.profile.schema import Profile
 _SECONDS = "s"
 
 
-def wrong_settings(profile: Profile, *, model: object, watchdog_s: object) -> Iterator[tuple[str, str]]:
+def wrong_settings(
+    profile: Profile, *, model: str | None, watchdog_s: float | None
+) -> Iterator[tuple[str, str]]:
     """Return the keys `model` and `watchdog_s` where they cannot be right, each with the reason.
 
-    A model whose name shows no family passes, and so does a value of another type.
+    A model whose name shows no family passes.
     """
-    if isinstance(model, str):
-        named = [
-            family for family, device in DEVICES.items() if _names(device.names or device.product, model)
-        ]
-        if named and profile.family not in named:
-            yield "model", f"is the name of a model of {named[0]}, not of {profile.family}"
-    if isinstance(watchdog_s, int | float) and not isinstance(watchdog_s, bool) and watchdog_s >= 0:
+    patterns = {family: device.names or device.product for family, device in DEVICES.items()}
+    named = [family for family, pattern in patterns.items() if pattern and pattern.search(model or "")]
+    if named and profile.family not in named:
+        yield "model", f"is the name of a model of {named[0]}, not of {profile.family}"
+    if watchdog_s is not None:
         rows = [profile.parameters[code] for code in device_of(profile).watchdog_rows]
         reasons = [_why_not(profile, row, watchdog_s) for row in rows if row.unit == _SECONDS]
         if reasons and all(reasons):
             yield "watchdog_s", f"is no time of its watchdog: {reasons[0]}"
-
-
-def _names(pattern: re.Pattern[str] | None, model: str) -> bool:
-    return pattern is not None and pattern.search(model) is not None
 
 
 def _why_not(profile: Profile, row: Parameter, value: float) -> str:

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 from gateway.contract import to_level
 from gateway.families.profile.parameters import is_named, raw_row, spelt
-from gateway.families.profile.rows import Access, Confidence, Model, Parameter, Table, Type
-from gateway.families.profile.schema import Point, Profile
+from gateway.families.profile.rows import Access, Model, Parameter, Table, Type
+from gateway.families.profile.schema import Point, Profile, remade
 
 EXTRA = "extra"  # the group of the points that a site asks for
 _NUMBERED = re.compile(r"P([0-9]{3})")
@@ -126,14 +126,14 @@ def extended(profile: Profile, rows: tuple[SiteRow, ...], points: tuple[SitePoin
     if not rows and not points:
         return profile
     parameters = {**profile.parameters, **{each.row.code: each.row for each in rows}}
-    wider = _remade(profile, parameters=parameters)
+    wider = remade(profile, parameters=parameters)
     names = {each.row.code: each.point for each in rows}
     added: dict[str, Point] = {}
     for each in points:
         if not _is_point(profile, parameters[each.code]):
             name = names.get(each.code) or to_level(each.code)
             added[name] = Point(code=each.code, group=EXTRA, every_s=each.every_s)
-    return _remade(wider, points={**profile.points, **added})
+    return remade(wider, points={**profile.points, **added})
 
 
 def _is_point(profile: Profile, row: Parameter) -> bool:
@@ -141,51 +141,3 @@ def _is_point(profile: Profile, row: Parameter) -> bool:
     word, _, bit = row.code.partition(".")
     key = (word, int(bit)) if row.type is Type.BIT and bit else (row.code, None)
     return key in profile.points_of
-
-
-def _remade(profile: Profile, **changed: object) -> Profile:
-    """Return a profile with other parts, which caches nothing of the former's."""
-    fields = {name: getattr(profile, name) for name in Profile.model_fields}
-    return Profile.model_validate({**fields, **changed})
-
-
-def site_row(
-    profile: Profile,
-    code: str,
-    *,
-    point: str,
-    title: str,
-    address: int,
-    kind: str,
-    decimals: int,
-    unit: str,
-    limits: tuple[int, int] | None,
-    is_writable: bool,
-    is_stopped_only: bool,
-) -> SiteRow:
-    """Return a row of holding registers that a site describes; `limits` are raw numbers.
-
-    The scale by the model, which the family's manual gives, stays.
-    """
-    low, high = limits or (None, None)
-    known = profile.parameters.get(code)
-    row = Parameter.model_validate(
-        {
-            "code": code,
-            "name": title,
-            "table": Table.HOLDING,
-            "address": address,
-            "words": 2 if kind.endswith("32") else 1,
-            "type": kind,
-            "decimals": decimals,
-            "unit": unit,
-            "raw_min": low,
-            "raw_max": high,
-            "access": Access.RW if is_writable else Access.RO,
-            "confidence": Confidence.SITE,
-            "is_stopped_only": is_stopped_only,
-            "is_rated_scaled": known is not None and known.is_rated_scaled,
-            "source": "the site's configuration",
-        }
-    )
-    return SiteRow(row=row, point=point)

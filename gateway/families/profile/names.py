@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
 
-from gateway.families.profile.rows import Model, Type
-from gateway.families.profile.schema import Point, Profile
+from gateway.families.profile.rows import Type
+from gateway.families.profile.schema import Point, Profile, remade
 
 MEANINGS = {  # of the quantities that families share; what a bit means is the manual's own text
     "current": "mean current of the motor's phases",
@@ -23,15 +22,6 @@ MEANINGS = {  # of the quantities that families share; what a bit means is the m
     "fault_code": "number of the fault; while `fault` is false that of the last one, or 0",
     "starts_total": "number of starts since the starter was made or its counters were reset",
 }
-
-
-class Translation(Model):
-    """A line of a language's table: the name of a row, a fault or an alarm, or what a number means."""
-
-    code: str
-    number: int | None = None  # of a value, or 0 and 1 of a bit (VB01.8)
-    text: str
-    source: str = ""
 
 
 def printed_name(profile: Profile, name: str) -> str:
@@ -58,30 +48,29 @@ def meaning_of(profile: Profile, name: str) -> str:
     return point.meaning or MEANINGS.get(name) or printed_name(profile, name)
 
 
-def translated(profile: Profile, rows: Iterable[tuple[str, Translation]], problems: list[str]) -> Profile:
+def translated(profile: Profile, rows: Iterable[Mapping[str, str]]) -> Profile:
     """Return the profile with the names of a language; codes and keys stay.
 
-    Each row comes with where it stands; those that name nothing are added to `problems`.
+    A name has the `code` of a row, a fault or an alarm, and `text`; with a `number` it is that of an enum's
+    value, or of 0 and 1 of a bit (VB01.8). KeyError where it names nothing.
     """
     parameters, alarms = dict(profile.parameters), {each.code: each for each in profile.alarms}
     enums = {code: dict(labels) for code, labels in profile.enums.items()}
-    for where, row in rows:
-        name: dict[str, Any] = {"name": row.text}
-        if row.number is not None and row.number in enums.get(row.code, {}):
-            enums[row.code][row.number] = row.text
-        elif row.number is None and row.code in parameters:
-            parameters[row.code] = parameters[row.code].model_copy(update=name)
-        elif row.number is None and row.code in alarms:
-            alarms[row.code] = alarms[row.code].model_copy(update={"text": row.text})
+    for row in rows:
+        code, text = row["code"], row["text"]
+        if "number" in row:
+            enums[code][int(row["number"])] = text
+        elif code in parameters:
+            parameters[code] = parameters[code].model_copy(update={"name": text})
         else:
-            number = "" if row.number is None else f" {row.number}"
-            problems.append(f"{where}: {row.code}{number} is nothing that has a name")
-    named = {"parameters": parameters, "alarms": tuple(alarms.values()), "enums": enums}
-    named["english_enums"] = profile.enums if enums != profile.enums else {}
-    others = {field: getattr(profile, field) for field in Profile.model_fields if field not in named}
-    return Profile.model_validate(
-        {**others, **named}
-    )  # a new profile: the caches of the old one name its rows
+            alarms[code] = alarms[code].model_copy(update={"text": text})
+    return remade(
+        profile,
+        parameters=parameters,
+        alarms=tuple(alarms.values()),
+        enums=enums,
+        english_enums=profile.enums if enums != profile.enums else {},
+    )
 
 
 def _labels(profile: Profile, point: Point) -> dict[int, str]:

@@ -56,6 +56,10 @@ class Limits(Model):
     segment_devices: int | None = None  # on a line without repeaters; None = not stated
     max_gap: int = 0  # unknown registers that a block read may span (SSW900 7.3: they read 0)
 
+    def most(self, table: Table) -> int:
+        """Return the most registers or bits of a table that one request may read."""
+        return self.read_bits if table.is_bits else self.read_registers
+
 
 class Verify(Model):
     """How a command is seen to have acted: this point becomes this value, within this time."""
@@ -315,6 +319,12 @@ _T = TypeVar("_T")
 def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
     """Return `make` with its results remembered, for all starters of a family; they must never be changed."""
     return lru_cache(maxsize=512)(make)  # a site has a few profiles: most starters ask for the same points
+
+
+def remade(profile: Profile, **changed: object) -> Profile:
+    """Return a profile with other parts, which caches nothing of the former's."""
+    fields = {name: getattr(profile, name) for name in Profile.model_fields}
+    return Profile.model_validate({**fields, **changed})
 
 
 class Variant(Model):

@@ -34,17 +34,6 @@ TYPE_LIMITS: dict[Type, tuple[int, int]] = {
     Type.TIME: _LONG,
 }
 
-# How many words each type takes; a string takes what its row says.
-TYPE_WORDS: dict[Type, int] = {
-    **dict.fromkeys((*TYPE_LIMITS, Type.VERSION_LOW, Type.VERSION_HIGH), 1),
-    Type.U32: 2,
-    Type.S32: 2,
-    Type.TIME: 2,
-    Type.IP_ADDRESS: 2,
-    Type.MAC_ADDRESS: 3,
-    Type.DATE: 4,
-}
-
 _LOW_BYTE = frozenset({Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM})
 
 
