@@ -436,6 +436,12 @@ TRIPS = [
         then={21.9: seen("starter/pump/trip", times=1), 28.0: msg(VALUE + "trips_by_code", value="e05:1")},
     ),
     row(
+        "a number that is read some time after its fault is the record's",
+        given=SSW07,
+        at={5.0: ["pump P014 = 0", "pump trip E05"], 9.0: "pump P014 = -"},
+        then={24.0: msg("starter/pump/trip", code="e05", text=re.compile("overload"))},
+    ),
+    row(
         "an alarm is no trip",
         given=SSW900,
         at={5.0: "mill alarm A005"},
