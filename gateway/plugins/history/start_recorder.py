@@ -47,7 +47,6 @@ class StartPoints:
 
     motion: frozenset[str]  # a reply with one of them shows whether the motor moves
     columns: tuple[str, ...]  # the point of each of `COLUMNS`
-    has_acceleration: bool  # a point says so; else the state does
 
     @staticmethod
     @once_per_profile
@@ -55,7 +54,7 @@ class StartPoints:
         """Return those of a family."""
         motion = {name for name, state in profile.state.order.items() if state in ("starting", "running")}
         columns = (profile.thermal_point if name == "thermal" else name for name in COLUMNS)
-        return StartPoints(frozenset(motion), tuple(columns), "accelerating" in profile.points)
+        return StartPoints(frozenset(motion), tuple(columns))
 
 
 class _Phase(enum.Enum):
@@ -180,8 +179,7 @@ class StartRecorder:
             if is_full or start.began is None:
                 return self._stay(start, readings)
             start.ended, self._phase = None, _Phase.STARTING  # it was not over
-        is_accelerating = not self._points.has_acceleration or values.get("accelerating") is True
-        if is_accelerating and start.began is None:
+        if values.get("accelerating") is True and start.began is None:
             # Where the start was announced already, it accelerates since the reply before this one.
             is_announced = self._motion_s is not None and self._motion_s >= start.seen_s
             earliest_s = self._motion_s if is_announced else start.earliest_s
@@ -280,8 +278,6 @@ class StartRecorder:
         outliers = curve.drop_outliers(zero_s, largest_a=LARGEST * self.rated_a if self.rated_a else math.inf)
         currents = curve.currents(*ramp)
         sums = curve.sums(*ramp) if is_known or (was_cut and was_seen) else None
-        thermal = curve.latest("thermal")
-        has_heated = start.thermal_before is not None and thermal is not None
         record = StartRecord(
             starter=self._starter,
             id=f"{self._boot}-{seq}",
@@ -300,7 +296,7 @@ class StartRecorder:
             i2t_error_pct=None if sums is None else i2t_error_pct_of(sums, begin_within_s, end_within_s),
             rate_hz=len(currents) / (ramp[1] - zero_s) if currents and ramp[1] > zero_s else None,
             lowest_v=curve.lowest("line_voltage", *ramp),
-            heating_pct=thermal - start.thermal_before if has_heated else None,
+            heating_pct=_rise(start.thermal_before, curve.latest("thermal")),
             own=start.own,
             outliers=outliers,
             samples=curve.shown(zero_s),
@@ -333,3 +329,7 @@ def _cause(command: _Command | None, remote: bool | None) -> Cause:  # noqa: FBT
     if remote is None:
         return Cause()
     return Cause(StartSource.REMOTE if remote else StartSource.LOCAL)
+
+
+def _rise(before: float | None, after: float | None) -> float | None:
+    return None if before is None or after is None else after - before

@@ -96,7 +96,7 @@ class MotorTrips(Part):
             self._delivery.publish(trip, partial(self._keep, trip))
 
     def _begin(self, event: EventRecord) -> None:
-        """Begin a record; the event has no alarm before the fault's number is known, or where there is none."""
+        """Begin a record; the event has no alarm where the fault has no number, or none yet."""
         self.close()
         state_before, code, text = event.data.get("from"), event.data.get("alarm"), event.text
         if code in (None, FAULT):

@@ -6,7 +6,7 @@ Births are published only while it is.
 from __future__ import annotations
 
 from gateway.contract import read_object
-from gateway.plugins.sparkplug.topics import state_topic
+from gateway.plugins.sparkplug.settings import state_topic
 
 
 def host_state(payload: bytes) -> tuple[bool, int] | None:

@@ -25,8 +25,7 @@ from gateway.plugins.sparkplug.node import EdgeNode
 from gateway.plugins.sparkplug.numbers import BirthNumbers
 from gateway.plugins.sparkplug.payload import FALSE
 from gateway.plugins.sparkplug.primary_host import PrimaryHost
-from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.plugins.sparkplug.topics import REBIRTH
+from gateway.plugins.sparkplug.settings import REBIRTH, SparkplugSettings
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
 
@@ -133,8 +132,8 @@ class SparkplugService:
 
     async def _subscribe(self, link: Session, server: BrokerSettings) -> None:
         """Subscribe to everything before any birth [tck-id-message-flow-edge-node-ncmd-subscribe]."""
-        topics = [self._settings.topics.node_command]
-        topics += [] if self._host_commands is None else [self._settings.topics.device_commands]
+        topics = [self._settings.topic("NCMD")]
+        topics += [] if self._host_commands is None else [self._settings.topic("DCMD", "+")]
         refused = [topic for topic in topics if not await link.subscribe(topic)]
         state = self._host.topic
         if state is not None and not await link.subscribe(state, with_retained=True):
@@ -208,8 +207,7 @@ class SparkplugService:
             self._wake.set()
 
     def _on_incoming(self, incoming: Incoming) -> None:
-        topics, payload = self._settings.topics, incoming.payload
-        starter = topics.commanded_device(incoming.topic)
+        payload, starter = incoming.payload, self._settings.commanded_device(incoming.topic)
         if self._host_commands is not None and starter is not None:
             if starter in self._settings.starters:
                 self._host_commands.take(starter, incoming, self._node.born_utc_s)
@@ -220,7 +218,7 @@ class SparkplugService:
         elif incoming.topic == self._host.topic:
             self._leaving = HOST_GONE if self._host.take(payload) else self._leaving
             self._wake.set()
-        elif incoming.topic == topics.node_command and _REBIRTH in payload:
+        elif incoming.topic == self._settings.topic("NCMD") and _REBIRTH in payload:
             self._node.take_command(payload, self._clock.now_s())
             self._hurry()
 
