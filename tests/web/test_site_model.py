@@ -6,13 +6,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
-
 from gateway.contract import (
     AuditRecord,
     EventRecord,
     ForgetRecord,
-    InfoRecord,
     Latest,
     Phase,
     Quality,
@@ -60,25 +57,6 @@ def result(phase: Phase, id_: str | None = "a", starter: str = "pump-1", verb: s
 def decided(decision: str, id_: str | None = "a") -> AuditRecord:
     named: Any = {"starter": "pump-1", "client": "alice", "id": id_, "verb": "stop", "args": {"n": 1}}
     return AuditRecord(**named, seq=1, time_s=1.0, decision=decision, code="", operator=None, source="web")
-
-
-@pytest.mark.parametrize(
-    ("scope", "topics"),
-    [
-        (None, {"starter/pump-1/value/current", "starter/pump-2/value/current"}),
-        (
-            "pump-1",
-            {"starter/pump-1/value/current", "starter/pump-1/value/p003", "starter/pump-2/value/current"},
-        ),
-    ],
-)
-def test_an_overview_has_the_current_of_each_starter_and_a_starters_page_all_of_it(
-    scope: str | None, topics: set[str]
-) -> None:
-    model = Shown()
-    model.take(value("current"), value("p003"), value("current", starter="pump-2"))
-
-    assert {topic for topic, _ in model.topics(scope)} == topics
 
 
 def test_a_client_is_sent_what_is_newer_than_it_has_seen_and_what_is_gone() -> None:
@@ -159,16 +137,3 @@ def test_the_latest_commands_are_shown_until_a_reload_takes_their_starter_away()
     assert model.commands("pump-1")[0]["id"] == "3"
     model.reconfigure(web_settings("pump-2"))
     assert model.commands("pump-1") == []
-
-
-def test_facts_are_those_of_the_configuration_with_what_the_starter_says_of_itself() -> None:
-    model = Shown()
-    seen = model.now
-    named: Any = {"starter": "pump-1", "family": "ssw07", "line": "pumps", "address": 1}
-    model.take(InfoRecord(**named, model="SSW-07 85.0A", firmware=None, serial=None, points={}, commands=()))
-
-    assert model.facts("pump-1")["model"] == "SSW-07 85.0A"
-    assert "firmware" not in model.facts("pump-1")
-    assert model.facts_since(seen) == {"pump-1": model.facts("pump-1")}
-    assert model.facts_since(model.now) == {}
-    assert model.facts("gone") == {"groups": [], "acknowledged": {}}

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, play, reload, row
 from tests.rig.sites import ALICE, FOUR, METRICS, QUICK, SSW07, WEB
 from tests.scenarios.plugins.doors import answer, sample, samples
 
-PAGE = Path(__file__).parents[3] / "docs" / "metrics.md"
 SCRAPED = SSW07 + ALICE + WEB + METRICS
 PUMP = {"line": "pumps", "starter": "pump"}
 OPEN_S = 1_795_219_200.0  # the scenario's beginning
@@ -288,33 +284,6 @@ SERIES = [
 @pytest.mark.parametrize("row", SERIES)
 def test_a_scrape(row: ScenarioRow) -> None:
     play(row)
-
-
-def test_every_series_that_the_document_names_is_in_a_scrape_and_no_other() -> None:
-    table = PAGE.read_text("utf-8").split("<!-- metrics:")[1].split("<!-- end of metrics")[0]
-    named = {
-        match[1]: {*re.findall(r"`(\w+)`", match[2])}
-        for match in re.finditer(r"\| `(\w+)` \| \w+ \| (.*?) \|", table)
-    }
-    with RigPlant(FOUR + ALICE + WEB + METRICS + "all_points = true\n", sim={"pump": QUICK}) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start", fresh=False)
-        plant.command("pump/alice/stop")
-        plant.run(until=5.0)
-        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
-        plant.run(until=12.0)
-        text = plant.get("/metrics").text
-        plant.broker.stop()
-        plant.run(until=30.0)
-        text += plant.get("/metrics").text
-    families = set(re.findall(r"# TYPE starter_gateway_(\w+) ", text))
-    scraped = {
-        re.sub(r"_(bucket|sum|count)$", "", name): {key for key, _ in labels}
-        for name, labels in samples(text)
-    }
-
-    assert families == named.keys()
-    assert {name: labels - {"le", "quantile"} for name, labels in scraped.items()} == named
 
 
 def test_the_text_file_is_replaced_as_a_whole_and_removed_at_an_orderly_end() -> None:

@@ -590,8 +590,6 @@ WRITES = [
             ("of before the birth", write(START, age_s=20.0), "before_connection", None),
             ("of a moment after a stop", write(START), "stopped_first", {17.0: command("pump/alice/stop")}),
             ("that is retained", write(START, retain=True), "retained", None),
-            ("that is no Boolean", write({"Command/Start": "true"}), "bad_payload", None),
-            ("that is false", write({"Command/Start": False}), "bad_payload", None),
         )
     ),
     row(
@@ -673,32 +671,6 @@ WRITES = [
                 ),
                 event("dcmd_refused", data={"count": 2}),
                 results(),
-            ]
-        },
-    ),
-    row(
-        "another metric cannot be written",
-        given=COMMANDED,
-        at={5.0: write({"current": 1.0})},
-        then={8.0: [frames("pump"), seen("result/pump/alice", phase="rejected")]},
-    ),
-    row(
-        "a starter with two steps refuses a host's start",
-        given=COMMANDED.replace(
-            "[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1
-        ),
-        at={5.0: write(START)},
-        then={8.0: [result("start rejected select_first"), frames("pump")]},
-    ),
-    row(
-        "with a clock that is not synchronised a start is refused, a stop is not",
-        given='[gateway]\nname = "plant"\nstate_dir = "state"\nclock = "auto"\n' + COMMANDED,
-        before=lambda plant: setattr(plant, "is_clock_synchronised", False),
-        at={5.0: write(START), 7.0: write(STOP)},
-        then={
-            9.0: [
-                seen("result/pump/alice", verb="start", phase="rejected", text=re.compile("clock")),
-                frames("pump", OFF),
             ]
         },
     ),
