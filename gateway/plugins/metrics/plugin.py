@@ -50,7 +50,7 @@ def settings_of(site: PluginSite) -> MetricsSettings | None:
     if table is None:
         return None
     file = None if table.textfile is None else site.folder / table.textfile
-    return MetricsSettings(table.all_points, file, site.metrics_token)
+    return MetricsSettings(table.all_points, file, site.secrets["metrics"])
 
 
 def load(gateway: Gateway) -> Callable[[MetricsSettings], Plugin]:

@@ -73,16 +73,14 @@ class SparkplugService:
     def put(self, record: Record) -> None:
         """Have what is new published; returns at once."""
         now_s = self._clock.now_s()
-        if isinstance(record, ForgetRecord):
-            self._node.forget(record.starters, self._clock.utc_s())
-        elif isinstance(record, ResultRecord) and self._is_own(record):
-            self._node.answer(record.starter, facts_of(record), now_s)
+        match record:
+            case ForgetRecord():
+                self._node.forget(record.starters, self._clock.utc_s())
+            # The result of a command that came this way.
+            case ResultRecord(client=self._settings.operator, id=str(id_)) if id_.startswith(ID_PREFIX):
+                self._node.answer(record.starter, facts_of(record), now_s)
         self._node.look(now_s)
         self._hurry()
-
-    def _is_own(self, result: ResultRecord) -> bool:
-        """Return whether a result is of a command that came this way."""
-        return result.client == self._settings.operator and (result.id or "").startswith(ID_PREFIX)
 
     def reconfigure(self, settings: SparkplugSettings) -> None:
         """Follow other starters and lines; by any other change this node ends, and its successor begins."""
