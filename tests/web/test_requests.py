@@ -17,7 +17,6 @@ from gateway.plugins.web.requests import (
     is_own_host,
     path_in,
     require_own_post,
-    security_headers,
     set_cookie,
     takes_gzip,
 )
@@ -172,15 +171,6 @@ def test_a_cookie_that_is_there_twice_counts_for_none() -> None:
         ("", ""),
     ):
         assert cookie(replace(PAGE, headers={"cookie": header})) == value
-
-
-def test_hsts_is_said_with_tls_only() -> None:
-    assert b"strict-transport-security" not in dict(security_headers(PAGE))
-    assert b"strict-transport-security" in dict(security_headers(Caller("", "", "https")))
-    policy = dict(security_headers(PAGE))[b"content-security-policy"].decode()
-    assert "default-src 'none'" in policy
-    assert "unsafe" not in policy
-    assert "frame-ancestors 'none'" in policy
 
 
 @pytest.mark.parametrize(

@@ -729,6 +729,7 @@ def test_below_a_path_and_behind_a_proxy_with_tls_the_callers_own_address_counts
         assert (redirect.status, redirect.headers["location"]) == (308, "/mcc1/")
         assert cookie.startswith("__Host-sid=")
         assert "Secure" in cookie
+        assert ["strict-transport-security" in each.headers for each in (login, plain)] == [True, False]
         assert stop.json["final"] is True
         assert plant.messages("audit")[0].json["args"]["address"] == "203.0.113.4"
         assert b"starter_gateway_starter_online" in gzip.decompress(scraped.body)
