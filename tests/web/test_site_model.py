@@ -16,7 +16,6 @@ from gateway.contract import (
     Record,
     ResultRecord,
     Severity,
-    StartRecord,
     ValueRecord,
 )
 from gateway.plugins.web.acknowledged import Acknowledged
@@ -107,7 +106,6 @@ def test_results_and_starts_are_sent_as_they_come_and_results_in_a_starters_snap
     assert start not in (model.messages("pump-2", seen) or ())
     assert model.messages("pump-1") == [result(Phase.ACCEPTED)]
     assert model.messages(None) == []
-    assert model.records("pump-1", StartRecord) == [start]
 
 
 def test_the_phases_of_a_command_stand_together_with_what_was_asked() -> None:
