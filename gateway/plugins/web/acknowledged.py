@@ -1,6 +1,6 @@
 """Alarms that somebody has acknowledged: seen and taken on, never reset; until they clear or come again.
 
-After a restart of the gateway nobody has acknowledged anything: it does not know what has come meanwhile.
+After a restart of the gateway no alarm is acknowledged: it does not know which of them have come meanwhile.
 """
 
 from __future__ import annotations
