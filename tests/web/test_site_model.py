@@ -9,7 +9,6 @@ from typing import Any, cast
 from gateway.contract import (
     AuditRecord,
     EventRecord,
-    ForgetRecord,
     Latest,
     Phase,
     Quality,
@@ -56,27 +55,6 @@ def result(phase: Phase, id_: str | None = "a", starter: str = "pump-1", verb: s
 def decided(decision: str, id_: str | None = "a") -> AuditRecord:
     named: Any = {"starter": "pump-1", "client": "alice", "id": id_, "verb": "stop", "args": {"n": 1}}
     return AuditRecord(**named, seq=1, time_s=1.0, decision=decision, code="", operator=None, source="web")
-
-
-def test_a_client_is_sent_what_is_newer_than_it_has_seen_and_what_is_gone() -> None:
-    model = Shown()
-    model.take(value("current"), value("current_pct"))
-    seen = model.now
-    newest = value("current", 2.0)
-    model.take(newest, event(), ForgetRecord(starters=("pump-2",)))
-
-    assert model.topics(None, seen.latest) == [("starter/pump-1/value/current", newest)]
-    assert model.messages(None, seen.happened) == [event()]
-    assert model.now.gen == seen.gen + 2
-
-    seen = model.now
-    model.take(ForgetRecord(starters=("pump-1",)))
-
-    assert dict(model.topics(None, seen.latest)) == {
-        "starter/pump-1/value/current": None,
-        "starter/pump-1/value/current_pct": None,
-    }
-    assert model.topics(None) == []
 
 
 def test_a_client_that_has_missed_messages_gets_none_and_is_sent_the_whole_again() -> None:

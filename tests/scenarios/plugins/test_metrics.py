@@ -10,11 +10,12 @@ from tests.scenarios.plugins.doors import answer, sample, samples
 
 SCRAPED = SSW07 + ALICE + WEB + METRICS
 PUMP = {"line": "pumps", "starter": "pump"}
+LAST_GOOD = "starter_last_good_reading_timestamp_seconds"
 OPEN_S = 1_795_219_200.0  # the scenario's beginning
 
 SERIES = [
     row(
-        "who runs here, since when, and on which clock",
+        "who runs here, since when, on which clock, and how fast and fresh a starter answers",
         given=SCRAPED,
         then={
             5.0: [
@@ -28,7 +29,12 @@ SERIES = [
                 sample("line_open", 1.0, line="pumps"),
                 sample("line_stop_latency_worst_seconds", None),
                 sample("starter_info", 1.0, **PUMP, family="ssw07", model="SSW-07 85.0A", firmware="1.40"),
-            ]
+                sample("line_stop_latency_bound_seconds", line="pumps"),
+            ],
+            90.0: [  # a value that does not change is as fresh as its last reading
+                sample(LAST_GOOD, pytest.approx(OPEN_S + 89.5, abs=1), **PUMP),
+                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
+            ],
         },
     ),
     row(
@@ -110,20 +116,6 @@ SERIES = [
         },
     ),
     row(
-        "the requests to a starter and the times of its replies are its own",
-        given=SCRAPED,
-        then={
-            60.0: [
-                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
-                lambda plant: (
-                    ""
-                    if "# TYPE starter_gateway_starter_response_seconds summary" in plant.get("/metrics").text
-                    else "no summary"
-                ),
-            ],
-        },
-    ),
-    row(
         "refused and unconfirmed commands are counted by reason and starter",
         given=SCRAPED,
         at={
@@ -160,25 +152,12 @@ SERIES = [
             40.0: [
                 sample("starter_online", 0.0, **PUMP),
                 sample("motor_current_amperes", None, **PUMP),
-                sample(
-                    "starter_last_good_reading_timestamp_seconds",
-                    pytest.approx(OPEN_S + 9.5, abs=1.0),
-                    **PUMP,
-                ),
+                sample(LAST_GOOD, pytest.approx(OPEN_S + 9.5, abs=1.0), **PUMP),
                 sample("starter_last_reply_timestamp_seconds", pytest.approx(OPEN_S + 9.5, abs=1.0), **PUMP),
                 sample("starts_total", 0.0, **PUMP),
                 sample("starter_state", 1.0, **PUMP, state="unknown"),
                 sample("starter_fault_active", None, **PUMP),
             ],
-        },
-    ),
-    row(
-        "a value that does not change is as fresh as its last reading",
-        given=SCRAPED,
-        then={
-            90.0: sample(
-                "starter_last_good_reading_timestamp_seconds", pytest.approx(OPEN_S + 89.5, abs=1), **PUMP
-            )
         },
     ),
     row(

@@ -284,31 +284,6 @@ def born_at(*births: int) -> Expectation:
     return check
 
 
-def broker_speaks_5(plant: RigPlant) -> None:
-    plant.broker.speaks_5 = True
-
-
-def note_versions(plant: RigPlant) -> None:
-    """Keep by client the version of each CONNECT, as the protocol numbers it: 5, and 4 for 3.1.1."""
-    join, plant.versions = plant.broker.join, {}  # type: ignore[attr-defined]
-
-    def join_and_note(connection: Any) -> int:
-        plant.versions.setdefault(connection.name, []).append(connection.version)  # type: ignore[attr-defined]
-        return join(connection)
-
-    plant.broker.join = join_and_note  # type: ignore[method-assign]
-
-
-def versions(client: str, *expected: int) -> Expectation:
-    """The CONNECTs of a client have come with these versions."""
-
-    def check(plant: RigPlant) -> str:
-        found = plant.versions.get(client)  # type: ignore[attr-defined]
-        return "" if found == list(expected) else f"{client}: {found}"
-
-    return check
-
-
 SERVERS = [
     row(
         "the number of each connection is stored before it, and 255 is followed by 0",
@@ -326,20 +301,6 @@ SERVERS = [
         given=NODE,
         before=with_document("births", "no number"),
         then={5.0: [bd_seqs("NBIRTH", 0), seen(born("DBIRTH", "pump"))]},
-    ),
-    row(
-        "after each loss MQTT 5 is tried first, by the node as by the gateway's own connection",
-        given=NODE,
-        before=lambda plant: (setattr(plant.broker, "speaks_5", False), note_versions(plant)),
-        at={10.0: "broker drops", 20.0: [broker_speaks_5, "broker drops"]},
-        then={
-            19.0: [
-                versions("plant", 5, 4, 5, 4),
-                versions("plant-spb", 5, 4, 5, 4),
-                bd_seqs("NBIRTH", 1, 3),
-            ],
-            30.0: [versions("plant", 5, 4, 5, 4, 5), versions("plant-spb", 5, 4, 5, 4, 5)],
-        },
     ),
     row(
         "the first server that is there gets the births, after its end the next",
