@@ -235,11 +235,6 @@ def _converted(starter: ShownStarter, point: str) -> float | None:
     return round(value * factors[reading.unit], DIGITS)
 
 
-def _last_s(starter: ShownStarter, qualities: tuple[Quality, ...]) -> float | None:
-    """Return when a value that has one of these qualities was last read."""
-    return starter.snapshot.last_s(qualities)
-
-
 def _fault(starter: ShownStarter) -> float | None:
     return _good(starter.snapshot.readings.get("fault"))
 
@@ -258,8 +253,10 @@ LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
 }
 STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
     "starter_online": lambda starter: starter.is_answering,
-    "starter_last_reply_timestamp_seconds": partial(_last_s, qualities=tuple(Quality)),
-    "starter_last_good_reading_timestamp_seconds": partial(_last_s, qualities=(Quality.GOOD, Quality.STALE)),
+    "starter_last_reply_timestamp_seconds": lambda starter: starter.snapshot.last_s(tuple(Quality)),
+    "starter_last_good_reading_timestamp_seconds": lambda starter: starter.snapshot.last_s(
+        (Quality.GOOD, Quality.STALE)
+    ),
     "starter_fault_active": _fault,
     "starter_fault_code": _fault_code,
     **{motor.metric: partial(_converted, point=point) for point, motor in MOTOR_POINTS.items()},

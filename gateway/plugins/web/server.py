@@ -60,10 +60,6 @@ class Connection(H11Protocol):
         except (h11.ProtocolError, UnicodeError, ValueError):
             self.transport.abort()
 
-    def handle_websocket_upgrade(self, event: h11.Request) -> None:  # noqa: ARG002 - uvicorn's shape
-        """End a connection that asks for a websocket: there is none."""
-        self.transport.abort()
-
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
         super().connection_lost(exc)
