@@ -60,17 +60,6 @@ class Site:
         return self.secrets["mqtt"]
 
     @property
-    def metrics_token(self) -> str | None:
-        """Return the token that a scrape must carry."""
-        return self.secrets["metrics"]
-
-    @property
-    def sparkplug_password(self) -> str | None:
-        """Return the password at Sparkplug's servers, which may be the broker."""
-        sparkplug = self.config.sparkplug
-        return self.secrets["sparkplug"] if sparkplug is not None and sparkplug.urls else self.password
-
-    @property
     def computed(self) -> Mapping[str, Mapping[str, Any]]:
         """Return by line its computed worst-case statistics."""
         return {line.table.name: computed_of(line) for line in self.prospects}

@@ -55,16 +55,8 @@ class PluginSite(Protocol):
         """By line its computed worst-case statistics."""
 
     @property
-    def password(self) -> str | None:
-        """Of the broker."""
-
-    @property
-    def metrics_token(self) -> str | None:
-        """What a scrape must carry."""
-
-    @property
-    def sparkplug_password(self) -> str | None:
-        """Of Sparkplug's broker."""
+    def secrets(self) -> Mapping[str, str | None]:
+        """By table its password or token."""
 
 
 class ShownStarter(StarterIo, Protocol):

@@ -132,33 +132,20 @@ def test_a_drift_says_in_words_what_changed_by_how_much() -> None:
     assert found[-1].drift["peak_a"].change_pct == 0.0
 
 
-def test_one_or_four_odd_starts_raise_nothing() -> None:
-    trend = Trend()
-    verdicts(trend, lambda _: 1.0, range(20))
+@pytest.mark.parametrize(
+    ("slower", "raises", "overs"),
+    [
+        (lambda n: 3.0 if 20 <= n < 24 else 1.0, 0, 0),  # four odd starts
+        (lambda n: 1.3 if n >= FIRST and n % 60 < 30 else 1.0, 4, 4),  # it goes back, and comes again
+        (lambda n: 1.0 if n < FIRST else 1.16 if n % 40 < 20 else 1.12, 1, 0),  # near its limit
+    ],
+)
+def test_a_drift_is_raised_once_and_over_once_it_has_gone_back(
+    slower: Callable[[int], float], raises: int, overs: int
+) -> None:
+    found = verdicts(Trend(), slower, range(240))
 
-    found = verdicts(trend, lambda n: 3.0 if n < 24 else 1.0, range(20, 60))
-
-    assert raised(found) == []
-
-
-def test_a_drift_that_went_back_is_over_once_and_may_come_again() -> None:
-    trend = Trend()
-    verdicts(trend, lambda _: 1.0, range(FIRST))
-
-    found = verdicts(trend, lambda n: 1.3 if n % 60 < 30 else 1.0, range(240))
-
-    assert len(raised(found)) == 4
-    assert sum(verdict.is_over for verdict in found) == 4
-
-
-def test_a_drift_near_its_limit_does_not_come_and_go() -> None:
-    trend = Trend()
-    verdicts(trend, lambda _: 1.0, range(FIRST))
-
-    found = verdicts(trend, lambda n: 1.16 if n % 40 < 20 else 1.12, range(400))
-
-    assert len(raised(found)) == 1
-    assert not any(verdict.is_over for verdict in found)
+    assert (len(raised(found)), sum(verdict.is_over for verdict in found)) == (raises, overs)
 
 
 def test_a_chosen_baseline_ends_a_drift_and_only_starts_from_it_on_count() -> None:

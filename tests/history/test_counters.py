@@ -12,30 +12,34 @@ def readings(at_s: float, **values: Any) -> Readings:
     return Readings(at_s, at_s, "", values)
 
 
-def run(
-    counters: MotorCounters, since_s: float, until_s: float, *, every_s: float = 1.0, **more: Any
+@pytest.mark.parametrize(
+    ("period_s", "read", "hours_s", "bands_s"),
+    [
+        (1.0, [(0, 10, {}), (3610, 3620, {})], 20.0, {}),  # a gap does not count, whatever the state
+        (600.0, [(0, 36_000, {})], 36_000.0, {}),  # it is read once in ten minutes
+        (
+            1.0,
+            [(0, 10, {"current_pct": 40.0}), (11, 20, {"current_pct": 95.0})],
+            20.0,
+            {"low": 11, "high": 9},
+        ),
+        (1.0, [(0, 10, {"current": 65.0})], 10.0, {"over": 10}),  # of a rated current of 50 A
+    ],
+)
+def test_time_counts_between_readings_by_the_load_that_was_read_last(
+    period_s: float, read: list[tuple[int, int, dict[str, float]]], hours_s: float, bands_s: dict[str, float]
 ) -> None:
-    at_s = since_s
-    while at_s <= until_s + 1e-9:
-        counters.note_readings(readings(at_s, running=counters.is_operating, **more))
-        at_s += every_s
-
-
-def test_a_gap_between_readings_does_not_count_even_where_the_state_stayed_known() -> None:
-    counters = MotorCounters(period_s=1.0)
+    counters = MotorCounters(period_s=period_s)
+    counters.rated_a = 50.0
     counters.note_state("running")
-    run(counters, 0, 10)
-    run(counters, 3610, 3620)
 
-    assert counters.totals.operating_s == 20.0
+    for since_s, until_s, load in read:
+        for at_s in range(since_s, until_s + 1, round(period_s)):
+            counters.note_readings(readings(at_s, running=True, **load))
 
-
-def test_a_starter_that_is_read_once_in_ten_minutes_counts_all_the_same() -> None:
-    counters = MotorCounters(period_s=600.0)
-    counters.note_state("running")
-    run(counters, 0, 36_000, every_s=600.0)
-
-    assert counters.totals.operating_s == 36_000.0
+    assert counters.totals.operating_s == hours_s
+    assert {name: amount for name, amount in counters.totals.bands_s.items() if amount} == bands_s
+    assert counters.has_load is bool(bands_s)
 
 
 @pytest.mark.parametrize(
@@ -43,35 +47,6 @@ def test_a_starter_that_is_read_once_in_ten_minutes_counts_all_the_same() -> Non
 )
 def test_bands_of_load(load: float, band: str) -> None:
     assert band_of(load) == band
-
-
-def test_hours_by_load_follow_the_load_that_was_read_last() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    run(counters, 0, 10, current_pct=40.0)
-    run(counters, 11, 20, current_pct=95.0)
-
-    bands = counters.totals.bands_s
-    assert bands == {"low": 11.0, "normal": 0.0, "high": 9.0, "over": 0.0}
-
-
-def test_the_load_follows_from_the_current_where_the_rated_current_is_known() -> None:
-    counters = MotorCounters()
-    counters.rated_a = 50.0
-    counters.note_state("running")
-    run(counters, 0, 10, current=65.0)
-
-    assert counters.totals.bands_s["over"] == 9.0 + 1.0
-
-
-def test_without_a_load_hours_count_and_no_band_does() -> None:
-    counters = MotorCounters()
-    counters.note_state("running")
-    run(counters, 0, 10, current=65.0)
-
-    assert counters.totals.operating_s == 10.0
-    assert sum(counters.totals.bands_s.values()) == 0.0
-    assert not counters.has_load
 
 
 def test_trips_count_by_code_within_bounds() -> None:

@@ -101,11 +101,3 @@ def test_an_ssw07_that_was_seen_to_cool_from_250_to_200_percent_in_ten_minutes()
     # tau = 600 s / ln(250 / 200) = 2689 s; no start was seen, so 30 % of 250 are left free: 175.
     assert model.tau_s == pytest.approx(2688.9, abs=0.1)
     assert model.restart_in_s(600.0) == pytest.approx(2688.9 * math.log(200 / 175), abs=0.1)
-
-
-def test_what_was_learnt_survives() -> None:
-    model = ThermalModel(trip_level=250.0)
-    cool(model, level=250.0, tau_s=1200.0, until_s=900.0)
-    again = ThermalModel(trip_level=250.0, learnt=model.learnt)
-
-    assert again.tau_s == model.tau_s

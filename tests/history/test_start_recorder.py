@@ -7,15 +7,9 @@ from dataclasses import replace
 import pytest
 
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
-from gateway.plugins.history.start_curve import crossings
-from gateway.plugins.history.start_recorder import (
-    LONGEST_S,
-    StartCommand,
-    StartPoints,
-    StartRecorder,
-)
+from gateway.plugins.history.start_recorder import LONGEST_S, StartPoints, StartRecorder
 from gateway.starters import Readings, Value
-from tests.history.support import POINTS, RATED_A, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
+from tests.history.support import POINTS, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03
 
@@ -27,7 +21,7 @@ def written(at_s: float, client: str = "alice", id_: str | None = "c1"):
     def note(one: StartRecorder, now_s: float) -> None:
         if now_s >= at_s and not noted:
             noted.append(now_s)
-            one.note_command(StartCommand(client, id_, at_s))
+            one.note_command(client, id_, at_s)
 
     return note
 
@@ -71,8 +65,8 @@ def test_a_start_of_ours_agrees_with_the_analytic_curve_within_three_percent(
 
 def test_a_start_that_the_starter_has_refused_is_not_ours() -> None:
     one = recorder()
-    one.note_command(StartCommand("alice", "c1", 20.28))
-    one.note_command(StartCommand("bob", "c2", 20.29))
+    one.note_command("alice", "c1", 20.28)
+    one.note_command("bob", "c2", 20.29)
     one.forget_command("bob", "c2")
 
     summary = sole(records(ReadMotor(AnalyticStart(begin_s=20.3)), one=one))
@@ -89,48 +83,6 @@ def test_a_gap_in_the_samples_leaves_out_what_cannot_be_computed() -> None:
     assert summary.acceleration_s == pytest.approx(8.0, rel=WITHIN)
     assert summary.i2t_a2s is None
     assert summary.peak_a is not None
-
-
-def test_what_the_state_never_showed_is_found_by_the_current() -> None:
-    """A start between two replies of the status, at 2.5 times the rated current [SEL-749M]."""
-    start = AnalyticStart(begin_s=20.0, ramp_s=2.0, peak_a=450.0)
-    one = recorder()
-    found = []
-    for number in range(400):
-        at_s = number * 0.1
-        if number % 30 == 0:
-            state = "ready" if at_s < 20.0 else "running"
-            found.append(one.take(one_reply(at_s, state)))
-        found.append(
-            one.take(
-                Readings(at_s + 0.01, UTC_S + at_s, "running", {"current": start.current_a(at_s + 0.01)})
-            )
-        )
-
-    (finished,) = [each for each in found if each is not None]
-
-    above_s = (2.5 * RATED_A - 150.0) / 300.0 * 0.2
-    below_s = 2.0 - (2.5 * RATED_A - 80.0) / 370.0 * 0.3
-    assert finished.acceleration_s == pytest.approx(below_s - above_s, rel=WITHIN)
-    assert finished.outcome is StartOutcome.FULL_VOLTAGE
-
-
-@pytest.mark.parametrize(
-    ("currents", "found"),
-    [
-        ((0, 100, 300, 300, 50, 50), (1.75, 3.2)),  # on the line through the samples on both sides
-        ((300, 300, 50), (0.0, 1.2)),  # above it from the first sample on
-        ((0, 300, 250, 400, 250), (250 / 300, 1.0 + 50 / 50)),  # at the level it is not above it
-        ((0, 100, 200), None),
-        ((0, 300, 300), None),
-    ],
-)
-def test_when_a_current_rose_over_a_level_and_fell_below_it(
-    currents: tuple[float, ...], found: tuple[float, float] | None
-) -> None:
-    crossed = crossings([(float(at_s), value) for at_s, value in enumerate(currents)], 250.0)
-
-    assert crossed == (None if found is None else pytest.approx(found))
 
 
 def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None:
@@ -183,7 +135,7 @@ def test_the_heating_is_the_rise_of_the_thermal_level() -> None:
 
 def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
     columns = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "")
-    one = recorder(StartPoints(POINTS.motion, columns, has_acceleration=True))
+    one = recorder(StartPoints(POINTS.motion, columns))
     feed(one, one_reply(0.0, "ready", line_voltage=300.0))
     feed(one, one_reply(0.5, "starting", line_voltage=392.0), one_reply(1.0, "starting", line_voltage=371.0))
     feed(one, one_reply(5.0, "running", line_voltage=399.0), one_reply(7.0, "running", line_voltage=200.0))
@@ -212,7 +164,7 @@ def test_a_current_that_cannot_be_is_counted_and_enters_nothing(wrong: dict[int,
     start = AnalyticStart(begin_s=20.3)
     motor = ReadMotor(start, is_ours=True)
     one = recorder()
-    one.note_command(StartCommand("alice", "c1", start.begin_s))
+    one.note_command("alice", "c1", start.begin_s)
 
     summary = sole(read_wrongly(one, motor, wrong))
 

@@ -1,90 +1,94 @@
+"""The last minute of readings, and the record of a trip that fits into 16 KB."""
+
 import random
-from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from gateway.contract import EventRecord, ReadingTable, Severity, TripRecord
-from gateway.plugins.history.trip_recorder import AFTER_S, MOST_BYTES, NOTHING, TripRecorder, fitted
-
-TIME_S = 1_795_222_923.456
-
-
-def fault(recorder: TripRecorder, now_s: float, *, seq: int = 7) -> TripRecord | None:
-    event = EventRecord(
-        starter="pump",
-        seq=seq,
-        time_s=TIME_S,
-        boot="boot",
-        code="fault",
-        severity=Severity.ERROR,
-        text="fault, was running",
-        data={"from": "running"},
-    )
-    return recorder.note_fault(event, now_s=now_s)
+from gateway.contract import ReadingTable, TripRecord
+from gateway.plugins.history.ring import ReadingRing
+from gateway.plugins.history.trips import MOST_BYTES, fitted
 
 
-def trip(text: str, readings: ReadingTable, at_fault: dict[str, Any]) -> TripRecord:
-    return TripRecord(
-        starter="pump",
-        id="b-1",
-        time_s=TIME_S,
-        boot="b",
-        seq=1,
-        code="f005",
-        text=text,
-        state_before="running",
-        readings=readings,
-        at_fault=at_fault,
-        fault_history=(),
-    )
+def filled(every_s: float, until_s: float, **points: object) -> ReadingRing:
+    """A ring in which these points were read again and again; a callable gives the value of a moment."""
+    ring = ReadingRing()
+    for count in range(round(until_s / every_s) + 1):
+        at_s = count * every_s
+        ring.note({n: v(at_s) if callable(v) else v for n, v in points.items()}, at_s=at_s)
+    return ring
 
 
-def test_a_number_that_is_read_after_the_fault_is_the_records() -> None:
-    recorder = TripRecorder()
-    recorder.note_alarm("fault", "Fault", is_active=True)
-    fault(recorder, now_s=10.0)
-    recorder.add_fault_data({}, [])
-    assert recorder.take_due(10.0 + AFTER_S) is None
+def test_a_table_has_what_was_read_in_the_minute_before_a_moment() -> None:
+    ring = filled(1.0, 300.0, current=lambda at_s: at_s, fault=lambda at_s: at_s >= 290.0, one=0.1, two=True)
 
-    recorder.note_alarm("f005", "Motor overload", is_active=True)
-    trip = recorder.take_due(10.0 + AFTER_S)
+    table = ring.around(300.0)
 
-    assert trip is not None
-    assert (trip.code, trip.text) == ("f005", "Motor overload")
+    assert table.t_s == tuple(float(t_s) for t_s in range(-60, 1))
+    assert table.points["current"] == tuple(float(at_s) for at_s in range(240, 301))
+    assert table.points["fault"][48:51] == (None, False, True)  # it is there where it changed
+    assert ring.began_s("fault") == 290.0
+    assert [(type(value), value) for value in table.constant.values()] == [(float, 0.1), (bool, True)]
 
 
-def test_a_fault_that_was_cleared_does_not_name_the_next_trip() -> None:
-    recorder = TripRecorder()
-    recorder.note_alarm("e05", "Motor overload", is_active=True)
-    recorder.note_alarm("e05", "Motor overload", is_active=False)
-    recorder.note_alarm("e24", "Programming error", is_active=True)
-    fault(recorder, now_s=10.0)
-    recorder.add_fault_data({}, [])
+def test_a_value_that_stood_since_before_the_window_is_there_from_its_beginning() -> None:
+    ring = filled(1.0, 100.0, current=lambda at_s: 5.0 if at_s < 99 else 7.0)
 
-    trip = recorder.take_due(20.0)
+    table = ring.around(100.0, before_s=10.0)
 
-    assert trip is not None
-    assert trip.code == "e24"
+    assert table.t_s[0] == -10.0
+    assert table.points["current"][0] == 5.0
 
 
-def large(points: int, rows: int, seed: int = 1) -> TripRecord:
-    chance = random.Random(seed)
-    t_s = tuple(round(-60 + 62 * row / rows, 3) for row in range(rows))
-    columns = {f"point_{n}": tuple(round(chance.uniform(0, 999), 1) for _ in t_s) for n in range(points)}
-    rows_at_fault = {f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)}
-    return trip("Motor overload", ReadingTable(t_s, columns, {}), rows_at_fault)
+def test_near_the_present_nothing_is_left_out_however_often_is_read() -> None:
+    table = filled(0.05, 60.0, current=lambda at_s: at_s).around(60.0)
+
+    newest = [t_s for t_s in table.t_s if t_s >= -5.0]
+    assert newest == [round(-5.0 + 0.05 * n, 3) for n in range(101)]
+    assert table.t_s[0] <= -10.0
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 9.0), st.sampled_from([0.0, 1.0, 2.5])), min_size=1, max_size=200))
+def test_whatever_is_read_a_table_says_nothing_that_was_not_read(steps: list[tuple[float, float]]) -> None:
+    ring, at_s, read = ReadingRing(), 0.0, []
+    for pause_s, value in steps:
+        at_s += pause_s
+        ring.note({"current": value}, at_s=at_s)
+        read.append((at_s, value))
+
+    table = ring.around(at_s)
+
+    column = table.points.get("current") or (table.constant["current"],) * len(table.t_s)
+    assert list(table.t_s) == sorted(table.t_s)
+    for t_s, value in zip(table.t_s, column, strict=True):
+        before = [seen for seen_s, seen in read if seen_s <= at_s + t_s + 0.001]
+        assert value in before[-2:]  # the second last where two moments are one millisecond
+    assert column[-1] == read[-1][1]
 
 
 @pytest.mark.parametrize(("points", "rows"), [(3, 60), (12, 240), (40, 1000)])
 def test_a_record_has_at_most_16_kilobytes_and_still_the_10_seconds_before(points: int, rows: int) -> None:
-    found = fitted(large(points, rows))
+    chance = random.Random(1)
+    t_s = tuple(round(-60 + 62 * row / rows, 3) for row in range(rows))
+    columns = {f"point_{n}": tuple(round(chance.uniform(0, 999), 1) for _ in t_s) for n in range(points)}
+    large = TripRecord(
+        starter="pump",
+        id="b-1",
+        time_s=1_795_222_923.456,
+        boot="b",
+        seq=1,
+        code="f005",
+        text="Motor overload",
+        state_before="running",
+        readings=ReadingTable(t_s, columns, {}),
+        at_fault={f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)},
+        fault_history=(),
+    )
+
+    found = fitted(large)
 
     assert len(found.payload()) <= MOST_BYTES
     assert found.readings.t_s[0] <= -10.0 + 2.0
     assert len(found.at_fault) == 20
     assert bool(found.thinned) is (rows > 60)
-
-
-def test_even_a_record_of_long_texts_fits() -> None:
-    rows: dict[str, Any] = {f"D{n}": {"value": n, "unit": "A", "name": "é" * 400} for n in range(100)}
-    assert len(fitted(trip("x" * 40_000, NOTHING, rows)).payload()) <= MOST_BYTES

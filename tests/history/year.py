@@ -24,7 +24,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.plugins.history.delivery import Delivery, Past
 from gateway.plugins.history.starts import MotorStarts
-from gateway.plugins.history.trip_recorder import NOTHING
+from gateway.plugins.history.trips import NOTHING
 from gateway.starters import FINGERPRINTS, KNOWN, StarterSetup
 from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document

@@ -1,14 +1,9 @@
-"""What the gateway announces of a starter of each family; and Home Assistant's templates, rendered."""
+"""What the gateway announces of a starter of each family."""
 
 from __future__ import annotations
 
 import json
-import random
-from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
-
-from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.config.convert import setups_of
 from gateway.config.reading import parse
@@ -53,22 +48,3 @@ def announced(*arguments: str, **options: Any) -> dict[str, dict[str, Any]]:
     infos = {setup.name: info_of(setup, setup.variant, Identity()) for setup in setups}
     found = {name: starter_message(said, info) for name, info in infos.items()}
     return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(said)}.items()}
-
-
-class Rendering:
-    """Renders as Home Assistant does: in the same sandbox, which bounds `range`, at a time of the test's."""
-
-    def __init__(self, seed: int = 1) -> None:
-        self.utc_s = 1_760_000_000.0
-        chance = random.Random(seed)
-        self._sandbox = ImmutableSandboxedEnvironment()
-        self._sandbox.globals["utcnow"] = lambda: datetime.fromtimestamp(self.utc_s, UTC)
-        self._sandbox.filters["random"] = chance.choice
-
-    def command(self, template: str) -> str:
-        return self._sandbox.from_string(template).render(value="PRESS")
-
-    def value(self, template: str, payload: Mapping[str, Any]) -> str:
-        return self._sandbox.from_string(template).render(
-            value=json.dumps(payload), value_json=json.loads(json.dumps(payload))
-        )

@@ -48,14 +48,6 @@ def test_of_many_entities_only_the_useful_ones_are_on_at_first() -> None:
     }
 
 
-def test_a_start_never_waits_in_home_assistant_and_a_stop_does() -> None:
-    found = ALL["fan"]["components"]
-
-    assert (found["start"]["qos"], found["reset"]["qos"], found["stop"]["qos"]) == (0, 0, 1)
-    assert {found[verb]["retain"] for verb in ("start", "stop", "reset")} == {False}
-    assert "command_template" not in found["stop"]  # nothing that can fail
-
-
 def test_no_entity_shows_a_value_without_its_quality() -> None:
     unjudged = {
         key
@@ -82,10 +74,3 @@ def test_every_name_is_one_that_home_assistant_takes_and_no_two_are_the_same() -
     unique = [each["unique_id"] for name in ALL for each in ALL[name]["components"].values()]
     assert len(unique) == len(set(unique))
     assert [each for each in unique if not re.fullmatch(r"[a-zA-Z0-9_-]+", each)] == []
-
-
-def test_the_names_are_the_same_in_every_run() -> None:
-    assert announced() == ALL
-    assert ALL["pump-1"]["components"]["current"]["unique_id"] == "sg_mcc1_pump-1_Ecurrent"
-    assert ALL["pump-1"]["components"]["current"]["default_entity_id"] == "sensor.mcc1_pump_1_current"
-    assert ALL["pump-1"]["components"]["current"]["object_id"] == "mcc1_pump_1_current"

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import pytest
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.plugins.homeassistant.entities import (
     BUSY,
@@ -19,12 +20,16 @@ from gateway.plugins.homeassistant.entities import (
     STATE_ATTRIBUTES,
     TROUBLE,
 )
-from tests.home_assistant.announced import Rendering
 
-RENDERING = Rendering()
+SANDBOX = ImmutableSandboxedEnvironment()
 RUNNING = GOOD_FLAG.format(name="running")
 GOOD, STALE, BAD = ({"quality": quality} for quality in ("good", "stale", "bad"))
 STATE = {"state": "running", "running": True, "locked": None}
+
+
+def rendered(template: str, payload: dict[str, Any]) -> str:
+    text = json.dumps(payload)
+    return SANDBOX.from_string(template).render(value=text, value_json=json.loads(text))
 
 
 @pytest.mark.parametrize(
@@ -53,14 +58,14 @@ STATE = {"state": "running", "running": True, "locked": None}
     ],
 )
 def test_what_is_shown(template: str, payload: dict[str, Any], shown: str) -> None:
-    assert RENDERING.value(template, payload) == shown
+    assert rendered(template, payload) == shown
 
 
 def test_the_attributes_of_a_state_change_with_the_state_only() -> None:
     """What changes every 30 s, such as the time, would fill Home Assistant's database."""
 
     def attributes(**more: Any) -> Any:
-        return json.loads(RENDERING.value(STATE_ATTRIBUTES, {**STATE, **GOOD, "reason": "", **more}))
+        return json.loads(rendered(STATE_ATTRIBUTES, {**STATE, **GOOD, "reason": "", **more}))
 
     assert attributes(time="2026") == {"reason": "", "locked_by": None}
     assert attributes(locked={"by": "alice"}) == {"reason": "", "locked_by": "alice"}
@@ -70,9 +75,9 @@ def test_a_result_and_a_fault_become_events() -> None:
     text = 'it\'s <done> & "read back"'
     said = {"verb": "start", "code": "ok", "text": text, "id": "1", "duplicate": False}
 
-    result = json.loads(RENDERING.value(RESULT, {"phase": "confirmed", **said}))
+    result = json.loads(rendered(RESULT, {"phase": "confirmed", **said}))
     fault = json.loads(
-        RENDERING.value(TROUBLE, {"code": "fault", "text": text, "severity": "error", "time": "2026"})
+        rendered(TROUBLE, {"code": "fault", "text": text, "severity": "error", "time": "2026"})
     )
 
     assert result == {"event_type": "confirmed", **said}

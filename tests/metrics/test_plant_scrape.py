@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -14,9 +16,10 @@ from tests.rig import RigPlant
 from tests.rig.sites import ALICE, FOUR, METRICS, SSW07, WEB
 from tests.scenarios.plugins.doors import samples
 
+PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
 BROKEN = (
     "gateway.plugins.metrics.counts.RecordCounts.put",
-    "gateway.plugins.metrics.collector.ScrapeCollector.collect",
+    "gateway.plugins.metrics.collector.Scrape.collect",
     "gateway.plugins.metrics.plugin.Metrics.reconfigure",
 )
 
@@ -43,6 +46,21 @@ def test_every_metric_of_the_alerts_and_the_dashboard_is_in_a_scrape(whole: str)
     assert named - {name for name, _ in samples(whole)} == set()
 
 
+def test_every_series_that_the_document_names_is_in_a_scrape_and_no_other(whole: str) -> None:
+    table = PAGE.read_text("utf-8").split("<!-- metrics:")[1].split("<!-- end of metrics")[0]
+    named = {
+        match[1]: {*re.findall(r"`(\w+)`", match[2])}
+        for match in re.finditer(r"\| `(\w+)` \| \w+ \| (.*?) \|", table)
+    }
+    scraped: dict[str, set[str]] = {}
+    for name, labels in samples(whole):
+        of = re.sub(r"_(bucket|sum|count)$", "", name)
+        scraped.setdefault(of, set()).update({key for key, _ in labels} - {"le", "quantile"})
+
+    assert set(re.findall(r"# TYPE starter_gateway_(\w+) ", whole)) == named.keys()
+    assert scraped == named
+
+
 def test_promtool_finds_nothing_in_it(whole: str) -> None:
     assert promtool("check", "metrics", standard_input=whole.encode()) == ""
 
@@ -66,16 +84,6 @@ def test_a_histogram_sums_up_its_buckets_and_ends_with_infinity(whole: str) -> N
         assert sorted(counts, key=lambda each: each[1]) == sorted(counts)
         assert max(counts) == (math.inf, found[f"{name}_count", labels])
         assert found[f"{name}_sum", labels] <= found[f"{name}_count", labels] * 30.0
-
-
-def test_of_the_states_of_a_starter_one_is_1(whole: str) -> None:
-    of_pump = [
-        value
-        for (name, labels), value in samples(whole).items()
-        if name == "starter_state" and ("starter", "pump") in labels
-    ]
-
-    assert sorted(of_pump) == [0.0] * 6 + [1.0]
 
 
 @pytest.mark.parametrize("place", BROKEN)

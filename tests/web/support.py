@@ -151,7 +151,7 @@ class PageRig:
         self.control = cast("Any", FakeControl())
         self.model = SiteModel(settings, self.gateway.latest, Acknowledged(self.gateway))
         self.accounts = Accounts(settings, self.gateway.records, check=self._check)
-        self.streams = Streams(self.model, self.control, self.accounts, self.clock, answered_s=lambda _: None)
+        self.streams = Streams(self.model, self.control, self.accounts, self.gateway)
         self.page = WebApp(self.gateway, self.model, self.control, self.accounts, self.streams, files or {})
 
     def publish(self, record: Record) -> None:

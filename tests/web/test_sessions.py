@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from typing import Any
 
 from gateway.plugins.web.accounts import (
     FREE_FAILURES,
@@ -14,61 +15,79 @@ from gateway.plugins.web.accounts import (
     LONGEST_WAIT_S,
     MOST_SESSIONS,
     LoginLimiter,
-    Sessions,
+    WebSession,
 )
 from gateway.plugins.web.plugin import WebUser
+from gateway.plugins.web.requests import Caller
+from tests.web.support import USER, PageRig, web_settings
 
-USER = WebUser("anna", "alice", "line")
+OF_ALL = {"anna": USER, "bert": WebUser("bert", "bob", "line-of-anna")}
 
 
-def test_a_session_is_found_by_its_secret_which_is_not_stored() -> None:
-    sessions = Sessions()
+def caller(secret: str = "") -> Caller:
+    return Caller("127.0.0.1", "localhost", "http", {"cookie": f"sid={secret}"})
 
-    secret, session = sessions.open(USER, is_idle_limited=True, now_s=0.0)
 
-    assert sessions.find(secret, now_s=1.0) is session
+async def logged_in(rig: PageRig, user: str = "anna") -> tuple[str, WebSession]:
+    return await rig.accounts.log_in(user, "right", caller())
+
+
+def is_known(rig: PageRig, secret: str, **how: Any) -> bool:
+    return rig.accounts.session(caller(secret), **how) is not None
+
+
+async def test_a_session_is_found_by_its_secret_which_is_not_stored() -> None:
+    rig = PageRig()
+
+    secret, session = await logged_in(rig)
+
+    assert rig.accounts.session(caller(secret)) is session
     assert session.key == hashlib.sha256(secret.encode()).hexdigest()
-    assert secret not in repr(vars(sessions))
-    assert sessions.find(secret + "x", now_s=1.0) is None
+    assert secret not in repr(vars(rig.accounts))
+    assert not is_known(rig, secret + "x")
     assert session.csrf != secret
 
 
-def test_who_may_start_a_motor_is_logged_out_after_half_an_hour_without_use() -> None:
-    sessions = Sessions()
-    secret, _ = sessions.open(USER, is_idle_limited=True, now_s=0.0)
-    other, _ = sessions.open(USER, is_idle_limited=False, now_s=0.0)
+async def test_who_may_start_a_motor_is_logged_out_after_half_an_hour_without_use() -> None:
+    rig = PageRig(web_settings(users=OF_ALL))
+    (secret, _), (other, _) = await logged_in(rig), await logged_in(rig, "bert")
 
-    assert sessions.find(secret, now_s=IDLE_S - 1) is not None
-    assert sessions.find(secret, now_s=2 * IDLE_S - 2, is_use=False) is not None  # a stream is no use
-    assert sessions.find(secret, now_s=2 * IDLE_S) is None
-    assert sessions.find(other, now_s=LONGEST_S - 1) is not None
-    assert sessions.find(other, now_s=LONGEST_S + 1) is None
+    rig.clock.s += IDLE_S - 1
+    assert is_known(rig, secret)
+    rig.clock.s += IDLE_S - 1
+    assert is_known(rig, secret, is_use=False)  # a stream is no use
+    rig.clock.s += 2
+    assert not is_known(rig, secret)
+    rig.clock.s += LONGEST_S - 2 * IDLE_S - 1
+    assert is_known(rig, other)
+    rig.clock.s += 2
+    assert not is_known(rig, other)
 
 
-def test_a_user_that_is_removed_or_has_another_password_or_operator_is_logged_out() -> None:
+async def test_a_user_that_is_removed_or_has_another_password_or_operator_is_logged_out() -> None:
     for changed in (
         {},
         {"anna": WebUser("anna", "alice", "other")},
-        {"anna": WebUser("anna", "bob", "line")},
+        {"anna": WebUser("anna", "bob", "line-of-anna")},
     ):
-        sessions = Sessions()
-        secret, _ = sessions.open(USER, is_idle_limited=True, now_s=0.0)
+        rig = PageRig()
+        secret, _ = await logged_in(rig)
 
-        sessions.keep_users({"anna": USER})
-        assert sessions.find(secret, now_s=1.0) is not None
-        sessions.keep_users(changed)
-        assert sessions.find(secret, now_s=1.0) is None
+        rig.accounts.reconfigure(web_settings("another"))
+        assert is_known(rig, secret)
+        rig.accounts.reconfigure(web_settings(users=changed))
+        assert not is_known(rig, secret)
 
 
-def test_of_too_many_sessions_the_one_used_longest_ago_ends() -> None:
-    sessions = Sessions()
-    secrets = [sessions.open(USER, is_idle_limited=False, now_s=0.0)[0] for _ in range(MOST_SESSIONS)]
-    sessions.find(secrets[0], now_s=1.0)
+async def test_of_too_many_sessions_the_one_used_longest_ago_ends() -> None:
+    rig = PageRig()
+    first, second, *_ = [(await logged_in(rig))[0] for _ in range(MOST_SESSIONS)]
+    assert is_known(rig, first)
 
-    sessions.open(USER, is_idle_limited=False, now_s=2.0)
+    await logged_in(rig)
 
-    assert sessions.find(secrets[0], now_s=3.0) is not None
-    assert sessions.find(secrets[1], now_s=3.0) is None
+    assert is_known(rig, first)
+    assert not is_known(rig, second)
 
 
 def failed(limiter: LoginLimiter, times: int, *of: tuple[str, str]) -> list[float]:

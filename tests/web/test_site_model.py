@@ -6,20 +6,15 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
-
 from gateway.contract import (
     AuditRecord,
     EventRecord,
-    ForgetRecord,
-    InfoRecord,
     Latest,
     Phase,
     Quality,
     Record,
     ResultRecord,
     Severity,
-    StartRecord,
     ValueRecord,
 )
 from gateway.plugins.web.acknowledged import Acknowledged
@@ -62,46 +57,6 @@ def decided(decision: str, id_: str | None = "a") -> AuditRecord:
     return AuditRecord(**named, seq=1, time_s=1.0, decision=decision, code="", operator=None, source="web")
 
 
-@pytest.mark.parametrize(
-    ("scope", "topics"),
-    [
-        (None, {"starter/pump-1/value/current", "starter/pump-2/value/current"}),
-        (
-            "pump-1",
-            {"starter/pump-1/value/current", "starter/pump-1/value/p003", "starter/pump-2/value/current"},
-        ),
-    ],
-)
-def test_an_overview_has_the_current_of_each_starter_and_a_starters_page_all_of_it(
-    scope: str | None, topics: set[str]
-) -> None:
-    model = Shown()
-    model.take(value("current"), value("p003"), value("current", starter="pump-2"))
-
-    assert {topic for topic, _ in model.topics(scope)} == topics
-
-
-def test_a_client_is_sent_what_is_newer_than_it_has_seen_and_what_is_gone() -> None:
-    model = Shown()
-    model.take(value("current"), value("current_pct"))
-    seen = model.now
-    newest = value("current", 2.0)
-    model.take(newest, event(), ForgetRecord(starters=("pump-2",)))
-
-    assert model.topics(None, seen.latest) == [("starter/pump-1/value/current", newest)]
-    assert model.messages(None, seen.happened) == [event()]
-    assert model.now.gen == seen.gen + 2
-
-    seen = model.now
-    model.take(ForgetRecord(starters=("pump-1",)))
-
-    assert dict(model.topics(None, seen.latest)) == {
-        "starter/pump-1/value/current": None,
-        "starter/pump-1/value/current_pct": None,
-    }
-    assert model.topics(None) == []
-
-
 def test_a_client_that_has_missed_messages_gets_none_and_is_sent_the_whole_again() -> None:
     model = Shown()
     model.take(event())
@@ -129,7 +84,6 @@ def test_results_and_starts_are_sent_as_they_come_and_results_in_a_starters_snap
     assert start not in (model.messages("pump-2", seen) or ())
     assert model.messages("pump-1") == [result(Phase.ACCEPTED)]
     assert model.messages(None) == []
-    assert model.records("pump-1", StartRecord) == [start]
 
 
 def test_the_phases_of_a_command_stand_together_with_what_was_asked() -> None:
@@ -159,16 +113,3 @@ def test_the_latest_commands_are_shown_until_a_reload_takes_their_starter_away()
     assert model.commands("pump-1")[0]["id"] == "3"
     model.reconfigure(web_settings("pump-2"))
     assert model.commands("pump-1") == []
-
-
-def test_facts_are_those_of_the_configuration_with_what_the_starter_says_of_itself() -> None:
-    model = Shown()
-    seen = model.now
-    named: Any = {"starter": "pump-1", "family": "ssw07", "line": "pumps", "address": 1}
-    model.take(InfoRecord(**named, model="SSW-07 85.0A", firmware=None, serial=None, points={}, commands=()))
-
-    assert model.facts("pump-1")["model"] == "SSW-07 85.0A"
-    assert "firmware" not in model.facts("pump-1")
-    assert model.facts_since(seen) == {"pump-1": model.facts("pump-1")}
-    assert model.facts_since(model.now) == {}
-    assert model.facts("gone") == {"groups": [], "acknowledged": {}}

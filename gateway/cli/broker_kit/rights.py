@@ -14,7 +14,7 @@ from typing import get_args
 from urllib.parse import urlsplit
 
 from gateway.config import SCHEMES, Config, SparkplugTable, Verb
-from gateway.plugins.sparkplug.topics import NAMESPACE, state_topic
+from gateway.plugins.sparkplug.settings import NAMESPACE, state_topic
 
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof
 VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")

@@ -19,7 +19,7 @@ from pathlib import Path
 from gateway.config import Config, rights_of
 from gateway.errors import DamagedError
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
-from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
+from gateway.plugins.sparkplug.settings import SEQ_NUMBERS
 from gateway.starters import lock_restored
 from gateway.store import STATE_FILE, append_note, read_document, write_document
 from gateway.system.clock import ClockReading

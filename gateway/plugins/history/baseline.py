@@ -31,7 +31,6 @@ SCATTER_OF = 50  # starts that show the usual scatter
 LIMIT_PCT = 15.0
 SCATTERS = 3.0
 OVER_BELOW = 2 / 3  # of the limits: a drift is over
-IN_ROW = 2
 MOST_ERROR_PCT = 10.0  # plus or minus; an acceleration time or an I2t that is known less well is not compared
 MEDIAN_MOVING_RANGE = 0.954  # in standard deviations, of normal noise: sqrt(2) * 0.6745
 
@@ -88,8 +87,8 @@ class Trend:
     def __init__(self) -> None:
         self.baseline: Baseline | None = None
         self._recent: list[tuple[str, Values]] = []  # good starts, since the baseline if there is one
-        self._in_row = 0  # starts that contradict `is_raised`
         self._beyond: frozenset[str] = frozenset()  # quantities beyond their limits after the latest start
+        self._is_back = False  # all were back after the latest start
 
     def restore(self, starts: Iterable[StartRecord], stored: Baseline | None) -> None:
         """Go on from the starts of earlier runs, the oldest first, and from their baseline."""
@@ -123,7 +122,7 @@ class Trend:
             before, values=values, starts=(chosen.id,), typical=chosen.id, client=client, is_raised=False
         )
         self._recent = _since(self.baseline, self._recent)
-        self._in_row, self._beyond = 0, frozenset()
+        self._beyond, self._is_back = frozenset(), False
         return True
 
     def _add(self, id_: str, values: Values) -> None:
@@ -149,27 +148,16 @@ class Trend:
             if now is None:
                 continue
             scatter = _scatter([values[name] for _, values in self._recent if name in values])
-            limit = max(LIMIT_PCT / 100 * usual, SCATTERS * scatter)
             drift[name] = QuantityChange(usual, now, 100 * (now - usual) / usual)
-            ratios[name] = abs(now - usual) / limit
-        return self._decided(baseline, drift, ratios, now_s)
-
-    def _decided(
-        self, baseline: Baseline, drift: dict[str, QuantityChange], ratios: dict[str, float], now_s: float
-    ) -> TrendVerdict:
-        beyond = frozenset(name for name, ratio in ratios.items() if ratio > 1)
-        if baseline.is_raised:
-            is_contrary = all(ratio < OVER_BELOW for ratio in ratios.values())
-        else:
-            is_contrary = bool(beyond & self._beyond) if self._in_row else bool(beyond)
-        self._in_row = self._in_row + 1 if is_contrary else int(bool(beyond) and not baseline.is_raised)
-        self._beyond = beyond
-        if self._in_row < IN_ROW:
-            return TrendVerdict(drift=drift)
-        self._in_row = 0
-        if baseline.is_raised:
+            ratios[name] = abs(now - usual) / max(LIMIT_PCT / 100 * usual, SCATTERS * scatter)
+        beyond_before, was_back = self._beyond, self._is_back
+        self._beyond = beyond = frozenset(name for name, ratio in ratios.items() if ratio > 1)
+        self._is_back = all(ratio < OVER_BELOW for ratio in ratios.values())
+        if baseline.is_raised and self._is_back and was_back:
             self.baseline = replace(baseline, is_raised=False)
             return TrendVerdict(drift=drift, is_over=True)
+        if baseline.is_raised or not beyond & beyond_before:
+            return TrendVerdict(drift=drift)
         text = "; ".join(_in_words(name, drift[name]) for name in QUANTITIES if name in beyond)
         count = baseline.alarm_count + 1
         self.baseline = replace(baseline, is_raised=True, text=text, alarm_count=count, raised_s=now_s)

@@ -103,11 +103,6 @@ class MotorCounters:
         """Return whether the state is known now."""
         return self.state in OPERATING | STANDING
 
-    @property
-    def is_operating(self) -> bool:
-        """Return whether the motor is being started, runs or is being stopped."""
-        return self.state in OPERATING
-
     def note_state(self, state: str) -> None:
         """Record the state from now on; a state that is not known means that nothing is seen any more."""
         self.state = state
@@ -137,7 +132,7 @@ class MotorCounters:
     def _count_time(self, at_s: float) -> None:
         since_s, self._status_s = self._status_s, at_s
         gap_s = max(LEAST_GAP_S, GAP_PERIODS * self.period_s)
-        if since_s is None or not 0 < at_s - since_s <= gap_s or not self.is_operating:
+        if since_s is None or not 0 < at_s - since_s <= gap_s or self.state not in OPERATING:
             return
         self.totals.operating_s += at_s - since_s
         if self._load is not None and at_s - self._load[0] <= self._value_gap_s:

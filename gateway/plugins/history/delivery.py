@@ -13,7 +13,6 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
@@ -86,7 +85,6 @@ class Delivery:
         self.store = store
         self._outbox = outbox
         self._pending: dict[str, tuple[StartRecord | TripRecord, Callable[[], None]]] = {}  # not certain yet
-        self._latest: Future[None] | None = None
         self._left: list[str] = []  # keys of what earlier runs have not seen delivered
         self._early: dict[str, list[Callable[[], None]]] = {}  # by starter that is not read
 
@@ -97,22 +95,13 @@ class Delivery:
         """
         self._pending[record.key] = (record, keep)
         release = partial(self._release, record.key)
-        self._latest = self._outbox.keep(record)
-        self._latest.add_done_callback(on_this_loop(lambda _: release()))
+        self._outbox.keep(record).add_done_callback(on_this_loop(lambda _: release()))
         asyncio.get_running_loop().call_later(HELD_AT_MOST_S, release)
 
     def release(self) -> None:
         """Publish everything that waits for the disk."""
         for key in list(self._pending):
             self._release(key)
-
-    async def settle(self) -> None:
-        """Publish everything, when the disk has it or takes too long."""
-        if self._latest is not None:
-            with suppress(TimeoutError):
-                async with asyncio.timeout(HELD_AT_MOST_S):
-                    await asyncio.gather(asyncio.wrap_future(self._latest), return_exceptions=True)
-        self.release()
 
     def note_stored(self, row: HistoryRow) -> None:
         """Let the outbox delete what the history has."""

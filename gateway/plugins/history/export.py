@@ -32,7 +32,6 @@ REVISION = "2013"
 LINE_END = "\r\n"
 MOST = 99998  # of an ASCII sample; 99999 stands for a missing one
 MICROSECONDS = 1e6  # time stamps are in microseconds, times 1
-NOMINAL_HZ = (50.0, 60.0)
 UNKNOWN_TIME = datetime(1970, 1, 1, tzinfo=UTC)
 LONGEST_NAME = 64  # characters of an identifier
 
@@ -183,11 +182,8 @@ def _scale(values: Sequence[float]) -> float:
 
 def _nominal_hz(recording: Recording) -> float:
     """Return the nominal frequency that is nearest to what was read; 50 Hz where it was not."""
-    for channel in recording.channels:
-        if channel.name == "line_frequency":
-            read_hz = max(channel.held())
-            return min(NOMINAL_HZ, key=lambda nominal: abs(nominal - read_hz))
-    return NOMINAL_HZ[0]
+    read_hz = [max(each.held()) for each in recording.channels if each.name == "line_frequency"]
+    return 60.0 if read_hz and read_hz[0] > (50.0 + 60.0) / 2 else 50.0
 
 
 def _time(moment: datetime) -> str:

@@ -14,6 +14,7 @@ import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 from gateway.contract import (
@@ -101,7 +102,7 @@ class History:
         for name in self._motors:
             self._each(name, lambda part: part.close())
         self.series.write()
-        await self._delivery.settle()
+        self._delivery.release()
         if not await self._store.close(within_s=CLOSE_WITHIN_S):
             log.error("the disk took too long: the latest starts and counters may be missing in the history")
 
@@ -152,9 +153,8 @@ class History:
             self._each(name, lambda part: part.close())
             del self._motors[name]
         self._delivery.release()  # before the broker forgets what is gone
-        for name in changed:
-            if name in wanted:
-                self._change(wanted[name])
+        for setup in [wanted[name] for name in changed if name in wanted]:
+            self._each(setup.name, methodcaller("reconfigure", setup))
         self._add(setup for name, setup in wanted.items() if name not in self._motors)
 
     def set_baseline(self, starter: str, id_: str | None, client: str) -> Mapping[str, Any]:
@@ -176,13 +176,6 @@ class History:
             self._motors[setup.name] = motor
             self._delivery.expect(setup.name)
             self._unread.put_nowait((setup.name, motor))
-
-    def _change(self, setup: StarterSetup) -> None:
-        self._each(setup.name, lambda part: part.reconfigure(setup))
-
-    def _go_on(self, starter: str, past: Past) -> None:
-        self._each(starter, lambda part: part.restore(past))
-        self._delivery.go_on(starter)
 
     def _each(self, starter: str, call: Callable[[Part], None]) -> None:
         """Call this with all parts of a motor; a bug is one part's alone, logged, the same once in a row."""
@@ -211,7 +204,8 @@ class History:
                 await asyncio.sleep(RETRY_S)
                 continue
             if motor is self._motors.get(name):  # else it is gone meanwhile
-                self._go_on(name, past)
+                self._each(name, methodcaller("restore", past))
+                self._delivery.go_on(name)
 
     def _on_news(self, news: News, text: str) -> None:
         match news:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import asyncio
 import math
 from array import array
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -31,6 +30,7 @@ HOUR_S, PER_HOUR = 3600.0, 60
 BEAT_S = 2.0
 STILL_S = 6.0  # without a beat for longer, the gateway stood still: nothing was read
 STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
+MOST_AT_ONCE = 2  # starters that are stored at a beat: a stop waits for no more
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
 
@@ -111,20 +111,17 @@ class AllSeries:
         self._points = tuple(points)
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
-        self._left: Counter[str] = Counter()  # how often a starter was taken out of the configuration
-        self._looked_s = self._beat_s = records.clock.now_s()
-        self._due: list[str] = []  # starters that are to be stored next
+        self._beat_s = records.clock.now_s()
 
     def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
-        """Go on with these starters, and store these points."""
-        wanted = set(starters)
-        for gone in set(self._starters()) - wanted:  # where it comes again, in rows of its own
+        """Store these points; of a starter that is gone nothing is known from now on, or stored."""
+        wanted, now_s = set(starters), self._records.clock.now_s()
+        for gone in self._stored_s.keys() - wanted:
             self._write(gone)
-            self._left[gone] += 1
-            self._stored_s.pop(gone, None)
+            del self._stored_s[gone]
         self._points = tuple(points)
-        self._steps = {key: steps for key, steps in self._steps.items() if key[0] in wanted}
-        self._due = []
+        for steps in chain.from_iterable(both for key, both in self._steps.items() if key[0] not in wanted):
+            steps.put(NAN, now_s)
 
     def put(self, record: ValueRecord) -> None:
         """Record a value, if it is a number of a point that is wanted."""
@@ -136,32 +133,24 @@ class AllSeries:
             self._steps[key] = Steps(FINE_S, FINE_STEPS), Steps(MINUTE_S, MINUTES)
         for steps in self._steps.get(key, ()):
             steps.put(float(value or 0.0) if is_known else NAN, now_s)
-        self._stored_s.setdefault(record.starter, now_s)
-        if now_s - self._looked_s >= STORE_EVERY_S:
-            self._looked_s, self._due = now_s, self._starters()
-            self._write_next()
+        if record.point in self._points:
+            self._stored_s.setdefault(record.starter, now_s)
 
     def beat(self) -> None:
-        """Note that the gateway is at work; called every `BEAT_S`."""
+        """Note that the gateway is at work, and have a few hours stored; called every `BEAT_S`."""
         now_s = self._records.clock.now_s()
         since_s, self._beat_s = self._beat_s, now_s
         if now_s - since_s > STILL_S:
             for steps in chain.from_iterable(self._steps.values()):
                 steps.forget(since_s, now_s)
+        due = [starter for starter, at_s in self._stored_s.items() if now_s - at_s >= STORE_EVERY_S]
+        for starter in due[:MOST_AT_ONCE]:
+            self._write(starter)
 
     def write(self) -> None:
         """Have everything stored that is not yet."""
-        for starter in self._starters():
+        for starter in self._stored_s:
             self._write(starter)
-
-    def _starters(self) -> list[str]:
-        return sorted({starter for starter, point in self._steps if point in self._points})
-
-    def _write_next(self) -> None:
-        """Have one starter after the other stored; between them whatever else waits on the loop is done."""
-        if self._due:
-            self._write(self._due.pop())
-            asyncio.get_running_loop().call_soon(self._write_next)
 
     def _write(self, starter: str) -> None:
         """Have a starter's present hour stored, and the ones before that are not stored to their end."""
@@ -169,14 +158,12 @@ class AllSeries:
         first, last = int(self._stored_s[starter] // HOUR_S), int(now_s // HOUR_S)
         self._stored_s[starter] = now_s
         known = [point for point in self._points if (starter, point) in self._steps]
-        for hour in range(max(first, last - MINUTES // PER_HOUR + 1), last + 1):
+        for hour in range(max(first, last - MINUTES // PER_HOUR + 1), last + 1 if known else first):
             data = {
                 "begin": clock.utc_s(hour * HOUR_S),
                 "points": {point: self._hour(starter, point, hour, now_s) for point in known},
             }
-            left = self._left[starter]
-            id_ = f"{self._records.boot}-{hour}" + (f"-{left}" if left else "")
-            self._store.put(HistoryRow(starter, SERIES, id_, data, ROWS))
+            self._store.put(HistoryRow(starter, SERIES, f"{self._records.boot}-{hour}", data, ROWS))
 
     def points(self, starter: str) -> list[str]:
         """Return the points of a starter that were a number in this run, the current first."""

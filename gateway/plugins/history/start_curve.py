@@ -155,25 +155,6 @@ class Curve:
             column[:] = array("d", [column[index] for index in stays])
 
 
-def crossings(samples: list[tuple[float, float]], level: float) -> tuple[float, float] | None:
-    """Return when the current first rose over a level and when it then fell below it; None when it did not.
-
-    Both lie on the line through the samples before and after; the rule of [SEL-749M, Motor Start Report].
-    """
-    up_s: float | None = None
-    for before, after in pairwise(samples):
-        if up_s is None and after[1] > level:
-            up_s = before[0] if before[1] > level else _when(before, after, level)
-        if up_s is not None and before[1] > level >= after[1]:
-            return up_s, _when(before, after, level)
-    return None
-
-
-def rate_hz_of(samples: list[tuple[float, float]], since_s: float, until_s: float) -> float | None:
-    """Return how often the current was sampled in this time; None when it was not."""
-    return len(samples) / (until_s - since_s) if samples and until_s > since_s else None
-
-
 def i2t_error_pct_of(sums: Sums, begin_within_s: float, end_within_s: float) -> float | None:
     """Return what the I2t can be wrong by: between samples, and as begin and end lie between replies."""
     if sums.i2t_a2s <= 0:
@@ -197,8 +178,3 @@ def _line(one: tuple[float, float], other: tuple[float, float], at_s: float) -> 
     """Return the value at a time on the line through two samples."""
     span_s = other[0] - one[0]
     return one[1] if span_s <= 0 else one[1] + (other[1] - one[1]) * (at_s - one[0]) / span_s
-
-
-def _when(one: tuple[float, float], other: tuple[float, float], level: float) -> float:
-    """Return when the line through two samples on both sides of a level crosses it."""
-    return one[0] + (other[0] - one[0]) * (level - one[1]) / (other[1] - one[1])

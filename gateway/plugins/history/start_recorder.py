@@ -9,10 +9,8 @@ The theory, in the order in which it is applied:
    nothing is a new start until the motor was seen at rest again.
 3. The instant of a change lies between two replies. It is taken in the middle, so it is known to plus or
    minus half the time between them; our command that was written between them narrows that down.
-4. Where no reply has shown the motor accelerating, the acceleration time is that over which the current was
-   above 2.5 times the rated one [SEL-749M, Motor Start Report].
-5. Samples go on for 5 s after full voltage, so that the current of the load is seen too.
-6. A current above ten times the rated one, and a lone one that is four times as high as both its neighbours,
+4. Samples go on for 5 s after full voltage, so that the current of the load is seen too.
+5. A current above ten times the rated one, and a lone one that is four times as high as both its neighbours,
    is a reading that went wrong: it is counted, and enters nothing.
 """
 
@@ -21,18 +19,17 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
 from gateway.families import Profile, once_per_profile
-from gateway.plugins.history.start_curve import COLUMNS, Curve, crossings, i2t_error_pct_of, rate_hz_of
+from gateway.plugins.history.start_curve import COLUMNS, Curve, i2t_error_pct_of
 from gateway.starters import Readings
 
 BEFORE_S = 1.0  # samples begin so long before the start
 AFTER_S = 5.0  # and go on for so long after full voltage
 LONGEST_S = 300.0  # a motor that accelerates longer is given up
-RISEN = 2.5  # times the rated current: it accelerates [SEL-749M]
 LARGEST = 10.0  # times the rated current, which is also as far as S1.1.4 goes [SSW900, table A.2]
 FITS_S = 10.0  # from the write of a start until the motor is seen to start (verify, 5 s, and a poll)
 THERMAL_VALID_S = 120.0  # a thermal level of the motor at rest
@@ -40,6 +37,7 @@ MOST_COMMANDS = 4
 MOST_BEFORE = 32  # samples that are remembered of the time before a start
 
 AT_REST = frozenset({"ready", "not_ready", "fault"})
+_Command = tuple[str, str | None]  # its client and id
 _NOT_A_START = ("jog", "braking", "reversing")  # on, but not by a start
 
 
@@ -49,7 +47,6 @@ class StartPoints:
 
     motion: frozenset[str]  # a reply with one of them shows whether the motor moves
     columns: tuple[str, ...]  # the point of each of `COLUMNS`
-    has_acceleration: bool  # a point says so; else the state does
 
     @staticmethod
     @once_per_profile
@@ -57,16 +54,7 @@ class StartPoints:
         """Return those of a family."""
         motion = {name for name, state in profile.state.order.items() if state in ("starting", "running")}
         columns = (profile.thermal_point if name == "thermal" else name for name in COLUMNS)
-        return StartPoints(frozenset(motion), tuple(columns), "accelerating" in profile.points)
-
-
-@dataclass(frozen=True, slots=True)
-class StartCommand:
-    """A start command of the gateway, at the moment when it was written."""
-
-    client: str
-    id: str | None
-    at_s: float
+        return StartPoints(frozenset(motion), tuple(columns))
 
 
 class _Phase(enum.Enum):
@@ -76,23 +64,6 @@ class _Phase(enum.Enum):
     AFTER = "after"  # at full voltage, still recorded
     ON = "on"  # or stopping, or it was when the starter was lost
     LOST = "lost"  # during a start, which was given up
-
-
-@dataclass(slots=True)
-class _Motor:
-    """The latest readings of the motor; times on the steady clock."""
-
-    motion_s: float | None = None  # of the latest reply that showed whether it moves
-    rest_since_s: float | None = None
-    remote: bool | None = None
-    was_full: bool = False  # at full voltage
-    thermal: tuple[float, float] | None = None  # time, level
-
-    def thermal_at(self, now_s: float) -> float | None:
-        """Return the thermal level of the motor at rest; None when it was read too long ago."""
-        if self.thermal is None or now_s - self.thermal[0] > THERMAL_VALID_S:
-            return None
-        return self.thermal[1]
 
 
 @dataclass(slots=True)
@@ -106,6 +77,7 @@ class _Start:
     thermal_before: float | None
     remote: bool | None
     was_found: bool  # under way at the first reading
+    was_full: bool = False  # at full voltage, by the latest reply that showed it accelerating
     began: tuple[float, float] | None = None  # accelerating: the latest time without, the first time with it
     ended: tuple[float, float] | None = None  # the latest time with it, the first without
     after_until_s: float = math.inf
@@ -121,22 +93,26 @@ class StartRecorder:
         self._boot = boot
         self._sequence = sequence
         self._phase = _Phase.UNSEEN
-        self._motor = _Motor()
-        self._commands: list[StartCommand] = []
+        self._commands: dict[_Command, float] = {}  # of starts by the gateway: when each was written
         self._start: _Start | None = None
         self._curve = Curve()  # of the start under way; before it, of the latest samples
         self._last_s = -math.inf
+        self._motion_s: float | None = None  # of the latest reply that showed whether the motor moves
+        self._rest_since_s: float | None = None
+        self._remote: bool | None = None
+        self._thermal: tuple[float, float] | None = None  # time, level
         self.rated_a: float | None = None
         self.given_up_s: float | None = None  # UTC, when the latest start began, if that was given up
 
-    def note_command(self, command: StartCommand) -> None:
+    def note_command(self, client: str, command_id: str | None, at_s: float) -> None:
         """Record that a start command of the gateway was just written."""
-        self._commands = [*self._commands, command][-MOST_COMMANDS:]
+        self._commands[client, command_id] = at_s
+        if len(self._commands) > MOST_COMMANDS:
+            del self._commands[next(iter(self._commands))]
 
     def forget_command(self, client: str, command_id: str | None) -> None:
         """Record that the starter has refused a start command of the gateway."""
-        for command in [each for each in self._commands if (each.client, each.id) == (client, command_id)]:
-            self._commands.remove(command)
+        self._commands.pop((client, command_id), None)
 
     def note_own(self, rows: Mapping[str, Any]) -> None:
         """Record what the starter has stored of the start that has reached full voltage."""
@@ -150,11 +126,10 @@ class StartRecorder:
         self._last_s = readings.at_s
         remote = readings.values.get("remote")
         if isinstance(remote, bool):
-            self._motor.remote = remote
+            self._remote = remote
         finished = self._follow(readings)
         self._sample(readings)
-        start = self._start
-        if start is not None and readings.at_s - start.seen_s > LONGEST_S:
+        if self._start is not None and readings.at_s - self._start.seen_s > LONGEST_S:
             return self.lose()
         return finished
 
@@ -166,116 +141,104 @@ class StartRecorder:
             case _Phase.AFTER:
                 return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON)
             case _:
-                self._motor.rest_since_s = None  # it may have been started meanwhile
+                self._rest_since_s = None  # it may have been started meanwhile
                 return None
 
     def _follow(self, readings: Readings) -> StartRecord | None:
-        if readings.state == "unknown":
-            return self.lose()
-        if readings.state == "fault":  # also from a reply without motion: the fault is what counts
-            return self._rest(readings)
-        if self._points.motion.isdisjoint(readings.values):
-            if self._phase is _Phase.UNSEEN and readings.state in AT_REST:
-                # as an earlier reply showed, which was not handed to us
-                self._phase, self._motor.rest_since_s = _Phase.REST, readings.at_s
-            return None
-        finished: StartRecord | None = None
-        if readings.state == "starting":
-            finished = self._accelerate(readings)
-        elif readings.state == "running":
-            finished = self._run(readings)
-        elif readings.state == "stopping":
-            finished = self._leave(StartOutcome.STOPPED, _Phase.ON)
-        else:
-            finished = self._rest(readings)
-        self._motor.motion_s = readings.at_s
+        match readings.state:
+            case "unknown":
+                return self.lose()
+            case "fault":  # also from a reply without motion: the fault is what counts
+                return self._leave(readings, _Phase.REST)
+            case state if self._points.motion.isdisjoint(readings.values):
+                if self._phase is _Phase.UNSEEN and state in AT_REST:
+                    # as an earlier reply showed, which was not handed to us
+                    self._phase, self._rest_since_s = _Phase.REST, readings.at_s
+                return None
+            case "starting":
+                finished = self._accelerate(readings)
+            case "running":
+                finished = self._run(readings)
+            case "stopping":
+                finished = self._leave(readings, _Phase.ON)
+            case _:
+                finished = self._leave(readings, _Phase.REST)
+        self._motion_s = readings.at_s
         return finished
 
     def _accelerate(self, readings: Readings) -> StartRecord | None:
         if self._phase is _Phase.LOST:
-            return (
-                None  # the start whose record was given up; a motor that was on was started again meanwhile
-            )
-        is_full = _is_full(readings.values)
-        is_accelerating = not self._points.has_acceleration or readings.values.get("accelerating") is True
+            return None  # the start that was given up; a motor that was on was started again meanwhile
+        values, at_s = readings.values, readings.at_s
+        is_full = values.get("full_voltage") is True or values.get("bypass_closed") is True
         start = self._start
         if start is None:
             start = self._begin(readings)
-            self._phase, self._motor.was_full = _Phase.STARTING, is_full
+            self._phase, start.was_full = _Phase.STARTING, is_full
         elif self._phase is _Phase.AFTER:
             if is_full or start.began is None:
                 return self._stay(start, readings)
             start.ended, self._phase = None, _Phase.STARTING  # it was not over
-        if is_accelerating and start.began is None:
-            start.began = (self._earliest(start), readings.at_s)
-        elif is_full and not self._motor.was_full and start.began is not None:
-            self._reach_full_voltage(start, readings.at_s)
-        self._motor.was_full = is_full
+        if values.get("accelerating") is True and start.began is None:
+            # Where the start was announced already, it accelerates since the reply before this one.
+            is_announced = self._motion_s is not None and self._motion_s >= start.seen_s
+            earliest_s = self._motion_s if is_announced else start.earliest_s
+            start.began = (math.nan if earliest_s is None else earliest_s, at_s)
+        elif is_full and not start.was_full and start.began is not None:
+            self._reach_full_voltage(start, at_s)
+        start.was_full = is_full
         return None
-
-    def _earliest(self, start: _Start) -> float:
-        """Return after which time the motor began to accelerate; nan when that is not known."""
-        if self._motor.motion_s is not None and self._motor.motion_s >= start.seen_s:
-            return self._motor.motion_s  # when it was announced already
-        return math.nan if start.earliest_s is None else start.earliest_s
 
     def _run(self, readings: Readings) -> StartRecord | None:
         if any(readings.values.get(name) is True for name in _NOT_A_START):
-            return self._leave(StartOutcome.STOPPED, _Phase.ON)
-        start = self._start
-        if start is None and self._phase is _Phase.REST:
-            self._reach_full_voltage(self._begin(readings), readings.at_s)
-        elif start is not None and self._phase is not _Phase.AFTER:
-            self._reach_full_voltage(start, readings.at_s)
-        elif start is not None:
-            return self._stay(start, readings)
-        else:
+            return self._leave(readings, _Phase.ON)
+        if self._start is None and self._phase is not _Phase.REST:
             self._phase = _Phase.ON
+            return None
+        start = self._start or self._begin(readings)
+        if self._phase is _Phase.AFTER:
+            return self._stay(start, readings)
+        self._reach_full_voltage(start, readings.at_s)
         return None
 
     def _stay(self, start: _Start, readings: Readings) -> StartRecord | None:
-        """Record the time after full voltage; where no state has shown the ramp, the high current ends it."""
+        """Record the time after full voltage, the reply that ends it too."""
         self._sample(readings)
-        if start.began is None and self.rated_a:
-            high = [at_s for at_s, value in self._curve.currents() if value > RISEN * self.rated_a]
-            start.after_until_s = max([start.after_until_s, *(at_s + AFTER_S for at_s in high[-1:])])
         is_over = readings.at_s >= start.after_until_s
         return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON) if is_over else None
 
     def _reach_full_voltage(self, start: _Start, at_s: float) -> None:
-        if start.began is not None and self._motor.motion_s is not None:
-            start.ended = (max(self._motor.motion_s, start.began[1]), at_s)
+        if start.began is not None and self._motion_s is not None:
+            start.ended = (max(self._motion_s, start.began[1]), at_s)
         start.after_until_s = at_s + AFTER_S
         self._phase = _Phase.AFTER
 
-    def _rest(self, readings: Readings) -> StartRecord | None:
-        is_fault = readings.state == "fault"
-        outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
-        if self._phase is not _Phase.REST or self._motor.rest_since_s is None:
-            self._motor.rest_since_s = readings.at_s
-        return self._leave(outcome, _Phase.REST)
-
-    def _leave(self, outcome: StartOutcome, phase: _Phase) -> StartRecord | None:
+    def _leave(self, readings: Readings, phase: _Phase) -> StartRecord | None:
+        """End the start under way, if there is one, by a trip or a stop."""
+        if phase is _Phase.REST and (self._phase is not phase or self._rest_since_s is None):
+            self._rest_since_s = readings.at_s
         if self._start is None:
             self._phase = phase
             return None
-        return self._finish(StartOutcome.FULL_VOLTAGE if self._phase is _Phase.AFTER else outcome, phase)
+        is_fault, is_up = readings.state == "fault", self._phase is _Phase.AFTER
+        outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
+        return self._finish(StartOutcome.FULL_VOLTAGE if is_up else outcome, phase)
 
     def _begin(self, readings: Readings) -> _Start:
-        motor, now_s = self._motor, readings.at_s
-        rest_s = motor.rest_since_s
+        now_s, rest_s, thermal = readings.at_s, self._rest_since_s, self._thermal
+        is_warm = thermal is not None and now_s - thermal[0] <= THERMAL_VALID_S
         was_found = self._phase is _Phase.UNSEEN
-        start = self._start = _Start(
-            earliest_s=None if was_found else motor.motion_s,
+        self._start = _Start(
+            earliest_s=None if was_found else self._motion_s,
             seen_s=now_s,
             utc_offset_s=readings.time_s - now_s,
             standstill_s=None if rest_s is None else now_s - rest_s,
-            thermal_before=motor.thermal_at(now_s),
-            remote=None if was_found else motor.remote,  # who gave it was not seen
+            thermal_before=thermal[1] if thermal is not None and is_warm else None,
+            remote=None if was_found else self._remote,  # who gave it was not seen
             was_found=was_found,
         )
-        motor.rest_since_s = None
-        return start
+        self._rest_since_s = None
+        return self._start
 
     def _sample(self, readings: Readings) -> None:
         if readings.values.keys().isdisjoint(self._points.columns):
@@ -283,11 +246,11 @@ class StartRecorder:
         numbers = [readings.number(name) for name in self._points.columns]
         if numbers.count(None) == len(numbers):
             return
-        row = tuple([math.nan if number is None else number for number in numbers])
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
-            self._motor.thermal = (readings.at_s, thermal)
+            self._thermal = (readings.at_s, thermal)
         if not self._curve.at_s or self._curve.at_s[-1] < readings.at_s:
+            row = tuple([math.nan if number is None else number for number in numbers])
             self._curve.add(readings.at_s, row)
         if self._start is None and len(self._curve.at_s) > MOST_BEFORE:
             self._curve.cut_before(self._curve.at_s[1])
@@ -295,18 +258,26 @@ class StartRecorder:
     def _finish(self, outcome: StartOutcome, phase: _Phase) -> StartRecord | None:
         start, curve = self._start, self._curve
         assert start is not None
-        command = self._command_of(start)
-        zero_s, resolution_s = _instant(_narrowed(start.began, command))
-        # When the motor began to accelerate was not seen: between the last reply before and the first after.
-        if math.isnan(zero_s):
-            earliest_s = start.seen_s if start.earliest_s is None else start.earliest_s
-            lower_s = earliest_s if command is None else max(earliest_s, min(command.at_s, start.seen_s))
-            zero_s = (lower_s + start.seen_s) / 2 if start.began is None else start.seen_s
-            resolution_s = math.nan
+        earliest_s = start.seen_s if start.earliest_s is None else start.earliest_s
+        command = self._command_of(start, earliest_s)
+        since_s, until_s = start.began or (math.nan, math.nan)
+        was_seen = not math.isnan(since_s)
+        if not was_seen:  # when it began to accelerate: between the last reply before and the first after
+            since_s, until_s = earliest_s, start.seen_s
+        if command is not None:
+            since_s = min(max(since_s, self._commands[command]), until_s)
+        zero_s, end_s = _middle(since_s, until_s), _middle(*(start.ended or (math.nan, math.nan)))
+        begin_within_s = until_s - zero_s if was_seen else math.nan
+        end_within_s = math.nan if start.ended is None else start.ended[1] - end_s
+        # The integrals need both ends of the ramp, or the end that a stop or a trip has made.
+        is_known = outcome is StartOutcome.FULL_VOLTAGE and was_seen and start.ended is not None
+        was_cut = outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
+        ramp = zero_s, end_s if is_known else self._last_s
         seq = next(self._sequence)
         curve.cut_before(zero_s - BEFORE_S)
-        largest_a = LARGEST * self.rated_a if self.rated_a else math.inf
-        outliers = curve.drop_outliers(zero_s, largest_a=largest_a)
+        outliers = curve.drop_outliers(zero_s, largest_a=LARGEST * self.rated_a if self.rated_a else math.inf)
+        currents = curve.currents(*ramp)
+        sums = curve.sums(*ramp) if is_known or (was_cut and was_seen) else None
         record = StartRecord(
             starter=self._starter,
             id=f"{self._boot}-{seq}",
@@ -316,87 +287,45 @@ class StartRecorder:
             outcome=outcome,
             cause=_cause(command, start.remote),
             standstill_s=start.standstill_s,
+            acceleration_s=end_s - zero_s if is_known else None,
+            resolution_s=begin_within_s + end_within_s if is_known else None,
             rated_a=self.rated_a,
+            peak_a=max((value for _, value in currents), default=None),
+            mean_a=None if sums is None else sums.mean_a,
+            i2t_a2s=None if sums is None else sums.i2t_a2s,
+            i2t_error_pct=None if sums is None else i2t_error_pct_of(sums, begin_within_s, end_within_s),
+            rate_hz=len(currents) / (ramp[1] - zero_s) if currents and ramp[1] > zero_s else None,
+            lowest_v=curve.lowest("line_voltage", *ramp),
             heating_pct=_rise(start.thermal_before, curve.latest("thermal")),
             own=start.own,
             outliers=outliers,
+            samples=curve.shown(zero_s),
         )
-        record = self._measured(record, start, curve, zero_s, resolution_s)
         self._start, self._curve, self._phase = None, Curve(), phase
         self._commands.clear()
         if phase is not _Phase.REST:
-            self._motor.rest_since_s = None
+            self._rest_since_s = None
         # A start that was given up, as at a lost line, and is found again under way is one start.
         before_s = self.given_up_s
         self.given_up_s = record.time_s if outcome is StartOutcome.GIVEN_UP else None
-        if start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S:
-            return None  # it is recorded
-        return replace(record, samples=curve.shown(zero_s))
+        is_same = start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S
+        return None if is_same else record
 
-    def _measured(
-        self, record: StartRecord, start: _Start, curve: Curve, zero_s: float, resolution_s: float
-    ) -> StartRecord:
-        """Return the record with what the samples say of the start."""
-        end_s, end_resolution_s = _instant(start.ended)
-        acceleration_s, within_s = end_s - zero_s, resolution_s + end_resolution_s
-        # No reply has shown the ramp: the high current says how long it took.
-        if math.isnan(within_s) and start.began is None and self.rated_a:
-            crossed = crossings(curve.currents(), RISEN * self.rated_a)
-            if crossed is not None:
-                zero_s, end_s = crossed
-                rate_hz = rate_hz_of(curve.currents(*crossed), *crossed) or math.nan
-                acceleration_s, within_s = end_s - zero_s, 1 / rate_hz
-                resolution_s = end_resolution_s = within_s / 2
-        # The integrals need both ends of the ramp, or the end that a stop or a trip has made.
-        is_known = record.outcome is StartOutcome.FULL_VOLTAGE and not math.isnan(within_s)
-        until_s = end_s if is_known else self._last_s
-        samples = curve.currents(zero_s, until_s)
-        was_cut = record.outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
-        has_all = is_known or (was_cut and not math.isnan(resolution_s))
-        sums = curve.sums(zero_s, until_s) if has_all else None
-        return replace(
-            record,
-            acceleration_s=acceleration_s if is_known else None,
-            resolution_s=within_s if is_known else None,
-            peak_a=max((value for _, value in samples), default=None),
-            mean_a=None if sums is None else sums.mean_a,
-            i2t_a2s=None if sums is None else sums.i2t_a2s,
-            i2t_error_pct=None if sums is None else i2t_error_pct_of(sums, resolution_s, end_resolution_s),
-            rate_hz=rate_hz_of(samples, zero_s, until_s),
-            lowest_v=curve.lowest("line_voltage", zero_s, until_s),
-        )
-
-    def _command_of(self, start: _Start) -> StartCommand | None:
+    def _command_of(self, start: _Start, earliest_s: float) -> _Command | None:
         """Return the latest start command of the gateway that this can be."""
-        earliest_s = start.seen_s if start.earliest_s is None else start.earliest_s
         since_s = min(earliest_s, start.seen_s - FITS_S)
-        fitting = [each for each in self._commands if since_s <= each.at_s <= start.seen_s + BEFORE_S]
+        until_s = start.seen_s + BEFORE_S
+        fitting = [command for command, at_s in self._commands.items() if since_s <= at_s <= until_s]
         return fitting[-1] if fitting else None
 
 
-def _is_full(values: Mapping[str, object]) -> bool:
-    return values.get("full_voltage") is True or values.get("bypass_closed") is True
+def _middle(since_s: float, until_s: float) -> float:
+    return (since_s + until_s) / 2
 
 
-def _narrowed(
-    between: tuple[float, float] | None, command: StartCommand | None
-) -> tuple[float, float] | None:
-    """Return between which times the start began, given that our command was written before it."""
-    if between is None or command is None or math.isnan(between[0]):
-        return between
-    return min(max(between[0], command.at_s), between[1]), between[1]
-
-
-def _instant(between: tuple[float, float] | None) -> tuple[float, float]:
-    """Return the middle of two times and half their distance; nan when they are not known."""
-    if between is None:
-        return math.nan, math.nan
-    return (between[0] + between[1]) / 2, (between[1] - between[0]) / 2
-
-
-def _cause(command: StartCommand | None, remote: bool | None) -> Cause:  # noqa: FBT001 - a reading
+def _cause(command: _Command | None, remote: bool | None) -> Cause:  # noqa: FBT001 - a reading
     if command is not None:
-        return Cause(StartSource.COMMAND, command.client, command.id)
+        return Cause(StartSource.COMMAND, *command)
     if remote is None:
         return Cause()
     return Cause(StartSource.REMOTE if remote else StartSource.LOCAL)

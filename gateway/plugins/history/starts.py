@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from gateway.contract import (
     AlarmRecord,
@@ -25,11 +25,7 @@ from gateway.contract import (
 )
 from gateway.plugins.history.baseline import Baseline, Month, Trend, TrendVerdict, month_of, values_of
 from gateway.plugins.history.delivery import Delivery, Part, Past, Rows
-from gateway.plugins.history.start_recorder import (
-    StartCommand,
-    StartPoints,
-    StartRecorder,
-)
+from gateway.plugins.history.start_recorder import StartPoints, StartRecorder
 from gateway.starters import Readings, StarterSetup
 from gateway.store import HistoryRow
 
@@ -41,15 +37,6 @@ CURVES, SUMMARIES, MONTHS = 20, 250, 18  # of each starter that stay
 DRIFT = "start_drift"  # event and alarm
 
 T = TypeVar("T")
-
-
-class _Judged(NamedTuple):
-    """A start that is over, and what the trend says of it."""
-
-    record: StartRecord
-    verdict: TrendVerdict
-    trend: Trend
-    is_new: bool  # it has changed the baseline
 
 
 class MotorStarts(Part):
@@ -74,8 +61,7 @@ class MotorStarts(Part):
         """Record who gives a start, when the starter is lost, and its rated current."""
         match record:
             case ResultRecord(verb="start", is_duplicate=False, phase=Phase.WRITTEN):
-                now_s = self._records.clock.now_s()
-                self._recorder.note_command(StartCommand(record.client, record.id, now_s))
+                self._recorder.note_command(record.client, record.id, self._records.clock.now_s())
             case ResultRecord(verb="start", is_duplicate=False, phase=Phase.FAILED | Phase.REJECTED):
                 self._recorder.forget_command(record.client, record.id)
             case StateRecord(state="unknown"):
@@ -104,7 +90,7 @@ class MotorStarts(Part):
         self._put_alarm()
         self._is_restored = True
         for start in past.starts:
-            self._keep(self._judged(start))
+            self._keep(start)
 
     def reconfigure(self, setup: StarterSetup) -> None:
         """Go on with another machine or other polls under this name; what the broker knew of it is gone."""
@@ -139,30 +125,27 @@ class MotorStarts(Part):
         return recorder
 
     def _finish(self, start: StartRecord | None) -> None:
-        if start is not None:
-            judged = self._judged(start)
-            self._delivery.publish(judged.record, partial(self._keep, judged))
+        """Publish a start that is over, judged against the starts before it, if these are known yet."""
+        if start is None:
+            return
+        verdict = self._verdict_of(start) if self._is_restored else None
+        judged = start if verdict is None else _with(verdict, start)
+        self._delivery.publish(judged, partial(self._keep, start, verdict))
 
-    def _judged(self, record: StartRecord) -> _Judged:
-        """Compare a start with the baseline."""
-        before = self._trend.baseline
-        verdict = self._trend.add(record, now_s=self._records.clock.utc_s())
-        record = replace(record, is_baseline=verdict.is_baseline, drift=verdict.drift)
-        return _Judged(record, verdict, self._trend, is_new=self._trend.baseline is not before)
+    def _verdict_of(self, start: StartRecord) -> TrendVerdict:
+        return self._trend.add(start, now_s=self._records.clock.utc_s())
 
-    def _keep(self, judged: _Judged) -> None:
-        """Count and store a start that is certain."""
-        if judged.trend is not self._trend:  # it was judged before it was known what it comes after
-            judged = self._judged(judged.record)
-        record, verdict, _, is_new = judged
-        start = replace(record, samples={})
+    def _keep(self, record: StartRecord, verdict: TrendVerdict | None = None) -> None:
+        """Count and store a start that is certain; one that came before the earlier ones is judged now."""
+        verdict = verdict or self._verdict_of(record)
+        start = _with(verdict, replace(record, samples={}))
         self._latest = [*self._latest, start][-CURVES:]
         self._count(start)
         self._count_in_month(start)
         self._store(CURVE, start.id, record.samples, limit=CURVES)
         self._store(START, start.id, _summary(start), limit=SUMMARIES, is_urgent=True)
         self._report(verdict, start)
-        if is_new:
+        if verdict.is_baseline or verdict.raised or verdict.is_over:
             self._store_baseline()
 
     def _count_in_month(self, start: StartRecord) -> None:
@@ -224,6 +207,10 @@ class MotorStarts(Part):
         if baseline is not None:
             self._delivery.store.copy(self._starter, CURVE, baseline.typical, BASELINE_CURVE)
             self._store(BASELINE, BASELINE, stored(baseline), limit=1, is_urgent=True)
+
+
+def _with(verdict: TrendVerdict, start: StartRecord) -> StartRecord:
+    return replace(start, is_baseline=verdict.is_baseline, drift=verdict.drift)
 
 
 def _summary(start: StartRecord) -> Mapping[str, Any]:

@@ -32,7 +32,6 @@ from gateway.starters import own_points_of as own_points
 from gateway.store import HistoryRow
 
 STORE_EVERY_S = 590.0  # what a kill loses at most is ten minutes
-UNCHANGED_EVERY_S = 86_400.0
 LOOK_EVERY_S = 1.0  # between two looks at what is due; a change of state is looked at without delay
 OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
@@ -47,7 +46,7 @@ class MotorValues(Part):
         self._totals = Totals()
         self._is_restored = False
         self._stored_s = self._delivery.records.clock.now_s()
-        self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
+        self._stored: Mapping[str, object] = {}
         self._good: tuple[float | None, Mapping[str, Value]] = (None, {})  # when, and the values
         self._looked_s = -math.inf
         self._left: int | None = None  # starts, at the last look
@@ -117,7 +116,7 @@ class MotorValues(Part):
 
     def close(self) -> None:
         """Store the sums."""
-        self._store(is_in_any_case=True)
+        self._store()
 
     def _note_level(self, level: float, at_s: float) -> None:
         self._thermal.note_level(level, at_s=at_s, is_standing=self._counters.state in STANDING)
@@ -130,20 +129,15 @@ class MotorValues(Part):
         elif before in STANDING and state == "starting":
             self._thermal.note_start()
 
-    def _store(self, *, is_in_any_case: bool = False) -> None:
-        """Have the sums written if they have changed, or once a day: a file may have been lost meanwhile.
-
-        Before earlier ones are known, nothing is.
-        """
+    def _store(self) -> None:
+        """Have the sums written if they have changed; before those of earlier runs are known nothing is."""
         if not self._is_restored:
             return
         self._stored_s = self._delivery.records.clock.now_s()
         data = stored(CountersRow(self._totals, self._thermal.learnt))
-        written_s, before = self._stored
-        if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
-            return
-        self._stored = (self._stored_s, data)
-        self._delivery.store.put(HistoryRow(self._setup.name, KIND, self._delivery.records.boot, data))
+        if data != self._stored:
+            self._stored = data
+            self._delivery.store.put(HistoryRow(self._setup.name, KIND, self._delivery.records.boot, data))
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
         """Publish what is due; good values only while the starter is seen."""

@@ -3,7 +3,8 @@
 1. Each starter's message is made from its retained `info`, and published when that or the site changes.
 2. A message that is not wanted any more is deleted at the broker, also by the next run, also without the
    table: the topics are stored in `state_dir` before anything goes out.
-3. The birth of Home Assistant is answered with all messages again, after up to 5 s.
+3. A birth of Home Assistant is answered with all messages again, after a pause drawn by chance, so that many
+   gateways do not answer together. A birth that comes while an answer is due is answered with it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import random
 import secrets
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,7 +23,6 @@ from pydantic import TypeAdapter
 from gateway.contract import Event, InfoRecord, Record
 from gateway.errors import StoreError
 from gateway.mqtt import Message, cleared
-from gateway.plugins.homeassistant.birth import BirthPause
 from gateway.plugins.homeassistant.discovery import gateway_message, starter_message
 from gateway.plugins.homeassistant.site_facts import SiteFacts, facts_of
 from gateway.plugins.interface import Gateway, Plugin, PluginSite
@@ -34,6 +35,8 @@ MISSING: Event | None = None  # it needs nothing besides
 ANNOUNCED = "announced"  # the document
 TOPICS = TypeAdapter(set[str])
 SETTLE_S = 0.5  # what is known of the starters changes in quick succession
+BORN = b"online"  # Home Assistant's birth message; its will is `offline`
+LONGEST_PAUSE_S = 5.0  # before a birth is answered
 LOOK_S = 1.0  # whether the broker has deleted what it was to delete
 
 
@@ -52,7 +55,8 @@ class HomeAssistantService:
         self._mqtt = gateway.mqtt
         self._clock = gateway.clock
         self._document = gateway.documents.open(ANNOUNCED, TOPICS, lambda: self._topics)
-        self._birth = BirthPause(secrets.randbits(32))
+        self._chance = random.Random(secrets.randbits(32))
+        self._again_s = math.inf  # when the answer to a birth is due
         self._birth_topic = ""
         self._topics = self._document.loaded or set()  # that the broker holds, or may hold
         self._clearing: set[str] = set()
@@ -79,10 +83,10 @@ class HomeAssistantService:
                 self._changed.clear()
                 self._listen("" if self._facts is None else self._facts.birth_topic)
                 await self._announce()
-                if not self._birth.left_s(self._clock.now_s()):
+                if self._clock.now_s() >= self._again_s:
                     self._announce_again()
-                due_s = min(self._birth.left_s(self._clock.now_s()), LOOK_S if self._clearing else math.inf)
-                if await is_set_within(self._changed, due_s):
+                left_s = max(0.0, self._again_s - self._clock.now_s())
+                if await is_set_within(self._changed, min(left_s, LOOK_S if self._clearing else math.inf)):
                     await asyncio.sleep(SETTLE_S)
         finally:
             self._listen("")
@@ -133,7 +137,7 @@ class HomeAssistantService:
             message = self._mqtt.retained(topic)
             if message is not None:
                 self._mqtt.announce(message)
-        self._birth.answered(self._clock.now_s())
+        self._again_s = math.inf
 
     def _listen(self, topic: str) -> None:
         if topic != self._birth_topic:
@@ -144,8 +148,9 @@ class HomeAssistantService:
             self._birth_topic = topic
 
     def _take_birth(self, payload: bytes) -> None:
-        self._birth.take(payload, self._clock.now_s())
-        self._changed.set()
+        if payload == BORN and self._again_s == math.inf:
+            self._again_s = self._clock.now_s() + self._chance.uniform(0.0, LONGEST_PAUSE_S)
+            self._changed.set()
 
     async def _save(self) -> None:
         self._document.touch()

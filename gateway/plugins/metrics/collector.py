@@ -11,11 +11,10 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from operator import itemgetter
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.metrics_core import Metric
-from prometheus_client.registry import Collector
 from prometheus_client.samples import Sample
 
 from gateway import __version__
@@ -23,7 +22,6 @@ from gateway.contract import CONTRACT_VERSION, Quality, ValueRecord
 from gateway.families import STATES, Profile, once_per_profile, unnumbered
 from gateway.plugins.interface import Gateway, ShownStarter
 from gateway.plugins.metrics.catalogue import MOTOR_POINTS, PREFIX, SPECS
-from gateway.plugins.metrics.counts import Counted
 from gateway.starters import OWN_POINT_NAMES, Reading
 from gateway.system.stalls import Delays
 
@@ -32,26 +30,32 @@ QUANTILES = {"0.5": "p50", "0.99": "p99"}
 DIGITS = 6  # of a converted value: 12.3 kW are 12300 W
 
 Labels = dict[str, str]
+LabelledValue = tuple[Labels, float | None]
 
 
-class Scrape(NamedTuple):
-    """The content of a scrape, as references that the application's loop has gathered."""
+class Scrape:
+    """The content of one scrape: gathered at once on the application's loop, written by a thread."""
 
-    gateway: Gateway
-    gauges: Mapping[str, float | None]  # of metrics without labels
-    loops: Mapping[str, Delays]  # by loop, how late it was
-    lines: Mapping[str, Mapping[str, Any]]  # the statistics of each, at most about a second old
-    starters: Mapping[str, ShownStarter]
-    locked: frozenset[str]
-    counted: Counted
-    has_all_points: bool
-
-    @classmethod
-    def of(cls, gateway: Gateway, counted: Counted, *, has_all_points: bool) -> Scrape:
-        """Gather everything, at once and without asking any line."""
-        outbox, page = gateway.mqtt.statistics(), gateway.plugin("web")
+    def __init__(
+        self,
+        gateway: Gateway,
+        counts: Mapping[str, Mapping[tuple[str, ...], int]],
+        command_times: Mapping[str, Delays],
+        *,
+        has_all_points: bool,
+    ) -> None:
+        """Gather references, without asking any line; `counts` are by metric, `command_times` by verb."""
+        outbox, page, lock_of = (
+            gateway.mqtt.statistics(),
+            gateway.plugin("web"),
+            gateway.policy.motor_history.lock_of,
+        )
         oldest_s = gateway.clock.utc_s() - outbox["oldest_s"] if outbox["depth"] else None
-        gauges = {
+        self._gateway = gateway
+        self._counts = counts
+        self._command_times = command_times
+        self._has_all_points = has_all_points
+        self._gauges: Mapping[str, float | None] = {
             "start_timestamp_seconds": gateway.started_s,
             "clock_synchronised": gateway.clock_doubt() is None,
             "web_streams": getattr(page, "streams", None),
@@ -63,86 +67,59 @@ class Scrape(NamedTuple):
             "outbox_dropped_total": outbox["dropped"],
             "outbox_refused_total": outbox["refused"],
         }
-        starters, lock_of = dict(gateway.starters), gateway.policy.motor_history.lock_of
-        return cls(
-            gateway,
-            gauges,
-            {name: meter.delays.taken() for name, meter in gateway.loops.items()},
-            {name: line.statistics() for name, line in gateway.lines().items()},
-            starters,
-            frozenset(name for name in starters if lock_of(name) is not None),
-            counted,
-            has_all_points,
-        )
+        self._loops = {name: meter.delays.taken() for name, meter in gateway.loops.items()}
+        self._lines = {name: line.statistics() for name, line in gateway.lines().items()}
+        self._all_starters = list(gateway.starters.values())
+        self._starters = [(_labels_of(each), each) for each in self._all_starters if each.setup.is_enabled]
+        self._locked = {name for name in gateway.starters if lock_of(name) is not None}
 
-
-def exposition(scrape: Scrape) -> bytes:
-    """Return the text of one scrape (format 0.0.4)."""
-    registry = CollectorRegistry(auto_describe=False)
-    registry.register(ScrapeCollector(scrape))
-    return generate_latest(registry)
-
-
-class ScrapeCollector(Collector):
-    """Yields each metric's family, one after the other, and each sample as it is written."""
-
-    def __init__(self, scrape: Scrape) -> None:
-        self._scrape = scrape
-        self._counts = scrape.counted.counts
-        enabled = [each for each in scrape.starters.values() if each.setup.is_enabled]
-        self._starters = [(_labels_of(each), each) for each in enabled]
-        self._lines = [({"line": name}, line) for name, line in scrape.lines.items() if line]
-
-    def describe(self) -> Iterable[Metric]:
-        """Describe nothing: each scrape has a registry of its own."""
-        return ()
+    def exposition(self) -> bytes:
+        """Return the text (format 0.0.4)."""
+        return generate_latest(cast("CollectorRegistry", self))
 
     def collect(self) -> Iterator[Metric]:
-        """Yield what is known."""
-        yield from self._gateway()
-        yield from self._line_metrics()
-        yield from self._starter_metrics()
-        yield from self._requests()
-        yield from self._counters()
-
-    def _gateway(self) -> Iterator[Metric]:
-        scrape = self._scrape
-        labels = {"gateway": scrape.gateway.name, "version": __version__, "contract": str(CONTRACT_VERSION)}
-        yield _family("build_info", [(labels, 1.0)])
-        yield _histograms("loop_lag_seconds", (({"loop": name}, each) for name, each in scrape.loops.items()))
-        for name, value in scrape.gauges.items():
-            yield _family(name, [({}, value)])
-
-    def _line_metrics(self) -> Iterator[Metric]:
-        for name, value_of in LINE_VALUES.items():
-            yield _family(name, ((labels, value_of(line)) for labels, line in self._lines))
-        stops = ((labels, _delays_of(line["stop_latency_s"])) for labels, line in self._lines)
+        """Yield what is known: each metric's family, one after the other."""
+        for name, samples in self._numbers():
+            yield _family(name, samples)
+        yield _histograms("loop_lag_seconds", (({"loop": name}, each) for name, each in self._loops.items()))
+        stops = (({"line": name}, _delays_of(line["stop_latency_s"])) for name, line in self._open_lines())
         yield _histograms("stop_latency_seconds", stops)
-        yield _family("polls_total", (pair for each in self._lines for pair in _outcomes(*each)))
+        times = self._command_times.items()
+        yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times))
 
-    def _starter_metrics(self) -> Iterator[Metric]:
-        scrape, starters = self._scrape, self._starters
-        yield _family("starter_info", ((_info_labels(each), 1.0) for each in scrape.starters.values()))
-        states = (
-            ({**labels, "state": state}, state == each.state) for labels, each in starters for state in STATES
-        )
-        yield _family("starter_state", states)
-        yield _family(
-            "starter_locked", ((labels, each.setup.name in scrape.locked) for labels, each in starters)
-        )
-        for name, value_of in STARTER_VALUES.items():
-            yield _family(name, ((labels, value_of(each)) for labels, each in starters))
-        yield _family("point_value", self._points())
+    def _open_lines(self) -> list[tuple[str, Mapping[str, Any]]]:
+        return [(name, line) for name, line in self._lines.items() if line]
 
-    def _requests(self) -> Iterator[Metric]:
-        """Yield what the lines say of their units."""
-        asked = []
-        for labels, starter in self._starters:
-            unit = self._scrape.lines.get(starter.setup.line, {}).get("units", {}).get(starter.setup.address)
-            if unit is not None:
-                asked.append((labels, unit))
-        yield _family("starter_polls_total", (pair for each in asked for pair in _outcomes(*each)))
-        yield _family(
+    def _numbers(self) -> Iterator[tuple[str, Iterable[LabelledValue]]]:
+        """Yield by metric its samples; what counts for a starter is there from 0 on.
+
+        Prometheus sees no increase from nothing to 1.
+        """
+        gateway, starters, counts = self._gateway, self._starters, self._counts
+        about = {"gateway": gateway.name, "version": __version__, "contract": str(CONTRACT_VERSION)}
+        yield "build_info", [(about, 1.0)]
+        for name, value in self._gauges.items():
+            yield name, [({}, value)]
+        lines = [({"line": name}, line) for name, line in self._open_lines()]
+        for name, of_line in LINE_VALUES.items():
+            yield name, ((labels, of_line(line)) for labels, line in lines)
+        yield "polls_total", (pair for each in lines for pair in _outcomes(*each))
+        yield "starter_info", ((_info_labels(each), 1.0) for each in self._all_starters)
+        yield (
+            "starter_state",
+            (
+                ({**labels, "state": state}, state == each.state)
+                for labels, each in starters
+                for state in STATES
+            ),
+        )
+        yield "starter_locked", ((labels, each.setup.name in self._locked) for labels, each in starters)
+        for name, of_starter in STARTER_VALUES.items():
+            yield name, ((labels, of_starter(each)) for labels, each in starters)
+        yield "point_value", self._points()
+        asked = [(labels, unit) for labels, each in starters if (unit := self._unit_of(each)) is not None]
+        yield "starter_polls_total", (pair for each in asked for pair in _outcomes(*each))
+        yield (
             "starter_response_seconds",
             (
                 ({**labels, "quantile": quantile}, unit["response_time_s"][key])
@@ -150,38 +127,35 @@ class ScrapeCollector(Collector):
                 for quantile, key in QUANTILES.items()
             ),
         )
+        for name in ("starts_total", "start_drifts_total", "commands_unconfirmed_total"):
+            of = counts.get(name, {})
+            yield name, [(labels, of.get((each.setup.name,), 0)) for labels, each in starters]
+        yield "trips_total", self._trips()
+        for name in ("commands_total", "commands_rejected_total"):
+            names = SPECS[name].labels
+            yield name, [(dict(zip(names, key, strict=True)), n) for key, n in counts.get(name, {}).items()]
 
-    def _points(self) -> Iterator[tuple[Labels, float | None]]:
+    def _unit_of(self, starter: ShownStarter) -> Mapping[str, Any] | None:
+        """Return what its line says of a starter."""
+        units: Mapping[int, Any] = self._lines.get(starter.setup.line, {}).get("units", {})
+        return units.get(starter.setup.address)
+
+    def _points(self) -> Iterator[LabelledValue]:
         """Yield the points that the configuration asks for: by name, or all, with those of the gateway."""
         for labels, starter in self._starters:
             readings, points = starter.snapshot.readings, starter.profile.points
             for point, reading in readings.items():
-                is_asked = self._scrape.has_all_points or points[point].every_s is not None
+                is_asked = self._has_all_points or points[point].every_s is not None
                 if is_asked and point not in MOTOR_POINTS:
                     yield {**labels, "point": point, "unit": reading.unit}, _good(reading)
-            for point in sorted(OWN_POINT_NAMES.difference(readings) if self._scrape.has_all_points else ()):
+            for point in sorted(OWN_POINT_NAMES.difference(readings) if self._has_all_points else ()):
                 topic = ValueRecord.topic_of(starter=starter.setup.name, point=point)
-                record = self._scrape.gateway.latest.find(topic)
+                record = self._gateway.latest.find(topic)
                 if isinstance(record, ValueRecord):
                     yield {**labels, "point": point, "unit": record.unit}, _good(record)
 
-    def _counters(self) -> Iterator[Metric]:
-        for name in ("starts_total", "start_drifts_total", "commands_unconfirmed_total"):
-            yield _family(name, self._of_starters(name))
-        yield _family("trips_total", self._trips())
-        for name in ("commands_total", "commands_rejected_total"):
-            keys = self._counts.get(name, {}).items()
-            yield _family(name, ((dict(zip(SPECS[name].labels, key, strict=True)), n) for key, n in keys))
-        times = self._scrape.counted.times.items()
-        yield _histograms("command_seconds", (({"verb": verb}, delays) for verb, delays in times))
-
-    def _of_starters(self, name: str) -> list[tuple[Labels, float]]:
-        """Return a counter of each starter, from 0 on: Prometheus sees no increase from nothing to 1."""
-        counts = self._counts.get(name, {})
-        return [(labels, counts.get((each.setup.name,), 0)) for labels, each in self._starters]
-
-    def _trips(self) -> Iterator[tuple[Labels, float]]:
-        """Yield the trips by each code that the family names, from 0 on, and by each that was seen."""
+    def _trips(self) -> Iterator[LabelledValue]:
+        """Yield the trips by each code that the family names, and by each that was seen."""
         seen = self._counts.get("trips_total", {})
         for labels, starter in self._starters:
             counts = dict.fromkeys(fault_codes(starter.profile), 0)
@@ -197,7 +171,7 @@ def fault_codes(profile: Profile) -> tuple[str, ...]:
     return (*codes, unnumbered(profile, "fault").code)
 
 
-def _family(name: str, samples: Iterable[tuple[Labels, float | None]]) -> Metric:
+def _family(name: str, samples: Iterable[LabelledValue]) -> Metric:
     full = PREFIX + name
     return _made(name, (Sample(full, labels, float(value)) for labels, value in samples if value is not None))
 
@@ -233,7 +207,7 @@ def _delays_of(stops: Mapping[str, Any]) -> Delays:
     return Delays(tuple(map(float, stops["within"])), counts, stops["sum"])
 
 
-def _outcomes(labels: Labels, counts: Mapping[str, Any]) -> list[tuple[Labels, float]]:
+def _outcomes(labels: Labels, counts: Mapping[str, Any]) -> list[LabelledValue]:
     return [({**labels, "outcome": outcome}, counts[outcome]) for outcome in OUTCOMES]
 
 
@@ -261,11 +235,6 @@ def _converted(starter: ShownStarter, point: str) -> float | None:
     return round(value * factors[reading.unit], DIGITS)
 
 
-def _last_s(starter: ShownStarter, qualities: tuple[Quality, ...]) -> float | None:
-    """Return when a value that has one of these qualities was last read."""
-    return starter.snapshot.last_s(qualities)
-
-
 def _fault(starter: ShownStarter) -> float | None:
     return _good(starter.snapshot.readings.get("fault"))
 
@@ -284,8 +253,10 @@ LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
 }
 STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
     "starter_online": lambda starter: starter.is_answering,
-    "starter_last_reply_timestamp_seconds": partial(_last_s, qualities=tuple(Quality)),
-    "starter_last_good_reading_timestamp_seconds": partial(_last_s, qualities=(Quality.GOOD, Quality.STALE)),
+    "starter_last_reply_timestamp_seconds": lambda starter: starter.snapshot.last_s(tuple(Quality)),
+    "starter_last_good_reading_timestamp_seconds": lambda starter: starter.snapshot.last_s(
+        (Quality.GOOD, Quality.STALE)
+    ),
     "starter_fault_active": _fault,
     "starter_fault_code": _fault_code,
     **{motor.metric: partial(_converted, point=point) for point, motor in MOTOR_POINTS.items()},

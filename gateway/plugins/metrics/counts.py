@@ -9,8 +9,6 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
-from typing import NamedTuple
 
 from gateway.contract import EventCode, EventRecord, Phase, Record, ResultRecord, StartRecord, TripRecord
 from gateway.system.stalls import DelayCounts, Delays
@@ -18,13 +16,6 @@ from gateway.system.stalls import DelayCounts, Delays
 COMMAND_BOUNDS_S = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)
 MOST_PENDING = 1000  # commands between acceptance and final result; far beyond what the gateway takes
 OTHER = "other"
-
-
-class Counted(NamedTuple):
-    """The counters at the moment of a scrape; the words that name a series are in the catalogue's order."""
-
-    counts: Mapping[str, Mapping[tuple[str, ...], int]]  # by metric; of a starter by its name alone
-    times: Mapping[str, Delays]  # of commands, by verb
 
 
 class RecordCounts:
@@ -50,10 +41,16 @@ class RecordCounts:
             case _:
                 pass  # the state itself is read at each scrape
 
-    def taken(self) -> Counted:
-        """Return all that was counted so far."""
-        counts = {name: dict(counts) for name, counts in self._counts.items()}
-        return Counted(counts, {verb: times.taken() for verb, times in self._times.items()})
+    def counts(self) -> dict[str, dict[tuple[str, ...], int]]:
+        """Return by metric what was counted, by the words that name a series in the catalogue's order.
+
+        Of a starter it is its name alone.
+        """
+        return {name: dict(counts) for name, counts in self._counts.items()}
+
+    def times(self) -> dict[str, Delays]:
+        """Return by verb how long commands have taken."""
+        return {verb: times.taken() for verb, times in self._times.items()}
 
     def _note_result(self, result: ResultRecord, now_s: float) -> None:
         verb = result.verb if result.verb in self._verbs else OTHER

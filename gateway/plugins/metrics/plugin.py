@@ -50,7 +50,7 @@ def settings_of(site: PluginSite) -> MetricsSettings | None:
     if table is None:
         return None
     file = None if table.textfile is None else site.folder / table.textfile
-    return MetricsSettings(table.all_points, file, site.metrics_token)
+    return MetricsSettings(table.all_points, file, site.secrets["metrics"])
 
 
 def load(gateway: Gateway) -> Callable[[MetricsSettings], Plugin]:
@@ -94,9 +94,10 @@ class Metrics:
         async with self._making:
             if self._clock.now_s() - self._made_s >= VALID_S:
                 made_s = self._clock.now_s()
-                counted, all_points = self._counts.taken(), self._settings.has_all_points
-                scrape = self._collector.Scrape.of(self._gateway, counted, has_all_points=all_points)
-                self._text = await self._gateway.in_thread(partial(self._collector.exposition, scrape))
+                counts, times = self._counts.counts(), self._counts.times()
+                all_points = self._settings.has_all_points
+                scrape = self._collector.Scrape(self._gateway, counts, times, has_all_points=all_points)
+                self._text = await self._gateway.in_thread(scrape.exposition)
                 self._made_s = made_s
             return self._text
 

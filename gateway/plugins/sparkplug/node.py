@@ -36,8 +36,7 @@ from gateway.plugins.sparkplug.payload import (
     decoded_command,
     encoded,
 )
-from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.plugins.sparkplug.topics import BD_SEQ, REBIRTH, SEQ_NUMBERS
+from gateway.plugins.sparkplug.settings import BD_SEQ, REBIRTH, SEQ_NUMBERS, SparkplugSettings
 from gateway.system.rate_limits import Bucket, Rate
 
 GATHER_S = 0.25
@@ -280,7 +279,7 @@ class EdgeNode:
         """Return an NDEATH, the will of the connection with this number [tck-id-topics-ndeath-payload]."""
         metrics = [Metric(BD_SEQ, DataType.INT64, bd_seq, utc_s)]
         payload = encoded(metrics, time_s=utc_s, seq=None)
-        return Message(self._settings.topics.of("NDEATH"), payload, qos=1, retain=False)
+        return Message(self._settings.topic("NDEATH"), payload, qos=1, retain=False)
 
     def _node_birth(self, bd_seq: int, now_s: float, utc_s: float) -> Message:
         self._dues.pop("", None)
@@ -323,7 +322,7 @@ class EdgeNode:
         self._seq = (self._seq + 1) % SEQ_NUMBERS
         has_types = kind.endswith("BIRTH") or self._settings.table.datatypes_in_data
         payload = encoded(metrics, time_s=utc_s, seq=self._seq, has_datatypes=has_types)
-        return Message(self._settings.topics.of(kind, device), payload, qos=0, retain=False)
+        return Message(self._settings.topic(kind, device), payload, qos=0, retain=False)
 
     def _mark(self, name: str, known: _KnownMetric, now_s: float, *, is_urgent: bool = False) -> None:
         """Have what somebody has to say go out: a birth or death at once, all else gathered."""

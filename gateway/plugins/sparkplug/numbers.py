@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, TypeAdapter
 
 from gateway.plugins.interface import Gateway
-from gateway.plugins.sparkplug.topics import SEQ_NUMBERS
+from gateway.plugins.sparkplug.settings import SEQ_NUMBERS
 
 BIRTHS = "births"  # the document
 NUMBER = TypeAdapter(Annotated[int, Field(ge=0, lt=SEQ_NUMBERS)])

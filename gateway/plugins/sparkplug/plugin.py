@@ -50,6 +50,6 @@ def _servers(site: PluginSite, table: SparkplugTable) -> Iterable[BrokerSettings
             site.folder,
             client_id=f"{site.config.client_id}-spb",
             username=server.username,
-            password=site.sparkplug_password,
+            password=site.secrets["sparkplug" if table.urls else "mqtt"],
         )
         yield replace(settings, largest_packet=LARGEST_PACKET)

@@ -5,23 +5,24 @@ Births are published only while it is.
 
 from __future__ import annotations
 
-from gateway.contract import read_object
-from gateway.plugins.sparkplug.topics import state_topic
+from pydantic import BaseModel, ValidationError
+
+from gateway.plugins.sparkplug.settings import state_topic
 
 
-def host_state(payload: bytes) -> tuple[bool, int] | None:
-    """Return whether a STATE message says online, and its host's own time (ms, UTC).
+class HostState(BaseModel, strict=True):
+    """What a STATE message says; `timestamp` is its host's own time, ms, UTC."""
 
-    None when it is none [tck-id-host-topic-phid-birth-payload].
-    """
+    online: bool
+    timestamp: int
+
+
+def host_state(payload: bytes) -> HostState | None:
+    """Return a STATE message; None when it is none [tck-id-host-topic-phid-birth-payload]."""
     try:
-        fields = read_object(payload)
-    except ValueError:
+        return HostState.model_validate_json(payload)
+    except ValidationError:
         return None
-    is_online, time_ms = fields.get("online"), fields.get("timestamp")
-    if not isinstance(is_online, bool) or isinstance(time_ms, bool) or not isinstance(time_ms, int):
-        return None
-    return is_online, time_ms
 
 
 class PrimaryHost:
@@ -53,8 +54,8 @@ class PrimaryHost:
     def take(self, payload: bytes) -> bool:
         """Take a STATE message; return whether the host has gone, so that this connection is to end."""
         state = host_state(payload)
-        if state is None or (self._last_ms is not None and state[1] < self._last_ms):
+        if state is None or (self._last_ms is not None and state.timestamp < self._last_ms):
             return False
         was_online = self._is_online
-        self._is_online, self._last_ms = state
+        self._is_online, self._last_ms = state.online, state.timestamp
         return was_online and not self._is_online

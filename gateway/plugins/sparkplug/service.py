@@ -25,8 +25,7 @@ from gateway.plugins.sparkplug.node import EdgeNode
 from gateway.plugins.sparkplug.numbers import BirthNumbers
 from gateway.plugins.sparkplug.payload import FALSE
 from gateway.plugins.sparkplug.primary_host import PrimaryHost
-from gateway.plugins.sparkplug.settings import SparkplugSettings
-from gateway.plugins.sparkplug.topics import REBIRTH
+from gateway.plugins.sparkplug.settings import REBIRTH, SparkplugSettings
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
 
@@ -74,16 +73,14 @@ class SparkplugService:
     def put(self, record: Record) -> None:
         """Have what is new published; returns at once."""
         now_s = self._clock.now_s()
-        if isinstance(record, ForgetRecord):
-            self._node.forget(record.starters, self._clock.utc_s())
-        elif isinstance(record, ResultRecord) and self._is_own(record):
-            self._node.answer(record.starter, facts_of(record), now_s)
+        match record:
+            case ForgetRecord():
+                self._node.forget(record.starters, self._clock.utc_s())
+            # The result of a command that came this way.
+            case ResultRecord(client=self._settings.operator, id=str(id_)) if id_.startswith(ID_PREFIX):
+                self._node.answer(record.starter, facts_of(record), now_s)
         self._node.look(now_s)
         self._hurry()
-
-    def _is_own(self, result: ResultRecord) -> bool:
-        """Return whether a result is of a command that came this way."""
-        return result.client == self._settings.operator and (result.id or "").startswith(ID_PREFIX)
 
     def reconfigure(self, settings: SparkplugSettings) -> None:
         """Follow other starters and lines; by any other change this node ends, and its successor begins."""
@@ -133,8 +130,8 @@ class SparkplugService:
 
     async def _subscribe(self, link: Session, server: BrokerSettings) -> None:
         """Subscribe to everything before any birth [tck-id-message-flow-edge-node-ncmd-subscribe]."""
-        topics = [self._settings.topics.node_command]
-        topics += [] if self._host_commands is None else [self._settings.topics.device_commands]
+        topics = [self._settings.topic("NCMD")]
+        topics += [] if self._host_commands is None else [self._settings.topic("DCMD", "+")]
         refused = [topic for topic in topics if not await link.subscribe(topic)]
         state = self._host.topic
         if state is not None and not await link.subscribe(state, with_retained=True):
@@ -208,8 +205,7 @@ class SparkplugService:
             self._wake.set()
 
     def _on_incoming(self, incoming: Incoming) -> None:
-        topics, payload = self._settings.topics, incoming.payload
-        starter = topics.commanded_device(incoming.topic)
+        payload, starter = incoming.payload, self._settings.commanded_device(incoming.topic)
         if self._host_commands is not None and starter is not None:
             if starter in self._settings.starters:
                 self._host_commands.take(starter, incoming, self._node.born_utc_s)
@@ -220,7 +216,7 @@ class SparkplugService:
         elif incoming.topic == self._host.topic:
             self._leaving = HOST_GONE if self._host.take(payload) else self._leaving
             self._wake.set()
-        elif incoming.topic == topics.node_command and _REBIRTH in payload:
+        elif incoming.topic == self._settings.topic("NCMD") and _REBIRTH in payload:
             self._node.take_command(payload, self._clock.now_s())
             self._hurry()
 

@@ -48,60 +48,8 @@ class WebSession:
     user: WebUser  # as it was at the login: with another password or operator the session ends
     csrf: str
     is_idle_limited: bool  # the user may start motors
-    begun_s: float
+    ends_s: float  # at the latest, used or not
     used_s: float
-
-    def is_over(self, now_s: float) -> bool:
-        """Return whether it has ended by time."""
-        is_idle = self.is_idle_limited and now_s - self.used_s > IDLE_S
-        return is_idle or now_s > self.ends_s
-
-    @property
-    def ends_s(self) -> float:
-        """Return when it ends at the latest, used or not."""
-        return self.begun_s + LONGEST_S
-
-
-class Sessions:
-    """All sessions of this run."""
-
-    def __init__(self) -> None:
-        self._sessions: OrderedDict[str, WebSession] = OrderedDict()  # by key, the latest used last
-
-    def open(self, user: WebUser, *, is_idle_limited: bool, now_s: float) -> tuple[str, WebSession]:
-        """Begin a session; return its secret, which is not stored, and the session."""
-        while len(self._sessions) >= MOST_SESSIONS:
-            self._sessions.popitem(last=False)
-        secret, csrf = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
-        session = WebSession(key_of(secret), user, csrf, is_idle_limited, now_s, now_s)
-        self._sessions[session.key] = session
-        return secret, session
-
-    def find(self, secret: str, *, now_s: float, is_use: bool = True) -> WebSession | None:
-        """Return the session of this secret; using it counts against its idle time."""
-        session = self.by_key(key_of(secret), now_s=now_s)
-        if session is not None and is_use:
-            session.used_s = now_s
-            self._sessions.move_to_end(session.key)
-        return session
-
-    def by_key(self, key: str, *, now_s: float) -> WebSession | None:
-        """Return a session that has not ended."""
-        session = self._sessions.get(key)
-        if session is not None and session.is_over(now_s):
-            del self._sessions[key]
-            return None
-        return session
-
-    def end(self, key: str) -> None:
-        """End a session, if there is one."""
-        self._sessions.pop(key, None)
-
-    def keep_users(self, users: Mapping[str, WebUser]) -> None:
-        """End the sessions of users that were removed or have another password or operator."""
-        for key, session in tuple(self._sessions.items()):
-            if users.get(session.user.name) != session.user:
-                del self._sessions[key]
 
 
 def key_of(secret: str) -> str:
@@ -160,7 +108,7 @@ class Accounts:
         self._records = records
         self._clock = records.clock
         self._check = check
-        self._sessions = Sessions()
+        self._sessions: OrderedDict[str, WebSession] = OrderedDict()  # by key, the latest used last
         self._limiter = LoginLimiter()
         self._one_at_a_time = asyncio.Lock()
         self._waiting = 0
@@ -168,19 +116,29 @@ class Accounts:
     def reconfigure(self, settings: WebSettings) -> None:
         """Know other users from now on; sessions of those that are no longer the same end."""
         self._settings = settings
-        self._sessions.keep_users(settings.users)
+        for key, session in tuple(self._sessions.items()):
+            if settings.users.get(session.user.name) != session.user:
+                del self._sessions[key]
 
     def session(self, caller: Caller, *, is_use: bool = True) -> WebSession | None:
-        """Return the login that a request carries; None for none."""
-        secret = cookie(caller)
-        return self._sessions.find(secret, now_s=self._clock.now_s(), is_use=is_use) if secret else None
+        """Return the login that a request carries, or None; using it counts against its idle time."""
+        session = self._sessions.get(key_of(cookie(caller)))
+        if session is None or not self.is_logged_in(session):
+            return None
+        if is_use:
+            session.used_s = self._clock.now_s()
+            self._sessions.move_to_end(session.key)
+        return session
 
     def is_logged_in(self, session: WebSession) -> bool:
         """Return whether a session has not ended."""
-        return self._sessions.by_key(session.key, now_s=self._clock.now_s()) is not None
+        now_s = self._clock.now_s()
+        if now_s > session.ends_s or (session.is_idle_limited and now_s - session.used_s > IDLE_S):
+            self._sessions.pop(session.key, None)
+        return session.key in self._sessions
 
     async def log_in(self, user: object, password: object, caller: Caller) -> tuple[str, WebSession]:
-        """Check a password and begin a session, or raise WebError.
+        """Check a password and begin a session; return its secret, which is not stored; WebError.
 
         Each attempt takes the same time, whatever is wrong with it.
         """
@@ -202,15 +160,18 @@ class Accounts:
             self.audit("login", "wrong_login", known, {"address": caller.address})
             raise WebError(401, "wrong_login", "the user or the password is wrong")
         self._limiter.succeeded(*tried)
-        opened = self._sessions.open(
-            known, is_idle_limited=self._may_start(known.client), now_s=self._clock.now_s()
-        )
+        while len(self._sessions) >= MOST_SESSIONS:
+            self._sessions.popitem(last=False)
+        secret, csrf, now_s = secrets.token_urlsafe(32), secrets.token_urlsafe(32), self._clock.now_s()
+        may_start = self._may_start(known.client)
+        session = WebSession(key_of(secret), known, csrf, may_start, now_s + LONGEST_S, now_s)
+        self._sessions[session.key] = session
         self.audit("login", "ok", known, {"address": caller.address})
-        return opened
+        return secret, session
 
     def log_out(self, session: WebSession, caller: Caller) -> None:
         """End a session."""
-        self._sessions.end(session.key)
+        self._sessions.pop(session.key, None)
         self.audit("logout", "ok", session.user, {"address": caller.address})
 
     def cookie(self, caller: Caller, secret: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -25,25 +25,13 @@ from gateway.starters import Results
 
 LOGIN = ("login", "log in to operate")  # the code and text why nothing may be commanded without a login
 
-_OFFERS: tuple[tuple[str, Mapping[str, Any]], ...] = (
-    ("start", {}),
-    ("stop", {}),
-    ("reset", {}),
-    ("jog", {"value": True}),
-    ("jog", {"value": False}),
-    ("direction", {"value": "forward"}),
-    ("direction", {"value": "reverse"}),
-    ("general_enable", {"value": True}),
-    ("general_enable", {"value": False}),
-    ("local_remote", {"value": "local"}),
-    ("local_remote", {"value": "remote"}),
-    ("configure", {}),
-    ("read", {}),
-    ("set", {}),
-    (LOCK, {}),
-    (UNLOCK, {}),
-    (ACCEPT, {}),
-)
+_VALUES: Mapping[str, tuple[Any, ...]] = {  # of the verbs that take one
+    "jog": (True, False),
+    "direction": ("forward", "reverse"),
+    "general_enable": (True, False),
+    "local_remote": ("local", "remote"),
+}
+_VERBS = ("start", STOP, "reset", *_VALUES, "configure", "read", "set", LOCK, UNLOCK, ACCEPT)  # as shown
 _REASON = {"reason": "-"}  # a lock is judged with one; the page asks for the real one
 
 
@@ -71,9 +59,7 @@ class Control:
         known = *command.verbs(view.profile), *OWN_VERBS
         two_step = self._gateway.policy.rulebook.of(starter).two_step
         offers = []
-        for verb, args in _OFFERS:
-            if verb not in known:
-                continue
+        for verb, args in _offers(known):
             code, text = LOGIN
             if client is not None:
                 error = self._objection(starter, view.profile.family, client, verb, args)
@@ -137,6 +123,14 @@ def rows_of(profile: Profile, variant: Variant) -> Iterator[dict[str, Any]]:
             "writable": not why_not,
             "why_not": why_not,
         }
+
+
+def _offers(verbs: Collection[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield what the page offers of these verbs, with its arguments."""
+    for verb in [verb for verb in _VERBS if verb in verbs]:
+        yield from ((verb, {"value": value}) for value in _VALUES.get(verb, ()))
+        if verb not in _VALUES:
+            yield verb, {}
 
 
 @lru_cache(maxsize=32)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import platform
-import shutil
 import subprocess
 import sys
 import time
@@ -59,16 +58,7 @@ def run_tool(name: str, path: Path | None, options: Sequence[str]) -> dict[str, 
     if path is None:
         return {"code": 1, "output": "the configuration has no file here", "time": None, "took_s": 0.0}
     path = path.resolve()
-    nice = shutil.which("nice")
-    command = [
-        *([nice, "-n", "19"] if nice else []),
-        sys.executable,
-        "-m",
-        "gateway",
-        name,
-        str(path),
-        *options,
-    ]
+    command = ["nice", "-n", "19", sys.executable, "-m", "gateway", name, str(path), *options]
     began_s = time.monotonic()
     try:
         done = subprocess.run(

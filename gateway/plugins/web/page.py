@@ -33,9 +33,7 @@ class Page:
         self._model = SiteModel(settings, gateway.latest, Acknowledged(gateway))
         self._accounts = Accounts(settings, gateway.records)
         self._control = Control(gateway)
-        self._streams = Streams(
-            self._model, self._control, self._accounts, gateway.clock, answered_s=self._answered_s
-        )
+        self._streams = Streams(self._model, self._control, self._accounts, gateway)
         for record in gateway.latest.records():
             self._model.put(record)
 
@@ -43,10 +41,6 @@ class Page:
     def streams(self) -> int:
         """Return how many pages are open."""
         return len(self._streams)
-
-    def _answered_s(self, starter: str) -> float | None:
-        found = self._gateway.starters.get(starter)
-        return None if found is None else found.snapshot.answered_s
 
     def put(self, record: Record) -> None:
         """Take a record."""

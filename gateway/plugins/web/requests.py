@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
-import re
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,7 +28,6 @@ CONTENT_SECURITY_POLICY = (
     "font-src 'self'; manifest-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
 MAX_HEADER_BYTES = 8192
-_WEIGHT = re.compile(r"[01](\.\d{0,3})?", re.ASCII)
 
 
 class WebError(Exception):
@@ -170,13 +168,12 @@ def require_scrape(caller: Caller, token: str | None) -> None:
 
 
 def takes_gzip(accepted: str) -> bool:
-    """Return whether an Accept-Encoding allows gzip: its own weight, else that of * [RFC 9110 12.5.3]."""
-    weights: dict[str, float] = {}
+    """Return whether an Accept-Encoding names gzip, with another weight than 0 [RFC 9110 12.5.3]."""
     for each in accepted.lower().split(","):
-        coding, *parameters = (part.strip() for part in each.split(";"))
-        weight = next((part[2:] for part in parameters if part.startswith("q=")), "1")
-        weights[coding] = float(weight) if _WEIGHT.fullmatch(weight) else 0.0
-    return weights.get("gzip", weights.get("x-gzip", weights.get("*", 0.0))) > 0.0
+        coding, _, weight = each.replace(" ", "").partition(";q=")
+        if coding == "gzip":
+            return not weight or bool(weight.strip("0."))
+    return False
 
 
 def cookie(caller: Caller) -> str:

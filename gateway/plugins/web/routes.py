@@ -8,7 +8,7 @@ import gzip
 import io
 import logging
 import re
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -20,8 +20,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from gateway.contract import (
     MAX_PAYLOAD_BYTES,
     Record,
-    StartRecord,
-    TripRecord,
     encoded,
     read_object,
     rfc3339,
@@ -252,19 +250,13 @@ class WebApp:
         return _json(encoded({**about, **found._asdict()}))
 
     async def _history(self, _: Request, name: str) -> Response:
-        """Answer with starts, the last of them with their samples, trips, and when all of both were.
-
-        Where the store cannot be read these are the latest of this run.
-        """
+        """Answer with starts, the last of them with their samples, trips, and when all of both were."""
         self._require_starter(name)
-        begun: Sequence[Mapping[str, Any]]
-        trips: Sequence[Mapping[str, Any]]
         try:
             rows = with_curves(await self._gateway.stored(name, (*CURVES, "start", "trip")))
-            begun, trips = ([row.data for row in rows if row.kind == kind] for kind in ("start", "trip"))
-        except StoreError:
-            of_run = (self._model.records(name, kind) for kind in (StartRecord, TripRecord))
-            begun, trips = ([record.fields() for record in records] for records in of_run)
+        except StoreError as error:
+            raise busy("the history cannot be read now", BUSY_RETRY_S) from error
+        begun, trips = ([row.data for row in rows if row.kind == kind] for kind in ("start", "trip"))
         late = len(begun) - MOST_STARTS
         starts = [each for place, each in enumerate(begun) if place >= late or "samples" in each]
         times = {

@@ -60,10 +60,6 @@ class Connection(H11Protocol):
         except (h11.ProtocolError, UnicodeError, ValueError):
             self.transport.abort()
 
-    def handle_websocket_upgrade(self, event: h11.Request) -> None:  # noqa: ARG002 - uvicorn's shape
-        """End a connection that asks for a websocket: there is none."""
-        self.transport.abort()
-
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
         super().connection_lost(exc)
@@ -226,13 +222,8 @@ def _context_of(settings: WebSettings) -> ssl.SSLContext | None:
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind((host, port))
-        listener.listen(BACKLOG)
-        listener.setblocking(False)  # noqa: FBT003 - the socket's way
-    except OSError:
-        listener.close()
-        raise
+    is_6 = ":" in host
+    family = socket.AF_INET6 if is_6 else socket.AF_INET
+    listener = socket.create_server((host, port), family=family, backlog=BACKLOG, dualstack_ipv6=is_6)
+    listener.setblocking(False)  # noqa: FBT003 - the socket's way
     return listener

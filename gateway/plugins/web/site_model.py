@@ -155,11 +155,6 @@ class SiteModel:
         """Return a starter's last commands, oldest first."""
         return list(self._commands.get(starter, ()))
 
-    def records(self, starter: str, kind: type[Record]) -> list[Record]:
-        """Return a starter's last starts or trips, oldest first."""
-        records = (each.record for each in self._records)
-        return [each for each in records if isinstance(each, kind) and _is_of(each, starter)]
-
     def _note(self, record: Record, ring: deque[SiteMessage]) -> None:
         self._happened += 1
         ring.append(SiteMessage(self._happened, record))

@@ -8,7 +8,7 @@ again. JSON is made when it is sent.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,10 +17,10 @@ from starlette.types import Receive, Send
 
 from gateway import __version__
 from gateway.contract import CONTRACT_VERSION, Record, encoded, rfc3339
+from gateway.plugins.interface import Gateway
 from gateway.plugins.web.accounts import Accounts, WebSession
 from gateway.plugins.web.control import Control
 from gateway.plugins.web.site_model import Seen, SiteModel
-from gateway.system.clock import Clock
 from gateway.system.supervised import until_first
 
 EVERY_S = 0.25  # between two batches
@@ -51,21 +51,12 @@ class Stream:
 class Streams:
     """All streams that are open; on the application's loop."""
 
-    def __init__(
-        self,
-        model: SiteModel,
-        control: Control,
-        accounts: Accounts,
-        clock: Clock,
-        *,
-        answered_s: Callable[[str], float | None],
-    ) -> None:
-        """`answered_s` returns when (UTC) a starter's last reply came."""
+    def __init__(self, model: SiteModel, control: Control, accounts: Accounts, gateway: Gateway) -> None:
         self._model = model
         self._control = control
         self._accounts = accounts
-        self._clock = clock
-        self._answered_s = answered_s
+        self._gateway = gateway
+        self._clock = gateway.clock
         self._streams: set[Stream] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._ticked_s = 0.0
@@ -171,7 +162,9 @@ class Streams:
         return encoded(head)[1:-1]
 
     def _age_s(self, starter: str, utc_s: float) -> float | None:
-        answered_s = self._answered_s(starter)
+        """Return the time since a starter's last reply."""
+        view = self._gateway.starters.get(starter)
+        answered_s = None if view is None else view.snapshot.answered_s
         return None if answered_s is None else max(round(utc_s - answered_s, 1), 0.0)
 
     def _changed(self, scope: str | None, since: Seen) -> bytes | None:

@@ -18,8 +18,8 @@ def _installed() -> None:
 
 @pytest.fixture
 async def pump(start_mosquitto: StartMosquitto, tmp_path: Path) -> AsyncIterator[PumpPage]:
-    """Give a plant and the page of its pump."""
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+    """Give a plant and the page of its pump, which is served below a path, as behind a proxy."""
+    async with page_plant(start_mosquitto(), tmp_path, base_path="/mcc1/") as plant, browser() as chromium:
         page = await chromium.open(f"{plant.url}#/starter/pump")
         await logged_in(page)
         yield plant, page

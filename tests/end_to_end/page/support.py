@@ -74,14 +74,14 @@ async def page_plant(
     *,
     starters: str = FOUR_FAMILIES,
     names: tuple[str, ...] = STARTERS,
-    web: str = "",
+    base_path: str = "/",
 ) -> AsyncIterator[PagePlant]:
-    """Run simulator and gateway with a page, and wait until all starters are ready."""
+    """Run simulator and gateway with a page below a path, and wait until all starters are ready."""
     port = free_port()
-    more = page_table(port, password_line(PASSWORD), web)
+    more = page_table(port, password_line(PASSWORD), f'base_path = "{base_path}"\n')
     async with plant(broker, folder, starters=starters, names=names, more=more) as (scada, gateway, config):
         await gateway.says("the status page is served")
-        yield PagePlant(f"http://127.0.0.1:{port}/", scada, gateway, config, port)
+        yield PagePlant(f"http://127.0.0.1:{port}{base_path}", scada, gateway, config, port)
 
 
 @dataclass
@@ -111,7 +111,9 @@ async def browser() -> AsyncIterator[Browser]:
             opened = Browser(chromium)
             yield opened
             expected = ("Failed to load resource", "net::ERR")  # refused logins, servers that stand still
-            assert [each for each in opened.complaints if not each.startswith(expected)] == []
+            assert [each for each in opened.complaints if not each.startswith(expected)] == [], (
+                opened.complaints
+            )
         finally:
             await chromium.close()
 

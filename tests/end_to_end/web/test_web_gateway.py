@@ -1,9 +1,8 @@
-"""The page of a running gateway: a port that is taken, and its tools, which are processes of their own."""
+"""The page of a running gateway: its tools, which are processes of their own."""
 
 from __future__ import annotations
 
 import json
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +10,6 @@ from tests.end_to_end.page.support import PASSWORD, page_table, password_line
 from tests.end_to_end.plant import plant
 from tests.end_to_end.web.raw_client import WebClient
 from tests.mosquitto import StartMosquitto, free_port
-
-
-async def test_a_port_that_is_taken_is_an_event_and_the_gateway_polls_all_the_same(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        web = f'\n[web]\nlisten = "127.0.0.1:{taken.getsockname()[1]}"\n'
-        async with plant(start_mosquitto(), tmp_path, more=web) as (scada, _, _):
-            event = await scada.until("gateway/event", code="web_away")
-
-    assert "Address already in use" in event["text"]
 
 
 async def test_check_doctor_and_diagnostics_of_a_running_gateway_hold_no_secret(

@@ -15,8 +15,7 @@ import pytest
 
 from gateway.plugins.web import server as web_server
 from gateway.plugins.web.server import MOST_CONNECTIONS
-from gateway.plugins.web.streams import MOST_STREAMS
-from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request
+from tests.end_to_end.web.raw_client import WebClient, exchange, request
 from tests.end_to_end.web.served import served
 from tests.mosquitto import Certificate
 from tests.waiting import until
@@ -165,36 +164,6 @@ async def test_more_connections_than_there_may_be_are_refused_and_idle_ones_make
             writer.close()
 
 
-async def test_of_a_hundred_streams_at_once_some_are_open_and_the_others_learn_why_not() -> None:
-    async with served() as (rig, _, port):
-
-        async def asked(number: int) -> tuple[RawAnswer, asyncio.StreamWriter]:
-            own = f"127.0.1.{1 + number}", 0
-            reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=own)
-            writer.write(request("GET", "/api/v1/events", port=port))
-            async with asyncio.timeout(10.0):
-                return await read_answer(reader), writer
-
-        answers = [await asked(number) for number in range(100)]
-        statuses = [answer.status for answer, _ in answers]
-        last = answers[-1][0]
-
-        assert (statuses.count(200), statuses.count(503)) == (MOST_STREAMS, 100 - MOST_STREAMS)
-        assert len(rig.streams) == MOST_STREAMS
-        assert (last.json["error"], last.headers["retry-after"]) == ("busy", "5")
-        assert "too many pages are open" in last.json["text"]
-        assert await is_well(port)
-
-        answers[0][1].close()
-        await until(lambda: len(rig.streams) < MOST_STREAMS)
-        answers.append(await asked(100))
-        assert answers[-1][0].status == 200, "one that is closed makes room"
-        for _, writer in answers:
-            writer.close()
-            with suppress(OSError):
-                await writer.wait_closed()
-
-
 async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
     async with served() as (rig, _, port):
         inner = request("POST", "/api/v1/command/pump-1/stop", b"{}", port=port)
@@ -214,17 +183,6 @@ async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() 
 
         assert plain.status == 200, "an upgrade that is not offered is passed over [RFC 9110 7.8]"
         assert old.status == 421
-
-
-async def test_several_requests_go_over_one_connection_in_order() -> None:
-    async with served() as (_, _, port):
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        one = request("GET", "/api/v1/state", port=port)
-        writer.write(one + request("GET", "/nothing", port=port) + one)
-        answers: list[RawAnswer] = [await read_answer(reader) for _ in range(3)]
-        writer.close()
-
-        assert [each.status for each in answers] == [200, 404, 200]
 
 
 async def test_the_end_of_the_server_ends_open_streams_within_a_moment() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import ssl
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -18,7 +17,7 @@ from gateway.plugins.web.plugin import WebSettings, WebUser
 from gateway.plugins.web.server import Server
 from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
-from tests.end_to_end.web.raw_client import RawAnswer, exchange, read_answer, request
+from tests.end_to_end.web.raw_client import RawAnswer, read_answer, request
 from tests.mosquitto import Certificate
 from tests.waiting import until
 from tests.web.support import FakeGateway, web_settings
@@ -102,30 +101,6 @@ def shown(writer: asyncio.StreamWriter) -> bytes:
 
 def on_disk(folder: Path) -> bytes:
     return ssl.PEM_cert_to_DER_cert((folder / "broker.pem").read_text("ascii"))
-
-
-async def test_with_tls_the_cookie_is_for_tls_alone_and_the_browser_is_to_remember_it(tmp_path: Path) -> None:
-    async with tls_page(tmp_path) as page:
-        body = json.dumps({"user": "anna", "password": PASSWORD}).encode()
-        index = await page.ask(request("GET", "/", port=page.port))
-        origin = {"Origin": f"https://127.0.0.1:{page.port}"}
-        login = await page.ask(request("POST", "/api/v1/login", body, port=page.port, headers=origin))
-
-        assert (index.status, login.status) == (200, 200)
-        assert index.headers["strict-transport-security"] == "max-age=31536000"
-        assert login.headers["set-cookie"].startswith("__Host-sid=")
-        assert login.headers["set-cookie"].endswith("Secure")
-        assert "web_away" not in page.gateway.events
-
-
-async def test_who_speaks_no_tls_or_does_not_trust_the_certificate_gets_nothing(tmp_path: Path) -> None:
-    async with tls_page(tmp_path) as page:
-        plain = await exchange(page.port, request("GET", "/", port=page.port))
-        with pytest.raises(ssl.SSLCertVerificationError):
-            await asyncio.open_connection("127.0.0.1", page.port, ssl=ssl.create_default_context())
-
-        assert plain.status == 0
-        assert (await page.ask(request("GET", "/", port=page.port))).status == 200
 
 
 async def test_a_renewed_certificate_of_the_same_name_is_shown_to_new_connections_and_ends_none(

@@ -134,32 +134,11 @@ STARTS = [
         },
     ),
     row(
-        "the lowest line voltage of a start stands in its record",
-        given=SSW900 + ALICE,
-        sim={"mill": SLOW},
-        at={3.0: command("mill/alice/start"), 5.0: "mill voltage 90 1.5"},
-        then={18.0: msg("starter/mill/start", lowest_v=pytest.approx(400 * 0.9, abs=15))},
-    ),
-    row(
         "a start at the keypad is recorded as local",
         given=SSW07,
         sim={"pump": SLOW},
         at={3.0: "pump control local", 5.0: "pump keypad start"},
         then={20.0: msg(ONE, cause={"source": "local"}, outcome="full_voltage")},
-    ),
-    row(
-        "a trip ends the start that it came in",
-        given=SSW07 + ALICE,
-        sim={"pump": SLOW},
-        at={3.0: command("pump/alice/start"), 6.0: "pump trip E05"},
-        then={20.0: msg(ONE, outcome="tripped", is_baseline=False)},
-    ),
-    row(
-        "a stop ends the start that it came in",
-        given=SSW07 + ALICE,
-        sim={"pump": SLOW},
-        at={3.0: command("pump/alice/start"), 6.0: command("pump/alice/stop")},
-        then={20.0: msg(ONE, outcome="stopped")},
     ),
     row(
         "the start of a starter that falls silent is given up",
@@ -181,27 +160,6 @@ STARTS = [
         sim={"pump": SLOW},
         at={3.0: command("pump/alice/start"), 5.0: "kill", 5.5: "start"},
         then={20.0: [seen(ONE, times=1, outcome="full_voltage"), msg(VALUE + "starts_total", value=1)]},
-    ),
-    row(
-        "jogging is no start",
-        given=SSW07 + ALICE,
-        sim={"pump": SLOW},
-        at={
-            3.0: command("pump/alice/jog", args={"value": True}),
-            5.0: command("pump/alice/jog", args={"value": False}),
-        },
-        then={20.0: [result("jog confirmed ok"), never(ONE)]},
-    ),
-    row(
-        "a reading that no motor has drawn enters neither the curve nor the peak",
-        given=SSW07 + ALICE,
-        sim={"pump": SLOW},
-        at={3.0: command("pump/alice/start"), 6.0: "pump P003 = 9990", 6.5: "pump P003 = -"},
-        then={
-            18.0: msg(
-                ONE, outliers=2, peak_a=pytest.approx(298, abs=5), i2t_a2s=pytest.approx(380000, rel=0.05)
-            )
-        },
     ),
     row(
         "a starter that was silent during its start has a record without samples",
@@ -244,13 +202,6 @@ DELIVERY = [
                 ),
             ]
         },
-    ),
-    row(
-        "counts outlive a kill, and so does the list of starts",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 14.0: "kill", 15.0: "start"},
-        then={20.0: msg(VALUE + "starts_total", value=1, quality="good")},
     ),
     row(
         "a damaged file is set aside, said, and a new one counts from 0",
@@ -434,6 +385,12 @@ TRIPS = [
         given=SSW07,
         at={5.0: "pump trip E05", 22.0: "kill", 23.0: "start"},
         then={21.9: seen("starter/pump/trip", times=1), 28.0: msg(VALUE + "trips_by_code", value="e05:1")},
+    ),
+    row(
+        "a number that is read some time after its fault is the record's",
+        given=SSW07,
+        at={5.0: ["pump P014 = 0", "pump trip E05"], 9.0: "pump P014 = -"},
+        then={24.0: msg("starter/pump/trip", code="e05", text=re.compile("overload"))},
     ),
     row(
         "an alarm is no trip",

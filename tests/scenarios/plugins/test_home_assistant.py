@@ -155,15 +155,6 @@ DISCOVERY = [
         then={5.0: entities("pump", "stop", "reset", missing=("start",))},
     ),
     row(
-        "an underscore in the gateway's name is spelt, so that no two devices meet",
-        given='[gateway]\nname = "a_b"\nstate_dir = "state"\n' + HOME,
-        then={
-            5.0: retained(
-                "homeassistant/device/sg_a_Ub_pump/config", device={"identifiers": ["sg_a_Ub_pump"]}
-            )
-        },
-    ),
-    row(
         "prefix and page are those of the configuration",
         given=SSW07
         + HOME_ASSISTANT
@@ -258,12 +249,6 @@ PRESSES = [
         then={8.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
-        "a start by a clock that is ahead is refused",
-        given=HOME,
-        at={5.0: press("start", late_s=-2.5)},
-        then={8.0: [result("start rejected not_fresh"), frames("pump")]},
-    ),
-    row(
         "the same press twice acts once, two presses are two commands",
         given=HOME,
         sim={"pump": QUICK},
@@ -274,35 +259,6 @@ PRESSES = [
                 result("start rejected motor_running"),
             ]
         },
-    ),
-    row(
-        "a start right after a stop is refused, two seconds later it is not",
-        given=HOME,
-        sim={"pump": QUICK},
-        at={5.0: press("stop"), 6.5: press("start"), 9.0: press("start")},
-        then={
-            8.0: [result("start rejected stopped_first"), frames("pump", OFF)],
-            13.0: [result("start confirmed ok"), frames("pump", OFF, ON)],
-        },
-    ),
-    row(
-        "a retained start is refused",
-        given=HOME,
-        at={5.0: press("start", retain=True)},
-        then={8.0: [result("start rejected retained"), frames("pump")]},
-    ),
-    row(
-        "a stop is tried at a silent starter too",
-        given=HOME,
-        at={5.0: fault("silent", "pump"), 20.0: press("stop")},
-        then={40.0: result("stop unconfirmed no_answer")},
-    ),
-    row(
-        "with a clock that is not synchronised a start is refused and a stop is not",
-        given='[gateway]\nname = "plant"\nstate_dir = "state"\nclock = "auto"\n' + HOME,
-        before=lambda plant: setattr(plant, "is_clock_synchronised", False),
-        at={5.0: press("start"), 8.0: press("stop")},
-        then={10.0: [seen("result/pump/ha", verb="start", code="not_fresh"), frames("pump", OFF)]},
     ),
 ]
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, fault, play, reload, row
 from tests.rig.sites import ALICE, FOUR, METRICS, QUICK, SSW07, WEB
 from tests.scenarios.plugins.doors import answer, sample, samples
 
-PAGE = Path(__file__).parents[3] / "docs" / "metrics.md"
 SCRAPED = SSW07 + ALICE + WEB + METRICS
 PUMP = {"line": "pumps", "starter": "pump"}
+LAST_GOOD = "starter_last_good_reading_timestamp_seconds"
 OPEN_S = 1_795_219_200.0  # the scenario's beginning
 
 SERIES = [
     row(
-        "who runs here, since when, and on which clock",
+        "who runs here, since when, on which clock, and how fast and fresh a starter answers",
         given=SCRAPED,
         then={
             5.0: [
@@ -32,7 +29,12 @@ SERIES = [
                 sample("line_open", 1.0, line="pumps"),
                 sample("line_stop_latency_worst_seconds", None),
                 sample("starter_info", 1.0, **PUMP, family="ssw07", model="SSW-07 85.0A", firmware="1.40"),
-            ]
+                sample("line_stop_latency_bound_seconds", line="pumps"),
+            ],
+            90.0: [  # a value that does not change is as fresh as its last reading
+                sample(LAST_GOOD, pytest.approx(OPEN_S + 89.5, abs=1), **PUMP),
+                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
+            ],
         },
     ),
     row(
@@ -114,20 +116,6 @@ SERIES = [
         },
     ),
     row(
-        "the requests to a starter and the times of its replies are its own",
-        given=SCRAPED,
-        then={
-            60.0: [
-                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
-                lambda plant: (
-                    ""
-                    if "# TYPE starter_gateway_starter_response_seconds summary" in plant.get("/metrics").text
-                    else "no summary"
-                ),
-            ],
-        },
-    ),
-    row(
         "refused and unconfirmed commands are counted by reason and starter",
         given=SCRAPED,
         at={
@@ -164,25 +152,12 @@ SERIES = [
             40.0: [
                 sample("starter_online", 0.0, **PUMP),
                 sample("motor_current_amperes", None, **PUMP),
-                sample(
-                    "starter_last_good_reading_timestamp_seconds",
-                    pytest.approx(OPEN_S + 9.5, abs=1.0),
-                    **PUMP,
-                ),
+                sample(LAST_GOOD, pytest.approx(OPEN_S + 9.5, abs=1.0), **PUMP),
                 sample("starter_last_reply_timestamp_seconds", pytest.approx(OPEN_S + 9.5, abs=1.0), **PUMP),
                 sample("starts_total", 0.0, **PUMP),
                 sample("starter_state", 1.0, **PUMP, state="unknown"),
                 sample("starter_fault_active", None, **PUMP),
             ],
-        },
-    ),
-    row(
-        "a value that does not change is as fresh as its last reading",
-        given=SCRAPED,
-        then={
-            90.0: sample(
-                "starter_last_good_reading_timestamp_seconds", pytest.approx(OPEN_S + 89.5, abs=1), **PUMP
-            )
         },
     ),
     row(
@@ -288,33 +263,6 @@ SERIES = [
 @pytest.mark.parametrize("row", SERIES)
 def test_a_scrape(row: ScenarioRow) -> None:
     play(row)
-
-
-def test_every_series_that_the_document_names_is_in_a_scrape_and_no_other() -> None:
-    table = PAGE.read_text("utf-8").split("<!-- metrics:")[1].split("<!-- end of metrics")[0]
-    named = {
-        match[1]: {*re.findall(r"`(\w+)`", match[2])}
-        for match in re.finditer(r"\| `(\w+)` \| \w+ \| (.*?) \|", table)
-    }
-    with RigPlant(FOUR + ALICE + WEB + METRICS + "all_points = true\n", sim={"pump": QUICK}) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start", fresh=False)
-        plant.command("pump/alice/stop")
-        plant.run(until=5.0)
-        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
-        plant.run(until=12.0)
-        text = plant.get("/metrics").text
-        plant.broker.stop()
-        plant.run(until=30.0)
-        text += plant.get("/metrics").text
-    families = set(re.findall(r"# TYPE starter_gateway_(\w+) ", text))
-    scraped = {
-        re.sub(r"_(bucket|sum|count)$", "", name): {key for key, _ in labels}
-        for name, labels in samples(text)
-    }
-
-    assert families == named.keys()
-    assert {name: labels - {"le", "quantile"} for name, labels in scraped.items()} == named
 
 
 def test_the_text_file_is_replaced_as_a_whole_and_removed_at_an_orderly_end() -> None:
