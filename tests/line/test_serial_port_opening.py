@@ -16,8 +16,7 @@ from gateway.errors import PortError
 from gateway.line.port import opener as serial_port
 from gateway.line.port.opener import port_error
 from gateway.modbus.timing import Framing
-from tests.line.fakes import until
-from tests.line.opened import LONG_S, Pty, opener, read_pty, settled
+from tests.line.opened import LONG_S, Pty, opener, read_pty, settled, until
 from tests.ordinary_user import give
 
 
