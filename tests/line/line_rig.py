@@ -1,4 +1,4 @@
-"""A line of SSW-07s that answer after 5 ms, served by a `LineHost`: in virtual time, or by the lines' thread."""
+"""A line of SSW-07s that answer after 5 ms, served in virtual time or by the lines' thread."""
 
 from __future__ import annotations
 
