@@ -36,7 +36,9 @@ class Hup:
 
 
 @asynccontextmanager
-async def watched_plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Hup, StartersProcess, Scada]]:
+async def watched_plant(
+    broker: MosquittoBroker, folder: Path
+) -> AsyncIterator[tuple[Hup, StartersProcess, Scada]]:
     """Run the gateway on starters in a process of their own, which record how long they had to wait."""
     text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"))
     config = write_config(folder, text.replace("adapter_allowance_s = 0.3\n", ""))  # no watchdog could be met
