@@ -1,21 +1,16 @@
-"""Counts the words that plain technical English does without: `python -m tests.words [--lower | PATH ..]`.
+"""Finds the words that plain technical English does without: `python -m tests.words [PATH ..]`.
 
-A word counts wherever it stands: in names (snake_case and CamelCase parts), texts, comments and documents.
-Each room of the tree has a budget in `words.toml` that only goes down; `--lower` writes the present counts
-where they are lower. With rooms or paths, each place is printed.
+A word counts wherever it is: in names (snake_case and CamelCase parts), texts, comments and documents.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-import tomllib
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-TABLE = Path(__file__).parent / "words.toml"
 
 INSTEAD = {  # the word, and what a book of the field says
     "tell tells told telling": "publish, notify, report, log, decode, distinguish",
@@ -50,14 +45,9 @@ ALLOWED = {  # what does not count, and why
     r"(?:nor|motor)_turns_|_turns_the_other_way|while_the_motor_turns": "a motor turns, in names of tests",
 }
 
-_SKIPPED = {"tests/words.py", "tests/words.toml", "tests/test_words.py"}  # they list the words
+_SKIPPED = {"tests/words.py", "tests/test_words.py"}  # they list the words
 _ENDINGS = {".py", ".md", ".toml", ".sh", ".conf", ".service", ".rules", ".js", ".css", ".html"}
 _FOREIGN = {"vendor", "docs_site", "deploy_kit"}  # folders of what others wrote, or a build copies
-_HEAD = """\
-# How often the words of words.py may stand in each room; `python -m tests.words --lower` writes this.
-
-[words]
-"""
 _ALLOWED = re.compile("|".join(ALLOWED))
 
 
@@ -84,14 +74,6 @@ def files() -> Iterator[Path]:
                 yield path
 
 
-def room_of(path: Path) -> str:
-    """Return the room that a file belongs to: a package, a folder, or a single document."""
-    parts = path.relative_to(ROOT).parts
-    if parts[0] in ("gateway", "tests"):
-        return "/".join(parts[:2]) if len(parts) > 2 else f"{parts[0]}/*"
-    return "/".join(parts)
-
-
 def places(text: str) -> Iterator[tuple[int, str]]:
     """Give line number and word of each place in a text; line breaks inside a phrase do not matter."""
     text = _ALLOWED.sub(lambda found: re.sub(r"[^\n]", ".", found[0]), text)
@@ -99,56 +81,22 @@ def places(text: str) -> Iterator[tuple[int, str]]:
         yield text.count("\n", 0, found.start()) + 1, found[0]
 
 
-def counts() -> dict[str, int]:
-    """Return how often the words stand in each room."""
-    found: Counter[str] = Counter()
+def found(beginnings: tuple[str, ...] = ("",)) -> list[str]:
+    """Return file, line, word and text of each place in the files that begin so."""
+    lines: list[str] = []
     for path in files():
-        found[room_of(path)] += sum(1 for _ in places(path.read_text("utf-8")))
-    return dict(found)
+        name, text = str(path.relative_to(ROOT)), path.read_text("utf-8")
+        if name.startswith(beginnings):
+            shown = text.splitlines()
+            lines += [f"{name}:{at}: {word}: {shown[at - 1].strip()}" for at, word in places(text)]
+    return lines
 
 
-def budget() -> dict[str, int]:
-    """Return how often the words may stand in each room; not at all in one that is not named."""
-    return dict(tomllib.loads(TABLE.read_text("utf-8"))["words"])
-
-
-def excess() -> list[str]:
-    """Return a line for each room with more words than its budget."""
-    allowed = budget()
-    return [
-        f"{room}: {number} words, {allowed.get(room, 0)} allowed (python -m tests.words {room} lists them)"
-        for room, number in counts().items()
-        if number > allowed.get(room, 0)
-    ]
-
-
-def lower() -> None:
-    """Write the present counts into the table where they are lower."""
-    present, allowed = counts(), budget() if TABLE.exists() else {}
-    rows = {room: min(number, allowed.get(room, number)) for room, number in present.items()}
-    lines = [f'"{room}" = {rows[room]}\n' for room in sorted(rows) if rows[room]]
-    TABLE.write_text("".join([_HEAD, *lines]), "utf-8")
-
-
-def _show(names: list[str]) -> None:
-    for path in files():
-        if any(room_of(path) == name or str(path.relative_to(ROOT)).startswith(name) for name in names):
-            lines = path.read_text("utf-8")
-            for number, word in places(lines):
-                print(f"{path.relative_to(ROOT)}:{number}: {word}: {lines.splitlines()[number - 1].strip()}")
-
-
-def main(arguments: list[str]) -> int:
-    """Print what is too much and return 1, or do as the arguments say."""
-    if arguments == ["--lower"]:
-        lower()
-        return 0
-    if arguments:
-        _show(arguments)
-        return 0
-    problems = excess()
-    print("\n".join(problems) or "words: within the budget")
-    return 1 if problems else 0
+def main(paths: list[str]) -> int:
+    """Print every place, and return 1 when there is one."""
+    lines = found(tuple(paths) or ("",))
+    print("\n".join(lines) or "words: none of them")
+    return 1 if lines else 0
 
 
 if __name__ == "__main__":

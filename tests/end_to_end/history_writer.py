@@ -21,10 +21,15 @@ from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock
 from gateway.system.supervised import on_this_loop
 from tests.history.support import AnalyticStart, ReadMotor
-from tests.small_site import small_site
+from tests.rig.sites import line, starter, table
 
 STARTERS = ("pump", "fan")
-SITE = small_site(*((name, "ssw07") for name in STARTERS))
+SITE = (
+    table("gateway", name="plant")
+    + table("mqtt", url="mqtt://127.0.0.1")
+    + line()
+    + "".join(starter(name, address, "ssw07") for address, name in enumerate(STARTERS, 1))
+)
 
 
 class Stored:

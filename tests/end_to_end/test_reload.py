@@ -12,7 +12,7 @@ import pytest
 
 from tests.end_to_end.service_manager import UNUSED_PORT, ServiceManager
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-from tests.lab.torture.process import Starters
+from tests.lab.torture.starters import StartersProcess
 from tests.mosquitto import MosquittoBroker, StartMosquitto
 
 RIGHTS = '\n[[operator]]\nclient = "bob"\nmay = ["read"]\nstarters = ["pump"]\n'
@@ -36,11 +36,13 @@ class Hup:
 
 
 @asynccontextmanager
-async def watched_plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Hup, Starters, Scada]]:
+async def watched_plant(
+    broker: MosquittoBroker, folder: Path
+) -> AsyncIterator[tuple[Hup, StartersProcess, Scada]]:
     """Run the gateway on starters in a process of their own, which record how long they had to wait."""
     text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"))
     config = write_config(folder, text.replace("adapter_allowance_s = 0.3\n", ""))  # no watchdog could be met
-    starters = Starters(config, WATCHDOG_S)
+    starters = StartersProcess(config, WATCHDOG_S)
     await starters.start()
     try:
         async with (

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from gateway.line.scheduler.line_time import FREE_PERIOD_S, JOBS_BURST_S
 from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import IN_ROW
-from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
+from tests.line.line_rig import poll
 from tests.line.scheduled import ANSWERED, READ, begun, gaps, job, take
 
 

@@ -23,8 +23,8 @@ from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import BACKGROUND_WEIGHT
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import poll
 from tests.line.ideal_line import READ, IdealLine, cost_s
+from tests.line.line_rig import poll
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 STOP = WriteRegister(1, 0)

@@ -22,7 +22,7 @@ import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
-from tests.line.fakes import poll
+from tests.line.line_rig import poll
 from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job
 
 OUTCOMES: dict[str, Outcome] = {

@@ -16,8 +16,7 @@ from gateway.errors import PortError
 from gateway.line.port import opener as serial_port
 from gateway.line.port.opener import port_error
 from gateway.modbus.timing import Framing
-from tests.line.fakes import until
-from tests.line.opened import LONG_S, Pty, opener, read_pty, settled
+from tests.line.opened import LONG_S, Pty, opener, read_pty, settled, until
 from tests.ordinary_user import give
 
 
@@ -47,12 +46,13 @@ async def test_a_second_opener_finds_the_port_busy(pty: Pty) -> None:
 
 def test_a_pseudo_terminal_opens_again_for_an_ordinary_user_whose_gateway_was_killed(pty: Pty) -> None:
     give(pty.path)
+    command = [sys.executable, "-m", "tests.line.port_holder", pty.path]
 
     for _ in range(2):
-        with holder(pty.path) as process:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "open\n"
-            process.kill()
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+            assert holder.stdout is not None
+            assert holder.stdout.readline() == "open\n"
+            holder.kill()
 
 
 @pytest.mark.parametrize(
@@ -140,9 +140,3 @@ async def test_rate_and_framing_are_set_and_the_control_lines_left_low(
     assert bool(attributes[2] & termios.CSTOPB) == (asked.stop_bits == 2)
     assert attributes[4] == termios.B9600
     device.close()
-
-
-def holder(path: str) -> subprocess.Popen[str]:
-    """Return a process of an ordinary user that opens this port and says so."""
-    command = [sys.executable, "-m", "tests.line.port_holder", path]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

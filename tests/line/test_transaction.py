@@ -1,3 +1,5 @@
+"""One request and what comes after it, in words on the wires: which outcome it has, and when."""
+
 from __future__ import annotations
 
 import asyncio
@@ -15,60 +17,55 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import (
-    DELAY_S,
-    RESPONSE_TIME_S,
-    TIMING,
-    FakePort,
-    Said,
-    Units,
-    ask,
-    master,
-    no_reply,
-)
+from gateway.sim.bus.port import SimulatedPort
+from tests.line.line_rig import DELAY_S, READ, RESPONSE_TIME_S, TIMING, Says, Wires
 from tests.virtual_time import run_virtually
 
-READ = ReadHoldingRegisters(0x0100, 4)
-READ_ADU = adu.encode(1, READ.encode())
-REPLY = adu.encode(1, READ.encode_reply((1, 2, 3, 4)))
-LAST_REPLY_S = DELAY_S + TIMING.wire_s(len(REPLY))
+REPLY = adu.encode(1, READ.encode_reply((1, 2)))
+WRITE = WriteRegister(314, 8)
+ASKED_S = TIMING.wire_s(8)
 
 
-def outcome_after(*said: Said) -> Outcome:
-    """Return what becomes of READ when this comes after it."""
+class Asking:
+    """A master on wires with one unit, unit 2 is not there."""
 
-    async def scenario() -> Outcome:
-        return await ask(FakePort(lambda frame: said), READ)
+    def __init__(self, timing: LineTiming = TIMING, *, chunk_bytes: int | None = None) -> None:
+        self.wires = Wires(timing=timing)
+        self.wires.bus.chunk_bytes = chunk_bytes
+        self.master = RtuMaster(timing, note_frame=Trace("line").note)
+        self.open()
 
-    return run_virtually(scenario())
+    def open(self) -> None:
+        self.master.use(self.wires.bus.open(self.wires.timing))
+
+    async def ask(self, request: Request, unit: int = 1) -> Outcome:
+        return await self.master.transact(unit, request, response_time_s=RESPONSE_TIME_S)
 
 
 @pytest.mark.parametrize("size", [None, 1, 2, 7])
 def test_a_reply_is_answered_with_its_value_and_times_in_any_chunking(size: int | None) -> None:
     async def scenario() -> tuple[Outcome, float]:
-        port = FakePort(lambda frame: [Said(REPLY, in_chunks_of=size)])
-        outcome = await ask(port, READ)
-        return outcome, port.sent[0][0] + TIMING.wire_s(len(READ_ADU))
+        asking = Asking(chunk_bytes=size)
+        return await asking.ask(READ), asking.wires.sent[0][0]
 
-    outcome, sent_end_s = run_virtually(scenario())
+    outcome, at_s = run_virtually(scenario())
 
     assert isinstance(outcome, Answered)
-    assert outcome.value == (1, 2, 3, 4)
+    assert outcome.value == (1, 2)
     assert outcome.response_time_s == pytest.approx(DELAY_S)
-    assert outcome.at_s == pytest.approx(sent_end_s + LAST_REPLY_S)
+    assert outcome.at_s == pytest.approx(at_s + ASKED_S + DELAY_S + TIMING.wire_s(len(REPLY)))
 
 
 def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance() -> None:
     async def scenario() -> tuple[Outcome, float]:
-        port = FakePort(no_reply)
-        outcome = await ask(port, READ)
-        return outcome, asyncio.get_running_loop().time() - port.sent[0][0]
+        asking = Asking()
+        outcome = await asking.ask(READ, unit=2)
+        return outcome, asyncio.get_running_loop().time() - asking.wires.sent[0][0]
 
     outcome, waited_s = run_virtually(scenario())
 
     assert outcome == Silent()
-    wire_s = TIMING.wire_s(len(READ_ADU) + len(REPLY))
-    assert waited_s == pytest.approx(wire_s + RESPONSE_TIME_S + 0.02)
+    assert waited_s == pytest.approx(ASKED_S + TIMING.wire_s(len(REPLY)) + RESPONSE_TIME_S + 0.02)
 
 
 @pytest.mark.parametrize(
@@ -77,16 +74,21 @@ def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance(
         (REPLY[:-1] + bytes((REPLY[-1] ^ 1,)), "CRC"),
         (REPLY[:-3], "CRC"),
         (b"\x01", "1 bytes"),
-        (adu.encode(2, READ.encode_reply((1, 2, 3, 4))), "unit 2"),
-        (adu.encode(1, b"\x04" + READ.encode_reply((1, 2, 3, 4))[1:]), "function 4"),
+        (adu.encode(2, REPLY[1:-2]), "unit 2"),
+        (adu.encode(1, b"\x04" + REPLY[2:-2]), "function 4"),
         (adu.encode(1, b"\x84\x02"), "function 132"),
-        (adu.encode(1, ReadHoldingRegisters(0, 3).encode_reply((1, 2, 3))), "not the reply"),
-        (adu.encode(1, b"\x03\x09" + bytes(8)), "another length"),  # says 9 bytes, has 8
+        (adu.encode(1, ReadHoldingRegisters(2, 1).encode_reply((1,))), "not the reply"),
+        (adu.encode(1, b"\x03\x05" + bytes(4)), "another length"),  # says 5 bytes, has 4
         (b"\x00\x03" + REPLY[2:], "CRC"),
     ],
 )
 def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) -> None:
-    outcome = outcome_after(Said(frame))
+    async def scenario() -> Outcome:
+        asking = Asking()
+        asking.wires.bus.impair(1, Says(frame))
+        return await asking.ask(READ)
+
+    outcome = run_virtually(scenario())
 
     assert isinstance(outcome, Garbled)
     assert reason in outcome.reason
@@ -95,92 +97,65 @@ def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) ->
 
 @pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
 @pytest.mark.parametrize("size", [None, 1])
-def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | None) -> None:
-    timing = LineTiming(baud, Framing.parse("8E1"))
-    chance = random.Random(baud)
+def test_no_request_starts_before_the_silence_is_over_and_none_long_after(
+    baud: int, size: int | None
+) -> None:
+    timing, chance = LineTiming(baud, Framing.parse("8E1")), random.Random(baud)
 
-    async def scenario() -> FakePort:
-        port = FakePort(Units({1, 2, 3}, in_chunks_of=size), timing)
-        line = master(port)
-        for _ in range(2000 if size is None else 200):
-            units = Units({1, 2, 3}, chance.uniform(0.0, 0.03), size)  # some too late
-            port.answer = units
+    async def scenario() -> list[float]:
+        asking = Asking(timing, chunk_bytes=size)
+        bus = asking.wires.bus
+        for _ in range(200):
+            bus.units[0].response_delay_s = lambda _: chance.uniform(0.0, 0.03)  # some too late
             if chance.random() < 0.1:
-                port.say(Said(chance.randbytes(5), chance.uniform(0.0, 0.02), in_chunks_of=1))
-            request = ReadHoldingRegisters(chance.randrange(1000), chance.randrange(1, 20))
-            await line.transact(chance.randrange(1, 5), request, response_time_s=RESPONSE_TIME_S)
-        return port
+                asyncio.get_running_loop().call_later(
+                    chance.uniform(0.0, 0.02), bus._transmit, 99, chance.randbytes(5)
+                )
+            await asking.ask(ReadHoldingRegisters(2, chance.randrange(1, 3)), unit=chance.choice((1, 1, 2)))
+        assert {each.kind for each in bus.violations} <= {"collision"}  # of what came without a request
+        return asking.wires.silences_s()
 
-    port = run_virtually(scenario())
+    silences_s = run_virtually(scenario())
 
-    assert port.shortest_silence_s >= timing.silence_s - 1e-9
-    assert port.shortest_silence_s < timing.silence_s + 1e-6
+    assert min(each for each in silences_s if each > 0) == pytest.approx(timing.silence_s, abs=1e-6)
 
 
 def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
-    async def scenario() -> tuple[Outcome, FakePort, float]:
-        port = FakePort(no_reply)
-        port.say(Said(b"\x55" * 2000, 0.0, in_chunks_of=1, gap_s=0.001))
-        return await ask(port, READ), port, asyncio.get_running_loop().time()
+    async def scenario() -> tuple[Outcome, list[tuple[float, bytes]], float]:
+        asking = Asking()
+        asking.wires.bus.inbox.put(b"\x55" * 4000, start_s=0.0, size=1)
+        outcome = await asking.ask(READ)
+        return outcome, asking.wires.sent, asyncio.get_running_loop().time()
 
-    outcome, port, given_up_s = run_virtually(scenario())
+    outcome, sent, given_up_s = run_virtually(scenario())
 
-    assert isinstance(outcome, Garbled)
-    assert not outcome.is_sent
-    assert outcome.received == b"\x55" * 256
+    assert outcome == Garbled("the line is never quiet", b"\x55" * 256, is_sent=False)
     assert given_up_s == pytest.approx(BABBLE_LIMIT_S, abs=0.01)
-    assert port.sent == []
+    assert sent == []
 
 
 @pytest.mark.parametrize("size", [None, 1, 3])
-def test_an_echoing_adapter_is_seen_through(size: int | None) -> None:
-    write = WriteRegister(7, 8)
-    requests: list[tuple[int, Request]] = [(1, READ), (1, write), (2, write), (2, READ), (1, READ)]
+def test_an_echo_is_seen_through_and_is_no_acknowledgement(size: int | None) -> None:
+    async def scenario() -> list[str]:
+        asking = Asking(chunk_bytes=size)
+        asking.wires.echo()
+        found = [await asking.ask(*each) for each in ((READ,), (WRITE,), (WRITE, 2), (READ, 2), (READ,))]
+        asking.wires.lose("u1")
+        asking.wires.unplug()
+        asking.wires.plug()
+        asking.open()  # what was found of the adapter outlives the port
+        found.append(await asking.ask(WRITE))
+        asking.wires.heal("u1")
+        asking.wires.bus.has_echo = False
+        found += [await asking.ask(each) for each in (READ, WRITE)]
+        return [type(each).__name__ for each in found]
 
-    def answer(frame: bytes) -> list[Said]:
-        return [Said(frame, -TIMING.wire_s(len(frame))), *Units({1}, in_chunks_of=size)(frame)]
-
-    async def scenario() -> list[Outcome]:
-        line = master(FakePort(answer))
-        return [await line.transact(unit, it, response_time_s=RESPONSE_TIME_S) for unit, it in requests]
-
-    read, written, unheard_write, unheard_read, read_again = run_virtually(scenario())
-
-    assert isinstance(read, Answered)
-    assert read.response_time_s == pytest.approx(DELAY_S)
-    assert isinstance(written, Answered)
-    assert unheard_write == unheard_read == Silent()  # the echo is no acknowledgement
-    assert isinstance(read_again, Answered)
-
-
-def test_the_echo_that_was_found_is_no_acknowledgement_when_the_port_was_opened_again() -> None:
-    def only_echo(frame: bytes) -> list[Said]:
-        return [Said(frame, -TIMING.wire_s(len(frame)))]
-
-    async def scenario() -> Outcome:
-        units = Units({1})
-        line = master(FakePort(lambda frame: [*only_echo(frame), *units(frame)]))
-        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        line.use(FakePort(only_echo))
-        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
-
-    assert run_virtually(scenario()) == Silent()
+    assert run_virtually(scenario()) == (
+        ["Answered", "Answered", "Silent", "Silent", "Answered", "Silent", "Answered", "Answered"]
+    )
 
 
-def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
-    async def scenario() -> Outcome:
-        units = Units({1})
-        port = FakePort(lambda frame: [Said(frame, -TIMING.wire_s(len(frame))), *units(frame)])
-        line = master(port)
-        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        port.answer = units
-        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
-        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
-
-    assert isinstance(run_virtually(scenario()), Answered)
-
-
-class HoldingPort(FakePort):
+class HoldingPort(SimulatedPort):
     """A port in whose last wait before the write the process is stopped."""
 
     stopped_s = 0.0
@@ -194,14 +169,14 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     until_s: float, is_sent: bool
 ) -> None:
     async def scenario() -> tuple[Outcome, bool, int]:
-        port = HoldingPort(lambda frame: [Said(REPLY)])
-        loop = asyncio.get_running_loop()
-        line = RtuMaster(TIMING, note_frame=Trace("line").note)
-        line.use(port, time=lambda: loop.time() + port.stopped_s)
+        wires, loop = Wires(), asyncio.get_running_loop()
+        port = HoldingPort(wires.bus, TIMING)
+        master = RtuMaster(TIMING, note_frame=Trace("line").note)
+        master.use(port, time=lambda: loop.time() + port.stopped_s)
         await asyncio.sleep(0.1)
         encoded = EncodedRequest.of(1, READ)
-        outcome = await line.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
-        return outcome, line.is_on_wire, len(port.sent)
+        outcome = await master.send(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        return outcome, master.is_on_wire, len(wires.sent)
 
     outcome, is_on_wire, count = run_virtually(scenario())
 
@@ -211,22 +186,19 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
 
 
 def test_a_late_reply_and_a_reply_in_one_chunk_are_judged_one_by_one() -> None:
-    first, second = ReadHoldingRegisters(0, 1), ReadHoldingRegisters(0, 2)
-    late = adu.encode(1, first.encode_reply((7,)))
+    late = adu.encode(1, ReadHoldingRegisters(2, 1).encode_reply((7,)))
 
-    def answer(frame: bytes) -> list[Said]:
-        is_first = frame == adu.encode(1, first.encode())
-        return [] if is_first else [Said(late + adu.encode(1, second.encode_reply((8, 9))))]
+    async def scenario() -> tuple[list[Outcome], RtuMaster]:
+        asking = Asking()
+        asking.wires.lose("u1", count=1)
+        found = [await asking.ask(ReadHoldingRegisters(2, 1))]
+        asking.wires.bus.impair(1, Says(late + REPLY))
+        return [*found, await asking.ask(READ)], asking.master
 
-    async def scenario() -> tuple[Outcome, Outcome, RtuMaster]:
-        line = master(FakePort(answer))
-        missed = await line.transact(1, first, response_time_s=RESPONSE_TIME_S)
-        return missed, await line.transact(1, second, response_time_s=RESPONSE_TIME_S), line
-
-    missed, answered, line = run_virtually(scenario())
+    (missed, answered), master = run_virtually(scenario())
 
     assert missed == Silent()
     assert isinstance(answered, Answered)
-    assert answered.value == (8, 9)
-    assert line.forms.outstanding.is_in_step(1)
-    assert line.strays.late_units == [1]
+    assert answered.value == (1, 2)
+    assert master.forms.outstanding.is_in_step(1)
+    assert master.strays.late_units == [1]

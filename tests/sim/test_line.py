@@ -1,4 +1,4 @@
-"""The virtual line keeps byte times and silences as a real one does, and damages replies on order."""
+"""The virtual line keeps byte times and silences as a real one does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 
 from gateway.modbus.adu import encode
 from gateway.modbus.timing import LineTiming
-from gateway.sim.bus import faults
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from tests.sim.wire import TIMING, receive
@@ -105,20 +104,3 @@ def test_w_03_a_broadcast_reaches_all_units_and_none_answers() -> None:
 
     assert run_virtually(exchange(line, encode(0, bytes.fromhex("05 00 64 FF 00")))) == b""
     assert [unit.motor.is_turned_on for unit in line.units] == [True, True, True]
-
-
-@pytest.mark.parametrize(
-    ("fault", "received"),
-    [
-        (faults.NoReply(), b""),
-        (faults.CutShort(3), ANSWER[:-3]),
-        (faults.Doubled(), ANSWER * 2),
-        (faults.WrongUnit(7), encode(7, ANSWER[1:-2])),
-    ],
-)
-def test_a_reply_is_damaged_on_order(fault: faults.Impairment, received: bytes) -> None:
-    line = make_line(chunk_bytes=None)
-    line.impair(1, fault)
-
-    assert run_virtually(exchange(line, READ)) == received
-    assert line.units[0].handled == 1  # it acts, whatever comes of its answer

@@ -20,6 +20,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.client import LineClient, post_here
+from gateway.line.events import EventQueue, deliver
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -48,7 +49,6 @@ from gateway.store import Documents, Remembered
 from gateway.system.clock import ClockReading, ClockWatch
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
-from tests.local_host import local_events
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -211,7 +211,7 @@ class GatewayWorld:
             opener=self.bus.opener(),
             timing=TIMING,
             polls=polls,
-            events=local_events(partial(_hand_over, by_address)),
+            events=EventQueue(partial(deliver, handle=partial(_hand_over, by_address)), polls_wait_s=0.0),
         )
         self.telemetries = {
             setup.name: StarterTelemetry(

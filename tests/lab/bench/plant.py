@@ -19,6 +19,7 @@ from tests.lab.bench.judge import Spec
 from tests.lab.bench.runs import Process, Run, Watched, gateway
 from tests.lab.bench.subjects import Span
 from tests.mosquitto import MosquittoBroker, free_port
+from tests.rig.sites import line, operator, starter, table
 
 BASE = "starters/bench"
 OPERATOR = "bench"
@@ -68,8 +69,8 @@ def bench_site(
         judge = stack.enter_context(Watched(spec))
         text, port = site(spec, judge.ports, broker.url), free_port()
         if has_page:
-            text += f'[web]\nlisten = "127.0.0.1:{port}"\n[[web.user]]\nname = "anna"\n'
-            text += f'password = "{PASSWORD}"\noperator = "{OPERATOR}"\n'
+            text += table("web", listen=f"127.0.0.1:{port}")
+            text += table("[web.user]", name="anna", password=PASSWORD, operator=OPERATOR)
         (folder / "site.toml").write_text(text, "utf-8")
         process = stack.enter_context(gateway(folder / "site.toml", prefix))
         yield BenchSite(process, judge, broker, port, folder)
@@ -84,18 +85,11 @@ def run_gateway(spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops:
 
 def site(spec: Spec, ports: tuple[str, ...], broker: str) -> str:
     """Return the configuration of the judge's starters, each asked as often as its line allows."""
-    parts = [
-        f'[gateway]\nname = "bench"\nstate_dir = "state"\n[mqtt]\nurl = "{broker}"\n'
-        f'[[operator]]\nclient = "{OPERATOR}"\nmay = ["*"]\nstarters = ["*"]\n'
-    ]
+    parts = [table("gateway", name="bench", state_dir="state"), table("mqtt", url=broker), operator(OPERATOR)]
     for number, port in enumerate(ports):
-        parts.append(
-            f'[[line]]\nname = "line-{number}"\nport = "{port}"\n'
-            f'baud = {spec.baud}\nframing = "{spec.framing}"\n'
-        )
+        parts.append(line(f"line-{number}", port=port, baud=spec.baud, framing=spec.framing))
         parts += [
-            f'[[line.starter]]\nname = "{name(number, unit)}"\naddress = {unit}\nfamily = "{spec.family}"\n'
-            f"every_s = 0.0\nwatchdog_s = 0.0\n"
+            starter(name(number, unit), unit, spec.family, every_s=0.0, watchdog_s=0.0)
             for unit in range(1, spec.units + 1)
         ]
     return "".join(parts)

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -100,42 +100,32 @@ def run_subject(
 
 @contextmanager
 def gateway(config: Path, prefix: Sequence[str] = ()) -> Iterator[Process]:
-    """Run the gateway itself, its modules compiled, as pip leaves them when it installs."""
-    compileall.compile_dir(Path(package.__file__).parent, quiet=1)
-    log_path = config.parent / "gateway.log"
-    with log_path.open("wb") as log:
-        begun_s = time.monotonic()
-        command = [*prefix, sys.executable, "-m", "gateway", "run", str(config)]
-        process = subprocess.Popen(command, stderr=log)
+    """Run the gateway until the block ends."""
+    with Process(config, prefix) as process:
         try:
-            yield Process(process, begun_s, log_path)
+            yield process
         finally:
             process.terminate()
-            try:
+            with suppress(subprocess.TimeoutExpired):
                 process.wait(END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.kill()
 
 
-class Process:
-    """A running program from outside: its processor time and memory."""
+class Process(subprocess.Popen[bytes]):
+    """The gateway itself, its modules compiled, as pip leaves them when it installs."""
 
-    def __init__(self, process: subprocess.Popen[bytes], begun_s: float, log: Path) -> None:
-        self.begun_s = begun_s
-        self._process = process
-        self._log = log
-
-    @property
-    def pid(self) -> int:
-        """Return its process id."""
-        return self._process.pid
+    def __init__(self, config: Path, prefix: Sequence[str]) -> None:
+        compileall.compile_dir(Path(package.__file__).parent, quiet=1)
+        self.begun_s = time.monotonic()
+        self._log = config.parent / "gateway.log"
+        with self._log.open("wb") as log:
+            super().__init__([*prefix, sys.executable, "-m", "gateway", "run", str(config)], stderr=log)
 
     def used(self) -> Usage:
         """Return what it uses now; RuntimeError when it has ended."""
-        if self._process.poll() is not None:
+        if self.poll() is not None:
             raise RuntimeError(f"the gateway has ended:\n{self._log.read_text()}")
-        return usage(self._process.pid)
+        return usage(self.pid)
 
 
 def _span(output: dict[str, object]) -> Span:

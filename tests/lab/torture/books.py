@@ -16,7 +16,6 @@ class Books:
         self.repeated = 0  # events that came again, the same
         self.wrong: list[str] = []
         self.published_late = 0  # values, in histories
-        self.declared: list[dict[str, Any]] = []  # losses
         self._latest: dict[str, int] = {}  # seq of the latest new event, by boot
         self._history: defaultdict[tuple[str, str, str], int] = defaultdict(int)  # seq, by topic, boot, point
         self._live: set[tuple[str, str, int, str | None]] = set()  # starter, point, seq, time
@@ -35,8 +34,6 @@ class Books:
             self.wrong.append(f"event {key} came after {self._latest[boot]}")
         self._latest[boot] = seq
         self.first[key] = body
-        if "lost" in body.get("data", {}):
-            self.declared.append(body["data"])
 
     def value(self, starter: str, point: str, body: dict[str, Any]) -> None:
         """Take a value that was published live; after a broken connection the history may repeat it."""
@@ -58,10 +55,10 @@ class Books:
             self._items.add(key)
             self.published_late += 1
 
-    def count(self, code: str, *, starter: str) -> int:
-        """Return how many different events of this code there were."""
+    def faults_of(self, starter: str) -> int:
+        """Return how many different events of faults a starter had."""
         topic = f"starter/{starter}/event"
-        return sum(each["code"] == code and each["topic"] == topic for each in tuple(self.first.values()))
+        return sum((each["code"], each["topic"]) == ("fault", topic) for each in tuple(self.first.values()))
 
 
 def unfinished(results: list[dict[str, Any]]) -> list[str]:

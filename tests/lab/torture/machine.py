@@ -11,12 +11,13 @@ time of which more than half is lost proves nothing.
 
 from __future__ import annotations
 
+import asyncio
 import os
 import threading
 import time
 from bisect import bisect_right
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,6 +29,11 @@ STEAL = 8  # the field in /proc/stat
 WORKERS = "kworker/u"  # not bound to a processor
 PTY_WORK = "events_unbound"  # what such a worker's name ends in while it flushes pseudo terminals
 WORKERS_EVERY_S = 2.0  # how often to look who they are
+LOOK_S = 0.01  # in which something is waited for
+AT_MOST = 10  # times as long in real time, however busy the machine is
+SLEPT_AT_MOST = 3
+
+Thread = tuple[int, int]  # process and thread
 
 
 class DelayMeter:
@@ -35,12 +41,9 @@ class DelayMeter:
 
     def __init__(self) -> None:
         self._thread: threading.Thread | None = None
-        self._delays_s: dict[tuple[int, int], float] = {}  # by process and thread
+        self._delays_s: dict[Thread, float] = {}
         self._stolen_s = 0.0
-        self._sums_s: deque[tuple[float, float]] = deque(
-            maxlen=RETAINED
-        )  # a time; held up until then, in all
-        self._sum_s = 0.0
+        self._sums_s = deque([(-1.0, 0.0)], maxlen=RETAINED)  # a time; held up until then, in all
         self._workers: list[int] = []
         self._workers_due_s = 0.0
 
@@ -53,26 +56,27 @@ class DelayMeter:
 
     def held_s(self, from_s: float, to_s: float | None = None) -> float:
         """Return for how long somebody of us was held up between two times of the steady clock."""
-        return self._sum_at(to_s) - self._sum_at(from_s)
+        return self._sum_at(time.monotonic() if to_s is None else to_s) - self._sum_at(from_s)
 
     def is_unusable(self, from_s: float, to_s: float | None = None) -> bool:
         """Return whether the machine took more than half of this time: then it proves nothing."""
-        passed_s = (time.monotonic() if to_s is None else to_s) - from_s
-        return self.held_s(from_s, to_s) > passed_s / 2
+        to_s = time.monotonic() if to_s is None else to_s
+        return self.held_s(from_s, to_s) > (to_s - from_s) / 2
+
+    def took_s(self, from_s: float, to_s: float) -> float:
+        """Return how long something took without the machine's part; nothing when that was most of it."""
+        return 0.0 if self.is_unusable(from_s, to_s) else to_s - from_s - self.held_s(from_s, to_s)
 
     def fair_s(self) -> float:
         """Return a clock that stands while somebody of us is held up."""
-        return time.monotonic() - self._sum_s
+        return time.monotonic() - self._sums_s[-1][1]
 
-    def _sum_at(self, at_s: float | None) -> float:
+    def _sum_at(self, at_s: float) -> float:
+        """Return what was held up until then: of a part of a step its share."""
         sums_s = list(self._sums_s)
-        if not sums_s or at_s is None:
-            return self._sum_s
         after = bisect_right(sums_s, at_s, key=lambda each: each[0])
-        if after == 0:
-            return sums_s[0][1]
-        if after == len(sums_s):
-            return sums_s[-1][1]
+        if after in (0, len(sums_s)):
+            return sums_s[max(after - 1, 0)][1]
         (sooner_s, less_s), (later_s, more_s) = sums_s[after - 1], sums_s[after]
         return less_s + (more_s - less_s) * (at_s - sooner_s) / (later_s - sooner_s)
 
@@ -88,26 +92,23 @@ class DelayMeter:
         """Add what has come since the last look."""
         if time.monotonic() >= self._workers_due_s:
             self._workers, self._workers_due_s = _workers(), time.monotonic() + WORKERS_EVERY_S
-        children = _children()
-        delays_s = dict(_delays_s((*children, *self._workers)))
-        busy = {each for each in self._workers if _name(each).endswith(PTY_WORK)}
-        waited_s: dict[int, float] = {}
-        for key, delay_s in delays_s.items():
-            is_new_worker = key not in self._delays_s and key[0] in self._workers  # it began long ago
-            before_s = delay_s if is_new_worker else self._delays_s.get(key, 0.0)
-            if key[0] in self._workers and key[0] not in busy:
-                continue
-            of = 0 if key[0] in busy else key[0]  # all workers are one
-            waited_s[of] = max(waited_s.get(of, 0.0), delay_s - before_s)
+        children, before_s = dict(_delays_s(_children())), self._delays_s
+        workers = dict(_delays_s(self._workers))
+        waited_s: defaultdict[int, float] = defaultdict(float)  # by process; all workers are one
+        for thread, delay_s in children.items():
+            waited_s[thread[0]] = max(waited_s[thread[0]], delay_s - before_s.get(thread, 0.0))
+        for thread, delay_s in workers.items():  # a new one began long ago
+            if _name(thread[0]).endswith(PTY_WORK):
+                waited_s[0] = max(waited_s[0], delay_s - before_s.get(thread, delay_s))
         stolen_s = _stolen_s()
         held_s = sum(waited_s.values()) + stolen_s - self._stolen_s
-        self._sum_s += passed_s if held_s >= LOST_FROM_S else held_s
-        self._delays_s, self._stolen_s = delays_s, stolen_s
-        self._sums_s.append((time.monotonic(), self._sum_s))
+        self._delays_s, self._stolen_s = children | workers, stolen_s
+        sum_s = self._sums_s[-1][1] + (passed_s if held_s >= LOST_FROM_S else held_s)
+        self._sums_s.append((time.monotonic(), sum_s))
 
 
-def _delays_s(processes: Iterable[int]) -> Iterator[tuple[tuple[int, int], float]]:
-    """Return, by process and thread, how long it has waited for a processor since it began."""
+def _delays_s(processes: list[int]) -> Iterator[tuple[Thread, float]]:
+    """Return how long each thread has waited for a processor since it began."""
     for process in processes:
         with suppress(OSError, ValueError, IndexError):  # it has just ended
             for thread in os.listdir(f"/proc/{process}/task"):
@@ -138,8 +139,31 @@ def _name(process: int | str) -> str:
 
 def _stolen_s() -> float:
     with Path("/proc/stat").open(encoding="ascii") as file:
-        fields = file.readline().split()
-    return int(fields[STEAL]) / TICKS_PER_S
+        return int(file.readline().split()[STEAL]) / TICKS_PER_S
 
 
 MACHINE = DelayMeter()  # there is but one
+
+
+async def sleep_fairly(seconds: float) -> None:
+    """Sleep until so much has passed that the machine did not take."""
+    MACHINE.start()
+    end_s, last_s = MACHINE.fair_s() + seconds, time.monotonic() + SLEPT_AT_MOST * seconds
+    with suppress(TimeoutError):
+        await until(
+            lambda: MACHINE.fair_s() >= end_s or time.monotonic() >= last_s, "it is over", within_s=seconds
+        )
+
+
+async def until(is_true: Callable[[], object], what: str, *, within_s: float) -> None:
+    """Return once something is true; TimeoutError says what never came about.
+
+    The limit does not count the time for which the machine did not run us.
+    """
+    MACHINE.start()
+    begun_s, end_s = time.monotonic(), MACHINE.fair_s() + within_s
+    while not is_true():
+        is_over = MACHINE.fair_s() > end_s and not MACHINE.is_unusable(begun_s)
+        if is_over or time.monotonic() > begun_s + AT_MOST * within_s:
+            raise TimeoutError(f"not within {within_s:g} s: {what}")
+        await asyncio.sleep(LOOK_S)

@@ -6,15 +6,13 @@ import asyncio
 import os
 import random
 import resource
-import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tests.lab.torture.scenario import Place, Scenario
-from tests.lab.torture.waiting import until
+from tests.lab.torture.scenario import CRASH, DISK, Scenario
 from tests.lab.torture.world import World
 
 DISK_BYTES = 64 * 2**20
@@ -41,7 +39,11 @@ async def full(w: World, seconds: int) -> None:
     """Not a byte is left."""
     await w.start("pump")
     ballast = w.state_dir / "ballast"
-    _fill(ballast)
+    with ballast.open("wb", buffering=0) as file, suppress(OSError):
+        for size in (65536, 512, 1):
+            with suppress(OSError):
+                while file.write(bytes(size)):
+                    pass
     await _without_a_disk(w, seconds)
     ballast.unlink()
     await _usable_again(w)
@@ -61,12 +63,7 @@ async def failing(w: World, seconds: int) -> None:
 async def read_only(w: World, seconds: int) -> None:
     """The gateway finds its disk read-only when it starts, as ext4 is after an error."""
     await w.start("pump")
-    lives = len(w.gateway.lives)
-    w.gateway.signal(signal.SIGKILL)
-    await _until_dead(w)
-    _remount(w.state_dir, "ro")
-    await w.gateway.until_up(lives=lives + 1, within_s=10.0)
-    await w.right(since_s=w.gateway.lives[-1].began_s)
+    await _restarted(w, lambda: _remount(w.state_dir, "ro"))
     await w.starters.order("mark")
     await _without_a_disk(w, seconds)
     _remount(w.state_dir, "rw")
@@ -75,20 +72,19 @@ async def read_only(w: World, seconds: int) -> None:
 
 async def damaged(w: World, count: int) -> None:
     """Kill the gateway, damage its files in some way, and let it start."""
-    for _ in range(count):
-        w.begin_start("fan")
-        lives = len(w.gateway.lives)
-        w.gateway.signal(signal.SIGKILL)
-        await _until_dead(w)
+
+    def damage_all() -> None:
         for path in sorted(w.state_dir.rglob("*")):
             if path.is_file():
                 damage(path, w.dice)
-        await w.gateway.until_up(lives=lives + 1, within_s=10.0)
-        await w.right(since_s=w.gateway.lives[-1].began_s)
+
+    for _ in range(count):
+        w.begin_start("fan")
+        await _restarted(w, damage_all)
         await w.stop("fan")
-        await _check_taken(w)
+        result = await w.read("belt")
+        w.check(result["phase"] == "confirmed", f"a command was refused: {result}")
     w.recorder.results.clear()  # a ledger that was set back may publish an outcome once more
-    w.measurements["files"] = len(list(w.state_dir.rglob("*")))
 
 
 def damage(path: Path, dice: random.Random) -> None:
@@ -114,8 +110,13 @@ def damage(path: Path, dice: random.Random) -> None:
     path.write_bytes(content)
 
 
-async def _until_dead(w: World) -> None:
-    await until(lambda: w.gateway.lives[-1].ended_s is not None, "the gateway is dead", within_s=5.0)
+async def _restarted(w: World, meanwhile: Callable[[], None]) -> None:
+    """Kill the gateway and do something before its next life is right."""
+    lives = len(w.gateway.lives)
+    await w.killed()
+    meanwhile()
+    await w.gateway.until_up(lives=lives + 1, within_s=10.0)
+    await w.right(since_s=w.gateway.lives[-1].began_s)
 
 
 async def _without_a_disk(w: World, seconds: int) -> None:
@@ -123,32 +124,19 @@ async def _without_a_disk(w: World, seconds: int) -> None:
     await w.stop("pump")
     result = await w.recorder.final(w.begin_start("mill"))
     w.check(result["phase"] == "rejected", f"a start without a ledger ended as {result}")
-    w.measurements["start refused"] = result["code"]
-    await w.right_still()
+    w.row.measurements["start refused"] = result["code"]
+    await w.right()
     await w.check_line_timing("the line waited for the disk")
-
-
-async def _check_taken(w: World) -> None:
-    """Check that commands are carried out, whether the ledger is lost or not."""
-    w.ids += 1
-    w.recorder.command("belt", "read", f"read-{w.ids}", parameter="R41")
-    result = await w.recorder.final(f"read-{w.ids}")
-    w.check(result["phase"] == "confirmed", f"a command was refused: {result}")
 
 
 async def _usable_again(w: World) -> None:
     """Check that commands are carried out again, without anybody's help."""
-    begun_s = time.monotonic()
-    result = {"phase": "none", "code": "none"}
-    while time.monotonic() - begun_s < USABLE_WITHIN_S:
-        w.ids += 1
-        w.recorder.command("belt", "read", f"read-{w.ids}", parameter="R41")
-        result = await w.recorder.final(f"read-{w.ids}")
-        if result["phase"] == "confirmed":
-            break
+    begun_s, result = time.monotonic(), await w.read("belt")
+    while result["phase"] != "confirmed" and time.monotonic() - begun_s < USABLE_WITHIN_S:
         await asyncio.sleep(0.5)
+        result = await w.read("belt")
     w.check(result["phase"] == "confirmed", f"commands are still refused: {result}")
-    w.measurements["usable again s"] = round(time.monotonic() - begun_s, 2)
+    w.row.measurements["usable again s"] = round(time.monotonic() - begun_s, 2)
 
 
 def _remount(folder: Path, how: str) -> None:
@@ -156,18 +144,9 @@ def _remount(folder: Path, how: str) -> None:
     subprocess.run(["mount", "-o", f"remount,{how}", folder], check=True)
 
 
-def _fill(path: Path) -> None:
-    """Write until not a byte is left."""
-    with path.open("wb", buffering=0) as file, suppress(OSError):
-        for size in (65536, 512, 1):
-            with suppress(OSError):
-                while file.write(bytes(size)):
-                    pass
-
-
 SCENARIOS = (
-    Scenario("write errors", Place.CRASH, failing, 60, 3, "s", quick=2),
-    Scenario("disk full", Place.DISK, full, 60, 2, "s"),
-    Scenario("disk read-only", Place.DISK, read_only, 60, 2, "s"),
-    Scenario("store damaged", Place.DISK, damaged, 200, 2, "times"),
+    Scenario("write errors", CRASH, failing, 60, 3, "s"),
+    Scenario("disk full", DISK, full, 60, 2, "s"),
+    Scenario("disk read-only", DISK, read_only, 60, 2, "s"),
+    Scenario("store damaged", DISK, damaged, 200, 2, "times"),
 )

@@ -8,11 +8,10 @@ import time
 from collections import Counter
 from typing import Any
 
-from tests.lab.torture.plant_site import STARTERS
+from tests.lab.torture.machine import until
 from tests.lab.torture.recorder import is_final
-from tests.lab.torture.scenario import Place, Scenario
-from tests.lab.torture.waiting import until
-from tests.lab.torture.world import PACE_S, STOP_WITHIN_S, World
+from tests.lab.torture.scenario import COMMANDS, Scenario
+from tests.lab.torture.world import PACE_S, STARTERS, STOP_WITHIN_S, World
 
 # After publishing: before the ledger, around it, around the write, in the read-back, and after all.
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
@@ -47,8 +46,8 @@ async def kills(w: World, count: int) -> None:
         if each["code"] not in UNSTORED and (each["verb"], each["code"]) != ("stop", "crashed")
     ]
     frames = await w.starts()
-    w.measurements |= dict(sorted(ends.items()))
-    w.measurements |= {"start frames": sum(frames.values()), "commanded": sum(w.commanded.values())}
+    w.row.measurements |= dict(sorted(ends.items()))
+    w.row.measurements |= {"start frames": sum(frames.values()), "commanded": sum(w.commanded.values())}
 
 
 async def stops_at_start_up(w: World, count: int) -> None:
@@ -70,7 +69,7 @@ async def stops_at_start_up(w: World, count: int) -> None:
         f"a stop's frame came after {max(w.stops_s, default=99.0):.2f} s",
     )
     w.check(max(ends_s) <= CONFIRMED_WITHIN_S, f"a stop was confirmed {max(ends_s):.2f} s after its frame")
-    w.measurements |= {
+    w.row.measurements |= {
         "frame s": round(max(w.stops_s, default=99.0), 3),
         "confirmed s later": round(max(ends_s), 3),
     }
@@ -97,7 +96,7 @@ async def _kill(w: World, starter: str) -> tuple[str, str]:
         await asyncio.sleep(w.dice.uniform(*RECOVERY_S))
         w.gateway.signal(signal.SIGKILL)
         await w.gateway.until_up(lives=lives + 2)
-        w.measurements["killed again"] = w.measurements.get("killed again", 0) + 1
+        w.row.measurements["killed again"] = w.row.measurements.get("killed again", 0) + 1
     began_s = w.gateway.lives[-1].began_s
     first_life = [each for each in w.recorder.of(id_) if each["code"] not in NOT_YET]
     await w.recorder.until("gateway/status", since_s=began_s, within_s=20.0, state="online")
@@ -168,6 +167,6 @@ async def _send_all_again(w: World, ids: list[tuple[str, str]]) -> None:
 
 
 SCENARIOS = (
-    Scenario("SIGKILL around a start", Place.COMMANDS, kills, 200, 8, "times"),
-    Scenario("stop at start-up", Place.COMMANDS, stops_at_start_up, 50, 3, "times"),
+    Scenario("SIGKILL around a start", COMMANDS, kills, 200, 8, "times"),
+    Scenario("stop at start-up", COMMANDS, stops_at_start_up, 50, 3, "times"),
 )

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Callable
 
 from tests.lab.torture.blockable import LOOPS
-from tests.lab.torture.scenario import Place, Scenario
+from tests.lab.torture.scenario import CRASH, HANG, Scenario
 from tests.lab.torture.world import World
 
 BLOCKED_S = 30.0
@@ -26,42 +25,46 @@ async def sigkill(w: World, count: int) -> None:
         if is_starting:
             w.begin_start(starter)
             await asyncio.sleep(w.dice.uniform(0.0, 0.1))  # between ledger, line, read-back and result
-        longest_s = max(longest_s, await w.after_death(signal.SIGKILL))
+        longest_s = max(longest_s, await w.next_life(lambda: w.gateway.signal(signal.SIGKILL)))
         if is_starting:
             await w.stop(starter)
     await w.stop("pump")
-    w.measurements["right again s"] = round(longest_s, 2)
+    w.row.measurements["right again s"] = round(longest_s, 2)
     await w.check_gap(w.gaps.crash_s, "a crash's gap was longer than computed")
 
 
 async def sigstop(w: World, count: int) -> None:
     """Let it stand still until the service watchdog ends it."""
-    for _ in range(count):
-        await asyncio.sleep(w.dice.uniform(0.5, 1.5))
-        await _hang(w, lambda: w.gateway.signal(signal.SIGSTOP))
-    await w.check_gap(w.gaps.hang_s, "a hang's gap was longer than computed")
+    await _hang(w, count, ("",))
 
 
 async def blocked(w: World, count: int) -> None:
     """Block one loop, or the interpreter, for longer than the service watchdog waits."""
-    for number in range(count):
-        await asyncio.sleep(w.dice.uniform(0.5, 1.5))
-        what = LOOPS[number % len(LOOPS)]
-        await _hang(w, lambda what=what: w.gateway.block(what, BLOCKED_S))  # type: ignore[misc] # a default
+    await _hang(w, count, LOOPS)
     w.check(BLOCKS_IN in w.gateway.log, "the stacks do not say where it hangs")
+
+
+async def _hang(w: World, count: int, loops: tuple[str, ...]) -> None:
+    """Let a loop hang, or stop all of it; the watchdog ends it, and its stacks are in the log."""
+    for number in range(count):
+        loop = loops[number % len(loops)]
+
+        def begin(loop: str = loop) -> None:
+            if loop:
+                w.gateway.block(loop, BLOCKED_S)
+            else:
+                w.gateway.signal(signal.SIGSTOP)
+
+        await asyncio.sleep(w.dice.uniform(0.5, 1.5))
+        aborts = w.gateway.log.count(ABORTED)
+        await w.next_life(begin, within_s=w.gateway.restart.noticed_s + 10.0)
+        w.check(w.gateway.lives[-2].is_hung, "the watchdog did not end a gateway that stood still")
+        w.check(w.gateway.log.count(ABORTED) == aborts + 1, "a hang did not dump its stacks at its end")
     await w.check_gap(w.gaps.hang_s, "a hang's gap was longer than computed")
 
 
-async def _hang(w: World, begin: Callable[[], None]) -> None:
-    """Let it hang; the watchdog ends it, and its stacks are in the log."""
-    aborts = w.gateway.log.count(ABORTED)
-    await w.after_hang(begin)
-    w.check(w.gateway.lives[-2].is_hung, "the watchdog did not end a gateway that stood still")
-    w.check(w.gateway.log.count(ABORTED) == aborts + 1, "a hang did not dump its stacks at its end")
-
-
 SCENARIOS = (
-    Scenario("SIGKILL", Place.CRASH, sigkill, 300, 3, "times", quick=2),
-    Scenario("SIGSTOP", Place.HANG, sigstop, 20, 1, "times"),
-    Scenario("loop blocked", Place.HANG, blocked, 21, 3, "times", quick=1),
+    Scenario("SIGKILL", CRASH, sigkill, 300, 3, "times"),
+    Scenario("SIGSTOP", HANG, sigstop, 20, 1, "times"),
+    Scenario("loop blocked", HANG, blocked, 21, 3, "times"),
 )

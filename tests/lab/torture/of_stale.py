@@ -12,11 +12,10 @@ from collections.abc import Callable
 from gateway.contract import rfc3339
 from gateway.contract.request import DEFAULT_TTL_S
 from gateway.system.stalls import SUSPEND_LIMIT_S
-from tests.lab.torture.plant_site import KEEPALIVE_S, STARTERS
+from tests.lab.torture.machine import until
 from tests.lab.torture.recorder import BASE, is_final
-from tests.lab.torture.scenario import Place, Scenario
-from tests.lab.torture.waiting import until
-from tests.lab.torture.world import SETTLING, World
+from tests.lab.torture.scenario import COMMANDS, OLD_MQTT, Scenario
+from tests.lab.torture.world import KEEPALIVE_S, SETTLING, STARTERS, World
 
 VERSIONS = ("mqttv311", "mqttv5")
 LATE_S = 6.0  # in which four starts, one after another on their line, would be carried out
@@ -33,7 +32,7 @@ async def stale(w: World, count: int) -> None:
         await _queued(w, version, count)
         await _waiting(w, count)
     await asyncio.sleep(LATE_S)
-    w.measurements["commands"] = 2 * count * len(VERSIONS)
+    w.row.measurements["commands"] = 2 * count * len(VERSIONS)
 
 
 async def stalled(w: World, longest_s: int) -> None:
@@ -83,7 +82,7 @@ async def stalled(w: World, longest_s: int) -> None:
             await w.stand(starter)
     acted = sum((await w.starts()).values()) - begun
     w.check(acted == early, f"{acted} start frames, {early} starts were in time")
-    w.measurements |= {"late": late, "in time": early, "start frames": acted}
+    w.row.measurements |= {"late": late, "in time": early, "start frames": acted}
 
 
 async def _queued(w: World, version: str, count: int) -> None:
@@ -163,7 +162,7 @@ def _finals(w: World, since: int) -> list[str]:
 
 
 SCENARIOS = (
-    Scenario("stale commands", Place.COMMANDS, stale, 100, 5, "each"),
-    Scenario("stalled ways", Place.COMMANDS, stalled, 60, 6, "s at most"),
-    Scenario("stalled, MQTT 3.1.1", Place.OLD_MQTT, stalled, 60, 6, "s at most"),
+    Scenario("stale commands", COMMANDS, stale, 100, 5, "each"),
+    Scenario("stalled ways", COMMANDS, stalled, 60, 6, "s at most"),
+    Scenario("stalled, MQTT 3.1.1", OLD_MQTT, stalled, 60, 6, "s at most"),
 )

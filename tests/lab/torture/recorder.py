@@ -10,7 +10,7 @@ from typing import Any
 from paho.mqtt import client as paho
 
 from tests.lab.torture.books import Books
-from tests.lab.torture.waiting import until
+from tests.lab.torture.machine import until
 from tests.listener import BrokerListener
 
 BASE = "starters/plant"
@@ -28,7 +28,6 @@ class Recorder(BrokerListener):
         self.good: set[tuple[str, str, str]] = set()  # starter, point, value as JSON
         self.books = Books()
         self.seqs: set[int] = set()  # of whatever has one
-        self.messages = 0
         self.bad: list[str] = []  # what no consumer could read
 
     def publish(self, topic: str, payload: str | dict[str, Any] = "", *, retain: bool = False) -> None:
@@ -39,39 +38,40 @@ class Recorder(BrokerListener):
         """Return the present proof of freshness."""
         return str(self.latest.get("gateway/fresh", {}).get("token", "none"))
 
+    @property
+    def boot(self) -> str:
+        """Return the name of the present connection."""
+        return str(self.latest["gateway/status"]["boot"])
+
     def command(self, starter: str, verb: str, id_: str, **args: Any) -> None:
         self.publish(f"command/{starter}/alice/{verb}", {"id": id_, "token": self.token, "args": args})
 
-    async def until(
-        self, topic: str, *, since_s: float = 0.0, within_s: float = 10.0, **wanted: Any
-    ) -> float:
-        """Wait for a message that came after `since_s` and has these fields; return when it came."""
+    def newest(self, topic: str, since_s: float = 0.0) -> dict[str, Any]:
+        """Return the newest message of a topic; nothing of one that came before that time."""
+        found: dict[str, Any] = self.latest.get(topic, {})
+        return found if self.received_s.get(topic, 0.0) >= since_s else {}
+
+    async def until(self, topic: str, *, since_s: float = 0.0, within_s: float = 10.0, **wanted: Any) -> None:
+        """Wait for a message that came after `since_s` and has these fields."""
 
         def fits() -> bool:
-            latest = self.latest.get(topic)
-            is_new = self.received_s.get(topic, 0.0) >= since_s
-            return is_new and latest is not None and all(latest.get(k) == v for k, v in wanted.items())
+            newest = self.newest(topic, since_s)
+            return bool(newest) and all(newest.get(key) == value for key, value in wanted.items())
 
         await until(fits, f"{topic} has {wanted}", within_s=within_s)
-        return self.received_s[topic]
 
-    async def event(self, code: str, *, since_s: float, within_s: float) -> float:
-        """Wait for an event that came after `since_s`; return when it came."""
-
-        def found() -> list[float]:
-            came_s = [each["received_s"] for each in self.events[:] if each["code"] == code]
-            return [at_s for at_s in came_s if at_s >= since_s]
-
-        await until(lambda: bool(found()), f"event {code}", within_s=within_s)
-        return found()[0]
+    def events_of(self, code: str, since_s: float) -> list[float]:
+        """Return when the events of a code came, from a time on."""
+        found = [each["received_s"] for each in self.events[:] if each["code"] == code]
+        return [at_s for at_s in found if at_s >= since_s]
 
     async def final(self, id_: str, *, within_s: float = 20.0) -> dict[str, Any]:
         """Wait for a command's final result."""
 
         def finals() -> list[dict[str, Any]]:
-            return [each for each in self.results[:] if each["id"] == id_ and is_final(each)]
+            return [each for each in self.of(id_) if is_final(each)]
 
-        await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
+        await until(finals, f"command {id_} has a final result", within_s=within_s)
         return finals()[0]
 
     def of(self, id_: str, *, since: int = 0) -> list[dict[str, Any]]:
@@ -84,14 +84,12 @@ class Recorder(BrokerListener):
         What comes again as it was counts once: its acknowledgement was not on the disk at a kill.
         """
         finals = [each for each in self.results[:] if each["id"] and is_final(each) and not each["duplicate"]]
-        distinct = {json.dumps(each, sort_keys=True): each["id"] for each in finals}
-        return Counter(distinct.values())
+        return Counter({json.dumps(each, sort_keys=True): each["id"] for each in finals}.values())
 
     def take(self, message: paho.MQTTMessage) -> None:
         topic = message.topic.removeprefix(f"{BASE}/")
         if topic.startswith("command/"):
             return
-        self.messages += 1
         try:
             body = json.loads(message.payload) if message.payload else {}
         except ValueError:
@@ -99,29 +97,26 @@ class Recorder(BrokerListener):
             return
         self.latest[topic] = body
         self.received_s[topic] = time.monotonic()
-        self._book(topic, body)
-
-    def _book(self, topic: str, body: dict[str, Any]) -> None:
         if "seq" in body:
             self.seqs.add(body["seq"])
-        if topic.endswith("/event"):
-            event = {**body, "topic": topic, "received_s": self.received_s[topic]}
-            self.events.append(event)
-            self.books.event(event)
-        elif topic.startswith("result/"):
-            self.results.append(body)
-        elif "/value/" in topic and body:
-            _, starter, _, point = topic.split("/")
-            self.books.value(starter, point, body)
-            if body["quality"] == "good":
-                self.good.add((starter, point, json.dumps(body["value"])))
-        elif topic.endswith("/history"):
-            self.books.history(topic, body)
-            starter = topic.split("/")[1]
-            for item in body["items"]:
-                self.seqs.add(item["seq"])
-                if item["quality"] == "good":
-                    self.good.add((starter, item["point"], json.dumps(item["value"])))
+        match topic.split("/"):
+            case ["result", *_]:
+                self.results.append(body)
+            case [*_, "event"]:
+                self.events.append({**body, "topic": topic, "received_s": self.received_s[topic]})
+                self.books.event(self.events[-1])
+            case ["starter", starter, "value", point] if body:
+                self.books.value(starter, point, body)
+                self._note_value(starter, point, body)
+            case ["starter", starter, "history"]:
+                self.books.history(topic, body)
+                for item in body["items"]:
+                    self.seqs.add(item["seq"])
+                    self._note_value(starter, item["point"], item)
+
+    def _note_value(self, starter: str, point: str, body: dict[str, Any]) -> None:
+        if body["quality"] == "good":
+            self.good.add((starter, point, json.dumps(body["value"])))
 
 
 def is_final(result: dict[str, Any]) -> bool:

@@ -1,7 +1,7 @@
 """Simulated starters in a process of their own: `python -m tests.lab.torture.starters CONFIG WATCHDOG_S`.
 
-Orders come as lines of JSON on stdin; each gets one line of JSON on stdout. Every starter watches its line
-(P314, C8.2.5.3, R41) and records when it would have tripped; what it did is read with `report`.
+Orders come as lines of JSON on stdin; each gets one line of JSON on stdout (`StartersProcess`). Every starter
+watches its line (P314, C8.2.5.3, R41) and records when it would have tripped; `report` says what it did.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import random
 import sys
 import tty
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise, takewhile
+from pathlib import Path
 from typing import Any
 
 from gateway.config.convert import timing_of
 from gateway.config.reading import load
 from gateway.config.schema import LineTable
-from gateway.sim.bus.bus import Bus, BusViolation
+from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -37,14 +37,13 @@ INDICATE = 0  # C8.2.5.2: by default it would go to local
 LATE_TICK_S = 0.005
 LATE_S = 0.004  # more than this and the silences on our line are not what they seem
 LATE_AROUND_S = 0.3
-GAPS_REPORTED = 20  # of each starter, the longest
+GAPS = 20  # of each starter that are reported, the longest
 QUICK = {"ramp_up_s": 0.6, "ramp_down_s": 0.4, "coast_s": 0.4}  # of the motors
 
 
 class TortureLine(PtyLine):
     """A pty that can go deaf, be flooded, and come back under another number."""
 
-    flooded_bytes = 0
     is_deaf = False
     is_flooded = False
     _flood: asyncio.Task[None] | None = None
@@ -70,7 +69,6 @@ class TortureLine(PtyLine):
             count = int((loop.time() - sent_s) / character_s)
             sent_s += count * character_s
             super()._write(octets * count if octets else dice.randbytes(count), 0.0)
-            self.flooded_bytes += count
         self.is_flooded = False
 
     def _write(self, chunk: bytes, arrival_s: float) -> None:
@@ -106,35 +104,22 @@ class StarterLine:
 
     def __init__(self, table: LineTable, watchdog_s: int) -> None:
         self._table = table
-        self.units = {
-            each.name: watching_unit(each.family, each.address, watchdog_s) for each in table.starters
-        }
-        for unit in self.units.values():
+        self.units: dict[str, Any] = {}
+        self.truths: dict[str, Truth] = {}
+        for each in table.starters:
+            unit = self.units[each.name] = watching_unit(each.family, each.address, watchdog_s)
             unit.motor.data = replace(unit.motor.data, **QUICK)
-        self.truths = {
-            each.name: Truth(
-                self.units[each.name],
-                each.name,
-                each.family,
-                make_unit(each.family, each.address, seed=each.address),
-            )
-            for each in table.starters
-        }
-        self.bus = Bus(
-            timing_of(table),
-            self.units.values(),
-            name=table.name,
-            chunk_bytes=None,
-            tolerance_s=TOLERANCE_S,
-        )
+            self.truths[each.name] = Truth(unit, each.name)
+        units = self.units.values()
+        self.bus = Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
         self._marked_s = 0.0
         self._late_s: deque[float] = deque(maxlen=10_000)  # when this process itself was late
-        self._line: TortureLine | None = None
+        self._line: TortureLine
         self._spare: list[tuple[int, int]] = []
 
     # Orders
 
-    async def plug(self) -> dict[str, Any]:
+    async def plug(self) -> None:
         """Make the port, under another number each time."""
         self._spare.append(os.openpty())
         self._line = TortureLine(self.bus, link=self._table.port)
@@ -143,57 +128,51 @@ class StarterLine:
             for fd in fds:
                 os.close(fd)
         del self._spare[:-1]
-        return {"path": self._line.path}
 
-    async def unplug(self) -> dict[str, Any]:
+    async def unplug(self) -> None:
         """Take the port away."""
-        assert self._line is not None
         await self._line.stop()
-        return {}
 
-    async def deafen(self) -> dict[str, Any]:
+    async def deafen(self) -> None:
         """Let the port receive nothing until it is opened afresh."""
-        assert self._line is not None
         self._line.go_deaf()
-        return {}
 
-    async def flood(self, seconds: float, byte: int | None = None) -> dict[str, Any]:
+    async def flood(self, seconds: float, byte: int | None = None) -> None:
         """Fill the line."""
-        assert self._line is not None
         self._line.flood(seconds, b"" if byte is None else bytes([byte]))
-        return {}
 
-    async def fault(self, starter: str, number: int) -> dict[str, Any]:
+    async def fault(self, starter: str, number: int) -> None:
         """Let a fault happen."""
         self.units[starter].trip(number)
-        return {}
 
-    async def keypad_reset(self, starter: str) -> dict[str, Any]:
+    async def keypad_reset(self, starter: str) -> None:
         """Reset the fault at the starter."""
-        unit: Any = self.units[starter]
-        unit.reset_at_keypad()
-        return {}
+        self.units[starter].reset_at_keypad()
 
-    async def mark(self) -> dict[str, Any]:
+    async def mark(self) -> None:
         """Judge from now on."""
         self.bus.advance()
         self._marked_s = asyncio.get_running_loop().time()
         self.bus.violations.clear()
-        return {}
 
     async def report(self, values: bool = False) -> dict[str, Any]:
         """Report what has happened since the mark (start frames: since the beginning)."""
         self.bus.advance()
         now_s = asyncio.get_running_loop().time()
+        late_s = list(self._late_s)
         found: dict[str, Any] = {
-            "violations": [[each.at_s, str(each)] for each in self._violations()],
+            "violations": [  # but those at times when we ourselves were late
+                [each.at_s, str(each)]
+                for each in self.bus.violations
+                if not any(abs(each.at_s - at_s) < LATE_AROUND_S for at_s in late_s)
+            ],
             "starters": {name: self._of(name, now_s) for name in self.units},
         }
         if values:
-            found["values"] = {
-                name: {point: list(seen) for point, seen in truth.values.items()}
-                for name, truth in self.truths.items()
-            }
+            for name, truth in self.truths.items():
+                found["starters"][name]["values"] = {
+                    point: list(seen) for point, seen in truth.values.items()
+                }
         return found
 
     async def written(self, starter: str, since_s: float) -> dict[str, Any]:
@@ -201,15 +180,6 @@ class StarterLine:
         self.bus.advance()
         recent = takewhile(lambda write: write.at_s >= since_s, reversed(self.units[starter].writes))
         return {"writes": [[write.at_s, write.pdu.hex()] for write in recent][::-1]}
-
-    def _violations(self) -> list[BusViolation]:
-        """Return the master's faults, but those at times when we ourselves were late."""
-        late_s = list(self._late_s)
-        return [
-            each
-            for each in self.bus.violations
-            if not any(-LATE_AROUND_S < each.at_s - at_s < LATE_AROUND_S for at_s in late_s)
-        ]
 
     async def watch_own_lateness(self) -> None:
         """Note when this process did not get its time, until cancelled."""
@@ -230,30 +200,53 @@ class StarterLine:
             ],
             "start_frames": len(unit.start_frames),
             "requests": len(requests_s),
-            "gaps": _longest_gaps([*before_s, *requests_s, now_s]),
-            "first_s": requests_s[0] if requests_s else None,
-            "last_s": truth.requests_s[-1] if truth.requests_s else None,
-            "writes": [[w.at_s, w.pdu.hex()] for w in unit.writes if w.at_s >= self._marked_s],
+            "gaps": sorted(pairwise([*before_s, *requests_s, now_s]), key=lambda gap: gap[0] - gap[1])[:GAPS],
             "is_on": unit.motor.is_turned_on,
         }
 
 
 def watching_unit(family: str, address: int, watchdog_s: int) -> SimulatedUnit:
     """Return a starter that watches its line, but only says so."""
-    if family in ("ssw06", "ssw07"):
-        settings = {P_TIMEOUT: watchdog_s, P_ACTION: ACTION_NONE}
-        return make_unit(family, address, seed=address, settings=settings)
-    if family == "ssw900":
-        timeout = {C8_TIMEOUT_MODE: ALARM_ONLY, C8_TIMEOUT_ACTION: INDICATE, C8_TIMEOUT: 10 * watchdog_s}
-        return make_unit(family, address, seed=address, settings=timeout)
-    unit: Any = make_unit(family, address, seed=address)
-    unit.settings[sst_registers.TIMEOUT_STOP] = min(watchdog_s, 255)
-    return unit  # type: ignore[no-any-return]
+    weg = {P_TIMEOUT: watchdog_s, P_ACTION: ACTION_NONE}
+    settings = {
+        "ssw06": weg,
+        "ssw07": weg,
+        "ssw900": {C8_TIMEOUT_MODE: ALARM_ONLY, C8_TIMEOUT_ACTION: INDICATE, C8_TIMEOUT: 10 * watchdog_s},
+    }
+    unit: Any = make_unit(family, address, seed=address, settings=settings.get(family, {}))
+    if family == "sst":  # it counts from the first command
+        unit.settings[sst_registers.TIMEOUT_STOP] = min(watchdog_s, 255)
+    return unit
 
 
-def _longest_gaps(times_s: Iterable[float]) -> list[tuple[float, float]]:
-    """Return the begin and the end of the longest gaps."""
-    return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_REPORTED]
+class StartersProcess:
+    """The process seen from outside."""
+
+    def __init__(self, config: Path, watchdog_s: int) -> None:
+        self._arguments = ("tests.lab.torture.starters", str(config), str(watchdog_s))
+        self._process: asyncio.subprocess.Process
+
+    async def start(self) -> None:
+        pipes = {"stdin": asyncio.subprocess.PIPE, "stdout": asyncio.subprocess.PIPE, "limit": 2**26}
+        self._process = await asyncio.create_subprocess_exec(sys.executable, "-m", *self._arguments, **pipes)
+        await self._answer()
+
+    async def order(self, do: str, **arguments: Any) -> dict[str, Any]:
+        """Give an order and return the answer."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps({"do": do, **arguments}).encode() + b"\n")
+        return await self._answer()
+
+    async def stop(self) -> None:
+        if self._process.returncode is None:
+            self._process.terminate()
+            await self._process.wait()
+
+    async def _answer(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        async with asyncio.timeout(20.0):
+            answer: dict[str, Any] = json.loads(await self._process.stdout.readline())
+        return answer
 
 
 async def serve(config: str, watchdog_s: int) -> None:
@@ -268,7 +261,7 @@ async def serve(config: str, watchdog_s: int) -> None:
     while line := await reader.readline():
         order = json.loads(line)
         answer = await getattr(plant, order.pop("do"))(**order)
-        print(json.dumps(answer), flush=True)
+        print(json.dumps(answer or {}), flush=True)
     watching.cancel()
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from gateway.line.capacity.outage import Restart
 from tests.lab.torture.blockable import BLOCK_FILE
-from tests.lab.torture.waiting import until
+from tests.lab.torture.machine import until
 
 BAD_CONFIGURATION = 78  # RestartPreventExitStatus
 UNIT = Path(__file__).parents[3] / "deploy" / "starter-gateway.service"

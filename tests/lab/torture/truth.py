@@ -16,6 +16,7 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.sim.core.unit import SimulatedUnit
+from gateway.sim.factory import make_unit
 from gateway.starters import StarterSetup, merged
 from gateway.starters import own_points_of as own_points
 from gateway.starters.state import PointSources
@@ -24,7 +25,7 @@ from gateway.starters.state import PointSources
 OWN_POINTS = {each.name for family in FAMILIES for each in own_points(load_profile(family))}
 _REMEMBERED = 50_000  # some hours of one starter's requests
 
-_TABLES = {
+_TABLES: dict[int, Table] = {
     Function.READ_COILS: Table.COIL,
     Function.READ_HOLDING_REGISTERS: Table.HOLDING,
     Function.READ_INPUT_REGISTERS: Table.INPUT,
@@ -34,8 +35,9 @@ _TABLES = {
 class Truth:
     """Listens to one unit's requests and replies, before anything on the line can corrupt them."""
 
-    def __init__(self, unit: SimulatedUnit, name: str, family: str, twin: SimulatedUnit) -> None:
-        """Wrap the unit's `handle`; `twin` is one like it that may be asked who it is."""
+    def __init__(self, unit: SimulatedUnit, name: str) -> None:
+        """Wrap the unit's `handle`; another one like it is asked who it is."""
+        family, twin = unit.family, make_unit(unit.family, unit.address, seed=unit.address)
         self.name = name
         self.values: dict[str, set[Any]] = {}
         self.requests_s: deque[float] = deque(maxlen=_REMEMBERED)  # when requests came
@@ -55,7 +57,7 @@ class Truth:
         return reply
 
     def _learn(self, pdu: bytes, reply: bytes) -> None:
-        table = _TABLES.get(Function(pdu[0])) if pdu[0] in iter(Function) else None
+        table = _TABLES.get(pdu[0])
         if table is None:
             return
         request: Any = decode_request(pdu)

@@ -7,9 +7,8 @@ from typing import Any
 
 from gateway.line.capacity.outage import WIDE_FACTOR
 from tests.lab.torture.books import unfinished
-from tests.lab.torture.machine import MACHINE
+from tests.lab.torture.machine import MACHINE, until
 from tests.lab.torture.truth import never_had
-from tests.lab.torture.waiting import until
 from tests.lab.torture.world import STOP_WITHIN_S, World
 
 LATE_S = 0.004  # held up for longer, and silences and replies on our line are not what they seem
@@ -22,47 +21,52 @@ REPORTED_FROM_S = 0.5  # less than that is not worth a word
 
 async def judge(w: World, *, begun_s: float, may_trip: bool = False) -> None:
     """Check what starters, recorder and gateway have lived through since `begun_s`."""
-    report = await w.report(values=True)
+    report, recorder = await w.report(values=True), w.recorder
     for name, each in report["starters"].items():
-        trips = [code for at_s, code in each["trips"] if not _is_machines_trip(w, at_s)]
-        if not may_trip and len(trips) < len(each["trips"]):
-            w.measurements[f"trips of {name}"] = f"{len(each['trips']) - len(trips)} for want of a processor"
-        w.check(may_trip or not trips, f"{name}: watchdog tripped ({trips})")
+        _judge_trips(w, name, each["trips"], may_trip=may_trip)
         frames, commanded = each["start_frames"], w.commanded[name]
         w.check(frames <= commanded, f"{name}: {frames} start frames for {commanded} commands")
-    _judge_line(w, report)
-    _judge_values(w, report["values"])
-    finals = w.recorder.finals_of_ids()
-    w.check(max(finals.values(), default=1) == 1, f"several final results: {finals.most_common(3)}")
-    books = w.recorder.books
-    w.check(not books.wrong, f"boot and seq mislead: {books.wrong[:3]}")
-    await _judge_results(w)
-    w.check(not w.recorder.bad, f"unreadable messages: {w.recorder.bad[:3]}")
-    w.check("Traceback" not in w.gateway.log, "an unhandled exception is in the log")
-    bound_s = STOP_WITHIN_S + _stop_latency_s(w)
-    w.check(max(w.stops_s, default=0.0) <= bound_s, f"a stop took {max(w.stops_s, default=0)} s")
-    _judge_samples(w)
-    held_s = MACHINE.held_s(begun_s)
-    if held_s > REPORTED_FROM_S:
-        w.measurements["held up by the machine s"] = round(held_s, 1)
-
-
-async def _judge_results(w: World) -> None:
-    """Check that every accepted command has a final result."""
-    results = w.recorder.results
+    _judge_silences(w, report)
     with suppress(TimeoutError):
-        await until(lambda: not unfinished(results[:]), "all commands are over", within_s=FINISHED_WITHIN_S)
-    left = unfinished(results[:])
-    w.check(not left, f"{len(left)} commands have no end: {left[:3]}")
+        await until(lambda: not unfinished(recorder.results[:]), "", within_s=FINISHED_WITHIN_S)
+    left, finals = unfinished(recorder.results[:]), recorder.finals_of_ids()
+    false = never_had(recorder.good, {name: each["values"] for name, each in report["starters"].items()})
+    latency_s = recorder.newest("gateway/line/hall").get("stop_latency_s", {}).get("computed", 1.0)
+    slowest_s, held_s = max(w.stops_s, default=0.0), MACHINE.held_s(begun_s)
+    w.row.measurements["good values"] = len(recorder.good)
+    if held_s > REPORTED_FROM_S:
+        w.row.measurements["held up by the machine s"] = round(held_s, 1)
+    for is_right, what in (
+        (not false, f"shown as good, never had: {false[:3]}"),
+        (not left, f"{len(left)} commands have no end: {left[:3]}"),
+        (max(finals.values(), default=1) == 1, f"several final results: {finals.most_common(3)}"),
+        (not recorder.books.wrong, f"boot and seq mislead: {recorder.books.wrong[:3]}"),
+        (not recorder.bad, f"unreadable messages: {recorder.bad[:3]}"),
+        ("Traceback" not in w.gateway.log, "an unhandled exception is in the log"),
+        (slowest_s <= STOP_WITHIN_S + latency_s, f"a stop took {slowest_s} s"),
+    ):
+        w.check(is_right, what)
+    if len(w.samples) > 1:
+        (first, first_files), (last, last_files) = w.samples[0], w.samples[-1]
+        w.check(last_files <= first_files + 1, f"file descriptors {first_files} -> {last_files}")
+        w.check(last.threads <= first.threads + 1, f"threads {first.threads} -> {last.threads}")
+        grown_kib = last.rss_kib - first.rss_kib
+        w.check(grown_kib < GROWN_KIB, f"memory {first.rss_kib} -> {last.rss_kib} KiB")
 
 
-def _is_machines_trip(w: World, at_s: float) -> bool:
-    """Return whether a starter would not have tripped, had the machine let us run."""
-    silent_s = w.watchdog_s - MACHINE.held_s(at_s - w.watchdog_s, at_s)
-    return silent_s <= w.watchdog_s / WIDE_FACTOR
+def _judge_trips(w: World, name: str, trips: list[tuple[float, str]], *, may_trip: bool) -> None:
+    """Check that no watchdog has acted, but for want of a processor."""
+    faults = [
+        code
+        for at_s, code in trips
+        if w.watchdog_s - MACHINE.held_s(at_s - w.watchdog_s, at_s) > w.watchdog_s / WIDE_FACTOR
+    ]
+    if not may_trip and len(faults) < len(trips):
+        w.row.measurements[f"trips of {name}"] = f"{len(trips) - len(faults)} for want of a processor"
+    w.check(may_trip or not faults, f"{name}: watchdog tripped ({faults})")
 
 
-def _judge_line(w: World, report: dict[str, Any]) -> None:
+def _judge_silences(w: World, report: dict[str, Any]) -> None:
     """Check that the gateway observed all silences; what the machine muddled is counted, and must be rare."""
     faults = [
         text
@@ -74,25 +78,4 @@ def _judge_line(w: World, report: dict[str, Any]) -> None:
     w.check(not faults, f"line violations: {faults[:3]}")
     w.check(excused <= 1 + EXCUSED_SHARE * requests, f"{excused} line violations in {requests} requests")
     if excused:
-        w.measurements["line muddled by the machine"] = excused
-
-
-def _judge_values(w: World, values: dict[str, dict[str, list[Any]]]) -> None:
-    false = never_had(w.recorder.good, values)
-    w.measurements["good values"] = len(w.recorder.good)
-    w.check(not false, f"shown as good, never had: {false[:3]}")
-
-
-def _judge_samples(w: World) -> None:
-    if len(w.samples) < 2:
-        return
-    (first, first_files), (last, last_files) = w.samples[0], w.samples[-1]
-    w.check(last_files <= first_files + 1, f"file descriptors {first_files} -> {last_files}")
-    w.check(last.threads <= first.threads + 1, f"threads {first.threads} -> {last.threads}")
-    grown_kib = last.rss_kib - first.rss_kib
-    w.check(grown_kib < GROWN_KIB, f"memory {first.rss_kib} -> {last.rss_kib} KiB")
-
-
-def _stop_latency_s(w: World) -> float:
-    statistics = w.recorder.latest.get("gateway/line/hall", {})
-    return float(statistics.get("stop_latency_s", {}).get("computed", 1.0))
+        w.row.measurements["line muddled by the machine"] = excused

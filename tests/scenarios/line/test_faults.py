@@ -79,36 +79,26 @@ def fast_port(plant: RigPlant) -> None:
 
 
 LOST = [
-    row(
-        "one lost reply changes nothing: the next poll comes as planned",
-        given=SSW07,
-        at={3.1: fault("lose", "pump", count=1)},
-        then={30.0: [*CALM, asked_within(1.1, "pump", since=3.1, until=30.0), true_values, clean_line]},
+    *(
+        row(
+            f"lost replies, {count} in a row, are no lost starter: the next poll comes as planned",
+            given=SSW07,
+            at={3.1: fault("lose", "pump", count=count)},
+            then={30.0: [*CALM, asked_within(gap_s, "pump", since=3.1, until=30.0), true_values, clean_line]},
+        )
+        for count, gap_s in ((1, 1.1), (3, 2.5))
     ),
-    row(
-        "three lost replies in a row are no lost starter",
-        given=SSW07,
-        at={3.1: fault("lose", "pump", count=3)},
-        then={30.0: [*CALM, asked_within(2.5, "pump", since=3.1, until=30.0), true_values]},
-    ),
-    row(
-        "where a twentieth of the replies is lost every starter stays online and no value is wrong",
-        given=FOUR,
-        at={3.1: impaired(NoReply(), chance=0.05)},
-        then={
-            120.0: [
-                never("starter/+/availability", since=3.1, state="offline"),
-                asked_within(4.0, since=3.1, until=120.0),
-                true_values,
-                clean_line,
-            ]
-        },
-    ),
-    row(
-        "where three in ten are lost no value is wrong and no starter is left for longer than the back-off",
-        given=FOUR,
-        at={3.1: impaired(NoReply(), chance=0.3)},
-        then={120.0: [asked_within(20.0, since=3.1, until=120.0), true_values, clean_line]},
+    *(
+        row(
+            f"where {share:.0%} of the replies are lost no value is wrong, and none is left for {most_s} s",
+            given=FOUR,
+            at={3.1: impaired(NoReply(), chance=share)},
+            then={120.0: [asked_within(most_s, since=3.1, until=120.0), true_values, clean_line, *also]},
+        )
+        for share, most_s, also in (
+            (0.05, 4.0, [never("starter/+/availability", since=3.1, state="offline")]),
+            (0.3, 20.0, []),
+        )
     ),
     row(
         "a read is repeated once when its reply is corrupted, not twice",
@@ -121,12 +111,15 @@ LOST = [
             35.0: [*CALM, true_values, clean_line, msg("gateway/line/pumps", garbled=2)],
         },
     ),
-    row(
-        "a write is not repeated when its acknowledgement is corrupted: what is read decides",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 3.05: fault("cut", "pump", count=2)},
-        then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
+    *(
+        row(
+            f"a write is not repeated when its acknowledgement is {words}: what is read decides",
+            given=SSW07 + ALICE,
+            sim={"pump": QUICK},
+            at={3.0: command("pump/alice/start"), 3.05: fault(kind, "pump", count=2)},
+            then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
+        )
+        for kind, words in (("cut", "corrupted"), ("lose", "lost"))
     ),
     row(
         "of corrupted frames in both directions no value, state or command comes out wrong",
@@ -142,13 +135,6 @@ LOST = [
         },
     ),
     row(
-        "a start whose acknowledgement is lost is written once, and confirmed by what is read",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 3.05: fault("lose", "pump", count=2)},
-        then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
-    ),
-    row(
         "a start that a starter never gets is written once, is not confirmed, and is taken back",
         given=SSW07 + ALICE,
         at={3.0: command("pump/alice/start"), 3.025: fault("silent", "pump", for_s=2.0)},
@@ -158,22 +144,10 @@ LOST = [
 
 LATE = [
     row(
-        "a reply that comes late is dropped, not taken for the answer to the next request",
-        given=SSW07,
-        at={3.1: late_by(5, 0.3)},
-        then={20.0: [never("starter/pump/availability", since=3.1), true_values]},
-    ),
-    row(
         "a state is as old as the delay and two periods, and never wrong, while replies come 0.3 s late",
         given=SSW07,
         at={3.0: f"pump {READY_07}", 4.0: [f"pump {RUNNING_07}", impaired(Late(15.0), chance=0.2)]},
         then={3.9: msg("starter/pump/state", state="ready"), 9.0: msg("starter/pump/state", state="running")},
-    ),
-    row(
-        "replies that are late for minutes make no value and no state wrong, on a line of all families",
-        given=FOUR,
-        at={3.1: impaired(Late(8.0), chance=0.1)},
-        then={120.0: [true_values, states_only("ready", "not_ready", "unknown")]},
     ),
     row(
         "an old acknowledgement of a stop does not confirm a later one",
@@ -197,19 +171,6 @@ LATE = [
         },
     ),
     row(
-        "of several late replies in one go each is dropped, and the next reply is believed",
-        given=SSW07,
-        at={10.0: late_by(1, 1.1)},
-        then={
-            20.0: [
-                never("starter/pump/availability", since=3.1, state="offline"),
-                true_values,
-                asked_within(3.0, "pump", since=3.1, until=20.0),
-            ],
-            65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] > 1 else "not several",
-        },
-    ),
-    row(
         "a reply that comes after its port was lost and opened again is no answer either",
         given=FOUR,
         at={3.1: impaired(Late(40.0)), 3.3: "line pumps unplug", 3.8: [healed, "line pumps plug"]},
@@ -230,23 +191,14 @@ LATE = [
 ]
 
 NOISE = [
-    row(
-        "a stray byte before every reply costs nothing",
-        given=SSW07,
-        at={3.1: lambda plant: stray_at_replies(plant, b"\x00")},
-        then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
-    ),
-    row(
-        "two stray bytes before every reply cost nothing either",
-        given=SSW07,
-        at={3.1: lambda plant: stray_at_replies(plant, b"\xff\x00")},
-        then={20.0: [never("starter/+/availability", since=3.1), true_values]},
-    ),
-    row(
-        "a stray byte after every reply costs nothing",
-        given=FOUR,
-        at={3.1: lambda plant: stray_at_replies(plant, after=b"\x00")},
-        then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
+    *(
+        row(
+            f"stray bytes at every reply cost nothing: {before.hex()} before it, {after.hex()} after it",
+            given=FOUR,
+            at={3.1: lambda plant, at=(before, after): stray_at_replies(plant, *at)},
+            then={20.0: [*CALM, true_values, asked_within(1.1, "pump", since=3.1, until=20.0)]},
+        )
+        for before, after in ((b"\x00", b""), (b"\xff\x00", b""), (b"", b"\x00"))
     ),
     row(
         "a start and a stop are confirmed though a stray byte comes before every acknowledgement",

@@ -18,7 +18,6 @@ from tests.rig import (
     msg,
     never,
     play,
-    publish,
     reload,
     result,
     row,
@@ -261,43 +260,28 @@ STATISTICS = [
         then={100.0: lambda plant: _apart(plant, 29.0, 31.0)},
     ),
     row(
-        "misses are counted for the line and for the starter",
-        given=TWO,
-        at={10.0: fault("lose", "pump", count=3)},
-        then={
-            65.0: [
-                line_says(silent=(3, 3)),
-                msg("gateway/line/pumps", units={"1": {"silent": 3}, "2": {"silent": 0}}),
-            ]
+        "misses, refusals and late replies are counted for their starter",
+        given=EIGHT,
+        at={
+            10.0: [fault("lose", "pump-1", count=3), fault("silent", "pump-4")],
+            11.0: [fault("refuse", "pump-2", 4, for_s=0.5), fault("delay", "pump-3", 0.2, count=1)],
         },
-    ),
-    row(
-        "refusals are counted for what they are",
-        given=TWO,
-        at={10.0: fault("refuse", "pump", 4, for_s=0.5)},
-        then={65.0: [lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["refused"] else "none"]},
-    ),
-    row(
-        "late replies are counted for their starter, also the one that had to wait for the first",
-        given=SSW07,
-        at={10.0: fault("delay", "pump", 0.2, count=1)},
-        then={65.0: lambda p: "" if p.last("gateway/line/pumps")["units"]["1"]["late"] == 2 else "not two"},
-    ),
-    row(
-        "response times are those of the starters, by function",
-        given=TWO,
         then={
             65.0: msg(
                 "gateway/line/pumps",
-                units={"1": {"response_time_s": {"p50": pytest.approx(0.0125, abs=0.007), "p99": ...}}},
+                units={
+                    "1": {"silent": 3, "late": 0, "state": "answering"},
+                    "2": {"silent": 0, "refused": pytest.approx(3, abs=2)},
+                    "3": {"late": 1, "response_time_s": {"p50": pytest.approx(0.0125, abs=0.007)}},
+                    "4": {"state": "silent"},
+                },
             )
         },
     ),
     row(
-        "an offline starter is called silent",
-        given=TWO,
-        at={5.0: fault("silent", "pump")},
-        then={65.0: msg("gateway/line/pumps", units={"1": {"state": "silent"}, "2": {"state": "answering"}})},
+        "a line that is asked without a pause is full, which is no event",
+        given=SSW07.replace("every_s = 1.0", "every_s = 0"),
+        then={100.0: [line_says(utilisation=(0.9, 1.0)), never("gateway/event", code="line_saturated")]},
     ),
     row(
         "all periods of an over-full line are stretched by one factor, and no starter is left out",
@@ -318,17 +302,6 @@ STATISTICS = [
         given=TWO,
         at={5.0: "pump VB01 = 0x010B"},
         then={15.0: [asked_within(0.6, "pump", since=6.0, until=15.0), clean_line]},
-    ),
-    row(
-        "the silence is observed at every speed and framing, also under commands",
-        given=FOUR.replace("baud = 19200", "baud = 38400") + ALICE,
-        at={3.0: command("pump/alice/start"), 5.0: publish("command/pump/alice/stop", client="alice")},
-        then={15.0: [result("stop confirmed ok"), clean_line]},
-    ),
-    row(
-        "at 9600 bit/s too",
-        given=TWO.replace("baud = 19200", "baud = 9600"),
-        then={30.0: [msg("starter/fan/value/current", quality="good"), clean_line]},
     ),
 ]
 
