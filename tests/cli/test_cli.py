@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.cli.broker import password_of
 from gateway.cli.main import COMMANDS, EXAMPLES, main, whole_parser
 
 
@@ -42,6 +43,15 @@ def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:
 def commands() -> dict[str, argparse.ArgumentParser]:
     (choices,) = [a.choices for a in whole_parser()._actions if isinstance(a, argparse._SubParsersAction)]
     return dict(choices)
+
+
+def test_a_password_is_of_the_environment_else_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
+
+    assert password_of("alice", "b", password_file=None) == "typed at 'Password of alice at b: '"
+    monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "a")
+    assert password_of("alice", "b", password_file=None) == "a"
 
 
 def test_only_the_chosen_command_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
