@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         return _diff(args)
     wanted = _read_file(args.file)
     live = LiveStarter.find(args.config, args.starter, args)
-    return asyncio.run(restore(live, wanted, args, Progress()))
+    return asyncio.run(restore(live, wanted, args))
 
 
 def _save(args: argparse.Namespace) -> int:
@@ -142,10 +142,8 @@ def _read_live(live: LiveStarter) -> ParameterSet:
     """Read everything of a starter, with a progress line."""
 
     async def read() -> ParameterSet:
-        progress = Progress()
         info = await live.info()
-        read = await live.read(reading.readable_codes(live.profile), progress.show)
-        progress.end()
+        read = await live.read(reading.readable_codes(live.profile), Progress())
         entries = entries_of(live.profile, variant_of(info), read.rows)
         taken, ids = rfc3339(time.time()) or "", (info.model, info.firmware, info.serial)
         return ParameterSet(live.name, live.profile.family, taken, *ids, entries, read.refused)

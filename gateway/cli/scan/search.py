@@ -16,7 +16,7 @@ from gateway.cli.command import Progress
 from gateway.contract import CommandError
 from gateway.errors import PortError
 from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
-from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey, silent_cost_s
+from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey
 from gateway.modbus import Framing, LineTiming, ReadHoldingRegisters, Request
 from gateway.starters import Ask, read_in_bulk
 
@@ -100,11 +100,7 @@ class Search:
             for address in settings.addresses
             if (address in LIKELY_ADDRESSES) is is_likely
         )
-        self._costs_s = {  # of an address without a device
-            timing: silent_cost_s(PROBE, timing, response_time_s=settings.response_time_s)
-            for timing in settings.timings
-        }
-        self._spent_s = 0.0
+        self._done = 0
         self._waits_s: Iterator[float] = iter(())  # a port that has never been open is not waited for
         self._due: dict[tuple[LineTiming, int], tuple[float, float]] = {}  # when to ask again, and how often
 
@@ -129,13 +125,12 @@ class Search:
     async def _step(self, survey: Survey) -> Find | None:
         """Look at one address; after the first starter only this setting is left: a line has one."""
         timing, address = self._left[0]
-        left_s = sum(self._costs_s[each] for each, _ in self._left)
-        share = self._spent_s / (self._spent_s + left_s)
-        self._progress.show(share, f"{timing.baud} {timing.framing} address {address}", left_s=left_s)
+        share = self._done / (self._done + len(self._left))
+        self._progress.show(share, f"{timing.baud} {timing.framing} address {address}")
         await self._keep_quiet(survey)
         find = await self._look(survey, address)
         self._left.popleft()
-        self._spent_s += self._costs_s[timing]
+        self._done += 1
         if find is not None:
             self._progress.say(f"address {address} at {timing.baud} {timing.framing}: {find.described}")
             for watchdog in find.watchdogs[:1]:
