@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gateway.cli.command import Progress
@@ -30,9 +30,9 @@ ADDRESSES = range(1, 248)
 PROBE = ReadHoldingRegisters(5001, 1)
 _SLOWEST_REPLY_S = 0.1  # of a unit that is there
 _WATCHDOG_SHARE = 1 / 3  # of its time, after which a unit is asked again
-# Between attempts to open the port again: a serial server that takes one connection at a time, or an adapter
-# that was unplugged for a moment, needs some time before it can be opened again.
-_REOPEN_AFTER_S = (0.2, 0.5, 1.0, 2.0, 4.0)
+# A serial server that takes one connection at a time, or an adapter that was unplugged for a moment, needs
+# some time before it can be opened again.
+_REOPENED_AFTER_S, _REOPENED_TIMES = 1.5, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Search:
             if (address in LIKELY_ADDRESSES) is is_likely
         )
         self._done = 0
-        self._waits_s: Iterator[float] = iter(())  # a port that has never been open is not waited for
+        self._attempts = 0  # that are left; a port that has never been open is not waited for
         self._due: dict[tuple[LineTiming, int], tuple[float, float]] = {}  # when to ask again, and how often
 
     async def run(self) -> list[Find]:
@@ -112,14 +112,14 @@ class Search:
             try:
                 async with Survey(self._open_with(timing), timing) as survey:
                     while self._left and self._left[0][0] == timing:
-                        self._waits_s = iter(_REOPEN_AFTER_S)
+                        self._attempts = _REOPENED_TIMES
                         if (find := await self._step(survey)) is not None:
                             found.append(find)
             except PortError:
-                wait_s = next(self._waits_s, None)
-                if wait_s is None:
+                if not self._attempts:
                     raise
-                await asyncio.sleep(wait_s)
+                self._attempts -= 1
+                await asyncio.sleep(_REOPENED_AFTER_S)
         return found
 
     async def _step(self, survey: Survey) -> Find | None:
