@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import math
 import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TextIO
@@ -146,21 +147,20 @@ def counted(number: int, what: str) -> str:
 
 
 class Progress:
-    """Shows a share of the whole and the time left."""
+    """Shows how far one piece of work has come, and how long the rest may take."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._is_terminal = self._stream.isatty()
+        self._began_s = time.monotonic()
         self._next_share = 0.0
-        self._is_shown = False
 
-    def show(self, share: float, what: str, *, left_s: float | None = None) -> None:
-        """Show that this share (0..1) is done, what is being done, and how long the rest will take."""
-        left = "" if left_s is None else f", {in_words(left_s)} left"
-        text = f"{min(share, 1.0):4.0%} {what}{left}"
+    def show(self, share: float, what: str) -> None:
+        """Show that this share (0..1) is done, and what is being done."""
+        left_s = (time.monotonic() - self._began_s) * (1.0 / share - 1.0) if 0.0 < share < 1.0 else 0.0
+        text = f"{min(share, 1.0):4.0%} {what}" + (f", {in_words(left_s)} left" if left_s else "")
         if self._is_terminal:
             self._stream.write(_CLEAR + text)
-            self._is_shown = True
         elif share >= self._next_share:
             self._next_share = (int(share / STEP) + 1) * STEP
             self._stream.write(text + "\n")
@@ -174,15 +174,9 @@ class Progress:
 
     def clear(self) -> None:
         """Take the changing line away."""
-        if self._is_shown:
+        if self._is_terminal:
             self._stream.write(_CLEAR)
             self._stream.flush()
-            self._is_shown = False
-
-    def end(self) -> None:
-        """Take the changing line away for good: what is shown next is the beginning of something else."""
-        self.clear()
-        self._next_share = 0.0
 
 
 def in_words(seconds: float) -> str:

@@ -17,7 +17,6 @@ from gateway.app.io import MACHINE, Io
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import upgrade_site
-from gateway.config import Config
 from gateway.store import backup
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
@@ -44,11 +43,6 @@ def run(args: argparse.Namespace) -> int:
         backup.keep_private(site.state_dir)
         asyncio.run(serve_site(path, site))
     return 0
-
-
-async def serve(path: Path, config: Config, password: str | None) -> None:
-    """Run a gateway until it is asked to end; SIGHUP makes it read the file again."""
-    await serve_site(path, Site.of(config, folder=path.parent, password=password, path=path))
 
 
 async def serve_site(path: Path, site: Site, *, io: Io = MACHINE) -> None:

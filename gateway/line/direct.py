@@ -16,7 +16,7 @@ from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.transaction import ALLOWANCE_S, reply_within_s, request_wire_s
+from gateway.line.rtu.transaction import ALLOWANCE_S
 from gateway.modbus import LineTiming, Request
 
 
@@ -114,9 +114,3 @@ class Survey:
         if self._master is None:
             raise ValueError("the survey has not begun")
         return await self._master.transact(unit, request, response_time_s=response_time_s)
-
-
-def silent_cost_s(request: Request, timing: LineTiming, *, response_time_s: float) -> float:
-    """Return how long it takes to learn that a unit does not answer: a late reply is waited for too."""
-    within_s = reply_within_s(request, timing, response_time_s=response_time_s, allowance_s=ALLOWANCE_S)
-    return timing.silence_s + request_wire_s(request, timing) + within_s + response_time_s

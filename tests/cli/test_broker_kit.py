@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.folder import password_line
 from gateway.cli.broker_kit.logins import logins_of
 from gateway.cli.broker_kit.rights import tried_topics
 from gateway.cli.broker_kit.settings import KitSettings
@@ -31,6 +29,7 @@ operator = "alice"
 """
 HOME_ASSISTANT = '\n[homeassistant]\noperator = "alice"\n'
 PLAIN = (URL, 'url = "mqtt://localhost"\nusername = "mcc1"')  # needs no certificate
+BOB = '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n'
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
 SEEN = {"starters/mcc1/starter/#", "starters/mcc1/gateway/#"}
 BORN = {"NBIRTH/mcc1", "NDATA/mcc1", "NDEATH/mcc1", "DBIRTH/mcc1/+", "DDATA/mcc1/+", "DDEATH/mcc1/+"}
@@ -67,12 +66,23 @@ CENTRAL = {
 }
 
 
-def made(tmp_path: Path, *options: str, site: str = changed(PLAIN), code: int = 0) -> Path:
+def made(
+    tmp_path: Path, *options: str, site: str = changed(PLAIN), code: int = 0, folder: str = "kit"
+) -> Path:
     """Write a kit by the command line, and return its folder."""
     path = tmp_path / "site.toml"
     path.write_text(site, "utf-8")
-    assert main(["broker-kit", str(path), str(tmp_path / "kit"), *options]) == code
-    return tmp_path / "kit"
+    assert main(["broker-kit", str(path), str(tmp_path / folder), *options]) == code
+    return tmp_path / folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def given(folder: Path, key: str = "broker.key") -> list[str]:
+    """Return the options that give the certificates of another kit to this one."""
+    return ["--ca", str(folder / "ca.pem"), "--cert", str(folder / "broker.pem"), "--key", str(folder / key)]
 
 
 def rights(acl: Path) -> dict[str, tuple[set[str], set[str]]]:
@@ -129,21 +139,20 @@ def test_the_proof_tries_every_verb_and_expects_what_the_list_says() -> None:
     }
 
 
-def test_discovery_passes_a_bridge_whose_bases_are_the_same(tmp_path: Path) -> None:
-    site = changed(PLAIN, ("[[operator]]", f"{HOME_ASSISTANT}\n[[operator]]"))
+@pytest.mark.parametrize(
+    ("change", "up", "down"),
+    [
+        (("[[operator]]", f"{HOME_ASSISTANT}\n[[operator]]"), {*TELEMETRY, DISCOVERY}, {BIRTH}),
+        (("[[operator]]", f"{BOB}\n[[operator]]"), TELEMETRY, {"starters/mcc1/command/+/alice/+"}),
+    ],
+    ids=["discovery, as both bases are the same", "no operator who may also prove by token"],
+)
+def test_a_bridge_passes(tmp_path: Path, change: tuple[str, str], up: set[str], down: set[str]) -> None:
+    dated = () if "home" in change[1] else (DATED,)
 
-    found = rights(made(tmp_path, "--bridge=central", site=site) / "acl")
+    found = rights(made(tmp_path, "--bridge=central", site=changed(PLAIN, change, *dated)) / "acl")
 
-    assert found["bridge-up"] == ({*TELEMETRY, DISCOVERY}, set())
-    assert found["bridge-down"] == (set(), {BIRTH})  # alice's commands are not dated
-
-
-def test_an_operator_who_may_also_prove_by_token_does_not_pass_the_bridge(tmp_path: Path) -> None:
-    twice = ("[[operator]]", '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]')
-
-    found = rights(made(tmp_path, "--bridge=central", site=changed(PLAIN, twice, DATED)) / "acl")
-
-    assert found["bridge-down"] == (set(), {"starters/mcc1/command/+/alice/+"})
+    assert (found["bridge-up"], found["bridge-down"]) == ((up, set()), (set(), down))
 
 
 def test_sparkplug_needs_a_login_of_its_own_at_this_broker(tmp_path: Path) -> None:
@@ -154,16 +163,6 @@ def test_sparkplug_needs_a_login_of_its_own_at_this_broker(tmp_path: Path) -> No
     kit = made(tmp_path, site=changed(PLAIN, elsewhere))
 
     assert "spBv1.0" not in (kit / "acl").read_text("utf-8")
-
-
-def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:
-    salt = base64.b64decode("AAECAwQFBgcICQoL")
-
-    line = password_line("alice", "secret", salt=salt)
-
-    assert line.startswith("alice:$7$101$AAECAwQFBgcICQoL$")
-    assert len(base64.b64decode(line.rpartition("$")[2])) == 64
-    assert password_line("alice", "secret") != password_line("alice", "secret")
 
 
 @pytest.mark.parametrize(
@@ -187,45 +186,130 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
     )
 
 
-@pytest.fixture
-def config_file(tmp_path: Path) -> Path:
-    path = tmp_path / "site.toml"
-    path.write_text(changed(NAMED), "utf-8")
-    return path
-
-
 @needs_openssl
 def test_a_bridge_whose_commands_this_clock_refuses_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "site.toml"
     name = 'name = "mcc1"'
-    path.write_text(changed(NAMED, DATED, (name, f'{name}\nclock = "untrusted"')), "utf-8")
-    kit = ["broker-kit", str(path), str(tmp_path / "kit")]
+    site = changed(NAMED, DATED, (name, f'{name}\nclock = "untrusted"'))
 
-    assert main(kit) == 0
+    made(tmp_path, site=site)
     without = capsys.readouterr().out
-    assert main([*kit, "--update", "--bridge", "central"]) == 0
-    bridged = capsys.readouterr().out
+    made(tmp_path, "--update", "--bridge", "central", site=site)
 
     assert "need issued_at" not in without
-    assert "warning operator alice: the commands of this operator need issued_at" in bridged
+    assert "warning operator alice: the commands of this operator need issued_at" in capsys.readouterr().out
 
 
 @needs_openssl
-def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
-    config_file: Path, tmp_path: Path
-) -> None:
-    kit = tmp_path / "kit"
-    assert main(["broker-kit", str(config_file), str(kit), "--host", "b.plant", "--host", "10.0.0.7"]) == 0
+def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(tmp_path: Path) -> None:
+    kit = made(tmp_path, "--host", "b.plant", "--host", "10.0.0.7", site=changed(NAMED))
 
     openssl = ["openssl", "x509", "-noout", "-text", "-in", str(kit / "broker.pem")]
     shown = subprocess.run(openssl, capture_output=True, text=True, check=True, timeout=20).stdout
     assert "DNS:b.plant, IP Address:10.0.0.7" in shown
     verify = ["openssl", "verify", "-x509_strict", "-CAfile", str(kit / "ca.pem"), str(kit / "broker.pem")]
     subprocess.run(verify, capture_output=True, check=True, timeout=20)
-    assert (kit / "ca.key").stat().st_mode & 0o777 == 0o600
-    assert (kit / "broker.key").stat().st_mode & 0o777 == 0o600
+    public = {path.name for path in kit.rglob("*") if path.is_file() and path.stat().st_mode & 0o077}
+    assert public == {"ca.pem", "broker.pem"}
+    assert kit.stat().st_mode & 0o077 == 0
+
+
+def test_a_folder_with_other_things_in_it_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "kit/logins").mkdir(parents=True)
+    (tmp_path / "kit/logins/bank").write_text("precious", "utf-8")
+    before = contents(tmp_path / "kit")
+
+    made(tmp_path, code=2)
+
+    assert "holds no kit, but logins" in capsys.readouterr().err
+    assert contents(tmp_path / "kit") == before
+
+
+@needs_openssl
+def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_this_broker(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = changed(NAMED)
+    plant = made(tmp_path, site=site, folder="plant")
+    other = made(tmp_path, site=site.replace("broker.plant", "other.plant"), folder="other")
+    kit = made(tmp_path, site=site)
+    before = contents(kit)
+    mixed = made(tmp_path, site=site, folder="mixed")
+    shutil.copy(other / "ca.pem", mixed / "ca.pem")
+    for options, what in (
+        (given(other), "--cert is not for broker.plant"),
+        (given(plant, "../other/broker.key"), "do not fit together: "),
+        (given(mixed), "do not fit together: "),
+        (["--bridge-ca", str(tmp_path / "site.toml"), "--bridge", "central"], "is no PEM file"),
+    ):
+        made(tmp_path, "--update", *options, site=site, code=2)
+        assert what in capsys.readouterr().err
+    assert contents(kit) == before
+
+    made(tmp_path, "--update", *given(plant), site=site)
+
+    assert not (kit / "ca.key").exists()
+    assert contents(kit)["broker.pem"] == contents(plant)["broker.pem"]
+    assert "certificate is valid until" in capsys.readouterr().out
+
+
+@needs_openssl
+def test_without_the_authoritys_key_the_certificate_stays_and_must_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kit = made(tmp_path, site=changed(NAMED))
+    (kit / "ca.key").unlink()
+    before = (kit / "broker.pem").read_bytes()
+
+    made(tmp_path, "--update", "--viewer", "panel", site=changed(NAMED))
+    assert (kit / "broker.pem").read_bytes() == before
+
+    made(tmp_path, "--update", "--host", "new.plant", site=changed(NAMED), code=2)
+    assert "no certificate here is for new.plant (fetch ca.key back" in capsys.readouterr().err
+
+
+@needs_openssl
+def test_an_update_keeps_what_it_does_not_name_and_takes_away_what_an_empty_option_names(
+    tmp_path: Path,
+) -> None:
+    site = changed(NAMED)
+    authority = str(made(tmp_path, site=site, folder="plant") / "ca.pem")
+    kit = made(tmp_path, "--bridge", "central", "--bridge-ca", authority, "--login", "two=alice", site=site)
+    before = contents(kit)
+    made(tmp_path, "--update", site=site)
+    after = contents(kit)
+    changes = {name for name in before if before[name] != after[name]}
+    assert changes == {"broker.pem", "broker.key", "passwords", "central/passwords"}  # new salts
+    assert "bridge_cafile" in after["bridge.conf"].decode()
+
+    made(tmp_path, "--update", "--bridge", "", "--login", "", "--auditor", "", site=site)
+
+    left = contents(kit)
+    assert [name for name in left if "bridge" in name or "central" in name] == []
+    assert {name for name in left if "/" in name} == {
+        f"logins/{name}" for name in ("alice", "mcc1", "prover", "viewer")
+    }
+    assert KitSettings.read(kit).bridge == ""
+
+
+@needs_openssl
+def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of_the_first(
+    tmp_path: Path,
+) -> None:
+    like, second = made(tmp_path, site=changed(NAMED), folder="one"), changed(NAMED).replace("mcc1", "mcc2")
+
+    two = contents(made(tmp_path, "--like", str(like), site=second, folder="two"))
+
+    one = contents(like)
+    assert {name for name in one if name.startswith("logins/") and one[name] == two.get(name)} == {
+        f"logins/{name}" for name in ("alice", "auditor", "prover", "viewer")
+    }
+    assert "logins/mcc2" in two
+    assert two["ca.pem"] == one["ca.pem"]
+    made(tmp_path, "--like", str(tmp_path / "none"), site=second, folder="three", code=2)
 
 
 @pytest.mark.parametrize(
@@ -235,31 +319,31 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
         (["--viewer", "prover"], "two logins have the name prover"),
         (["--viewer", "acl-probe"], "two logins have the name acl-probe"),
         (["--login", "alice=alice"], "two logins have the name alice"),
-        (["--viewer", "a b"], "no name for a login"),
-        (["--auditor", ".."], "no name for a login"),
+        (["--viewer", "a b"], "is no NAME"),
+        (["--auditor", ".."], "is no NAME"),
         (["--login", "x=carol"], "no [[operator]] carol"),
-        (["--host", "a,DNS:evil"], "no name or address"),
-        (["--host", "bröker.plant"], "no name or address"),
-        (["--host", "a b"], "no name or address"),
-        (["--host=-a"], "no name or address"),
-        (["--host={gateway}"], "no name or address"),
+        (["--host", "a,DNS:evil"], "is no ADDRESS"),
+        (["--host", "bröker.plant"], "is no ADDRESS"),
+        (["--host", "a b"], "is no ADDRESS"),
+        (["--host=-a"], "is no ADDRESS"),
+        (["--host={gateway}"], "is no ADDRESS"),
         (["--ca", "x"], "go together"),
-        (["--login", "x"], "NAME=OPERATOR"),
-        (["--bridge", "central:x"], "HOST"),
-        (["--bridge", "central:65536"], "HOST"),
-        (["--bridge", "central evil:8883"], "HOST"),
-        (["--bridge", "[::1]:8883"], "HOST"),
-        (["--bridge", "central", "--bridge-base", "a/#"], "no base"),
-        (["--bridge", "central", "--bridge-base", "acme/site 1"], "no base"),
-        (["--bridge", "central", "--bridge-base", "acme\ntopic # out"], "no base"),
-        (["--bridge", "central", "--bridge-base", "$share/acme"], "no base"),
+        (["--login", "x"], "is no NAME=OPERATOR"),
+        (["--bridge", "central:x"], "is no HOST"),
+        (["--login", "..=alice"], "is no NAME=OPERATOR"),
+        (["--bridge", "central evil:8883"], "is no HOST"),
+        (["--bridge", "[::1]:8883"], "is no HOST"),
+        (["--bridge", "central", "--bridge-base", "a/#"], "is no BASE"),
+        (["--bridge", "central", "--bridge-base", "acme/site 1"], "is no BASE"),
+        (["--bridge", "central", "--bridge-base", "acme\ntopic # out"], "is no BASE"),
+        (["--bridge", "central", "--bridge-base", "$share/acme"], "is no BASE"),
         (["--bridge-ca", "/nowhere"], "no file"),
     ],
 )
 def test_wrong_options_are_refused_before_anything_is_written(
-    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], what: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], what: str
 ) -> None:
-    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), *options]) == 2
+    made(tmp_path, *options, code=2)
 
     assert what in capsys.readouterr().err
     assert not (tmp_path / "kit").exists()

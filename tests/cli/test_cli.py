@@ -1,13 +1,25 @@
+"""The command line itself, and the commands that need nothing else: `docs`, `web-password`."""
+
 from __future__ import annotations
 
 import argparse
+import io
+import re
+import socket
 import subprocess
 import sys
+import threading
+import tomllib
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
+from gateway.cli import docs
+from gateway.cli.broker import password_of
+from gateway.cli.command import Progress, in_words
 from gateway.cli.main import COMMANDS, EXAMPLES, main, whole_parser
+from gateway.system.password_hash import is_password
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -44,6 +56,15 @@ def commands() -> dict[str, argparse.ArgumentParser]:
     return dict(choices)
 
 
+def test_a_password_is_of_the_environment_else_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
+
+    assert password_of("alice", "b", password_file=None) == "typed at 'Password of alice at b: '"
+    monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "a")
+    assert password_of("alice", "b", password_file=None) == "a"
+
+
 def test_only_the_chosen_command_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     for command in COMMANDS:
         monkeypatch.delitem(sys.modules, f"gateway.cli.{command}", raising=False)
@@ -73,3 +94,113 @@ def test_a_reader_who_has_had_enough_draws_no_traceback() -> None:
 
         assert process.stderr.read() == b""
         assert process.wait(30.0) == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_one_line_changes_and_is_taken_away_at_the_end() -> None:
+    terminal = Terminal()
+    progress = Progress(terminal)
+
+    progress.show(0.1, "one")
+    progress.show(0.2, "two")
+    progress.say("found")
+    progress.clear()
+
+    said = terminal.getvalue()
+    assert said.count("\n") == 1
+    assert said.endswith("\r\x1b[Kfound\n\r\x1b[K")
+    assert re.search(r" 10% one, \d\.\d s left\r", said)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.04, "0.0 s"),
+        (-1, "0.0 s"),
+        (9.94, "9.9 s"),
+        (38.2, "38 s"),
+        (200, "3 min 20 s"),
+        (3900, "1 h 5 min"),
+    ],
+)
+def test_durations_are_written_in_words(seconds: float, text: str) -> None:
+    assert in_words(seconds) == text
+
+
+def test_the_line_of_a_password_from_standard_input_is_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("correct horse\n"))
+
+    assert main(["web-password"]) == 0
+
+    assert is_password("correct horse", tomllib.loads(capsys.readouterr().out)["password"])
+
+
+@pytest.mark.parametrize(("entered", "found"), [("short\n", "at least 8"), ("x" * 2000, "1 to 1024 bytes")])
+def test_a_password_that_cannot_be_used_is_refused(
+    entered: str, found: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(entered))
+
+    assert main(["web-password"]) == 2
+
+    assert found in capsys.readouterr().err
+
+
+def test_at_a_terminal_it_is_asked_for_twice(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = iter(["correct horse", "correct hors", "correct horse", "correct horse"])
+    monkeypatch.setattr(sys, "stdin", Terminal())
+    monkeypatch.setattr("getpass.getpass", lambda _: next(answers))
+
+    assert main(["web-password"]) == 2
+    assert "differ" in capsys.readouterr().err
+    assert main(["web-password"]) == 0
+    assert is_password("correct horse", tomllib.loads(capsys.readouterr().out)["password"])
+
+
+@pytest.fixture
+def documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "index.html").write_text("<h1>Starter Gateway</h1>", "utf-8")
+    monkeypatch.setattr(docs, "SITE", tmp_path)
+    return tmp_path
+
+
+def test_the_documentation_is_served_on_loopback(documentation: Path) -> None:
+    server = docs.server_of(0)
+    serving = threading.Thread(target=server.serve_forever)
+    serving.start()
+    try:
+        with urlopen(f"http://127.0.0.1:{server.server_port}/") as answer:
+            assert b"Starter Gateway" in answer.read()
+    finally:
+        server.shutdown()
+        serving.join()
+        server.server_close()
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_a_port_in_use_is_said_with_a_remedy(documentation: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+
+        assert main(["docs", "--port", str(port)]) == 1
+    assert f"127.0.0.1:{port}" in (said := capsys.readouterr().err)
+    assert "take another --port" in said
+
+
+def test_a_program_without_its_documentation_says_how_to_build_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(docs, "SITE", tmp_path / "none")
+
+    assert main(["docs"]) == 1
+    assert "make site" in capsys.readouterr().err

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, gateway_login
+from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, by_name, gateway_login
 from gateway.cli.broker_kit.rights import Login, Role, remote_clients
 from gateway.config import Config, is_loopback
-from gateway.errors import UsageError
 
 LOOPBACK_PORT = 18883  # of the edge's broker, for the bridge: TLS would gain nothing there
 BRIDGE_PORT = 18884  # of the bridge itself; no login may use it
@@ -63,29 +62,20 @@ def edge_port(config: Config) -> int:
 def central_logins(config: Config, logins: Sequence[Login], base: str) -> tuple[Login, ...]:
     """Return who logs in at the central broker for this site, with rights below this site's base only.
 
-    UsageError for what no such bridge can have: an operator with the name of one of its logins, who would
-    have its rights, a port that it needs itself, or a space in a topic.
+    UsageError for an operator with the name of one of the bridge's logins, who would have its rights.
     """
-    if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
-        raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
     (up, down), (out, into), notice = bridge_logins(config), _passing(logins), f"{base}/{NOTICE}"
-    if spaced := [each for each in (*out, *into) if " " in each]:
-        what = f"{spaced[0]}: Mosquitto's bridges take no space in a topic"
-        raise UsageError(f"{what} (rename it in [sparkplug])")
     found = [Login(up, "", {Role.BRIDGE_UP}, [], [*_moved(config, out, base), notice])]
     if into:
         found.append(Login(down, "", {Role.BRIDGE_DOWN}, _moved(config, into, base)))
     for login in logins:
-        if login.name not in remote_clients(config):
-            continue
-        if login.name in (up, down):
-            raise UsageError(f"the operator {login.name} has the name of the bridge's login there")
-        reads, writes = (
-            _moved(config, [each for each in filters if each.startswith(f"{config.base}/")], base)
-            for filters in (login.reads, login.writes)
-        )
-        found.append(Login(login.name, login.name, {Role.OPERATOR}, [*reads, notice], writes))
-    return tuple(found)
+        if login.name in remote_clients(config):
+            reads, writes = (
+                _moved(config, [each for each in filters if each.startswith(f"{config.base}/")], base)
+                for filters in (login.reads, login.writes)
+            )
+            found.append(Login(login.name, login.name, {Role.OPERATOR}, [*reads, notice], writes))
+    return tuple(by_name(found).values())
 
 
 def bridge_conf(
@@ -135,8 +125,8 @@ def bridge_conf(
 
 def _passing(logins: Sequence[Login]) -> tuple[list[str], list[str]]:
     """Return the filters at the edge of the telemetry that goes out, and of the commands that come in."""
-    by_name = {login.name: login for login in logins}
-    return by_name[BRIDGE_UP].reads, by_name[BRIDGE_DOWN].writes if BRIDGE_DOWN in by_name else []
+    named = {login.name: login for login in logins}
+    return named[BRIDGE_UP].reads, named[BRIDGE_DOWN].writes if BRIDGE_DOWN in named else []
 
 
 def _moved(config: Config, filters: list[str], base: str) -> list[str]:

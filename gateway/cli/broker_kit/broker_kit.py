@@ -8,31 +8,22 @@ from pathlib import Path
 
 from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on
-from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
-from gateway.cli.broker_kit.kit import write_kit
-from gateway.cli.broker_kit.logins import logins_of
+from gateway.cli.broker_kit.kit import CENTRAL, is_kit, write_kit
+from gateway.cli.broker_kit.logins import FOLDER, logins_of
 from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import Login, remote_clients
-from gateway.cli.broker_kit.settings import KitSettings
+from gateway.cli.broker_kit.settings import OPTIONS, KitSettings
 from gateway.cli.command import flag
 from gateway.cli.doctor.machine import dated_finding
 from gateway.config import Config, load, password_in
 from gateway.errors import UsageError
 
-_REPEATED = {  # option: metavar, the kit's option that it sets, help
-    "--host": ("NAME", "hosts", "a name or address of the broker, for its certificate; else mqtt.url's"),
-    "--viewer": ("NAME", "viewers", "a login that may only look on; else viewer"),
-    "--auditor": ("NAME", "auditors", "a login that reads events and audit; else auditor"),
-    "--login": ("NAME=OPERATOR", "further", "a further login of an operator, for a second program"),
-}
-_ONCE = {
-    "--bridge": ("HOST[:PORT]", "a central broker: adds a bridge to it"),
-    "--bridge-base": ("BASE", "base of this gateway's topics at the central broker, else mqtt.base"),
-    "--bridge-ca": ("FILE", "the central broker's authority, PEM, else those of the system"),
-    "--ca": ("FILE", "the plant's authority, PEM, in place of a new one; with --cert and --key"),
-    "--cert": ("FILE", "the broker's certificate, PEM, with what lies between it and the authority"),
-    "--key": ("FILE", "the broker's private key, PEM"),
-    "--like": ("DIR", "the kit of another gateway at the same broker: its authority and passwords"),
+_FILES = {
+    "--bridge-ca": "the central broker's authority, PEM, else those of the system",
+    "--ca": "the plant's authority, PEM, in place of a new one; with --cert and --key",
+    "--cert": "the broker's certificate, PEM, with what lies between it and the authority",
+    "--key": "the broker's private key, PEM",
+    "--like": "the kit of another gateway at the same broker, a folder: its authority and passwords",
 }
 
 
@@ -50,14 +41,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "write a kit again after a change of CONFIG or of the options below: stored passwords and the"
     about += " authority stay, the broker's certificate is signed again"
     flag(actions, "--update", about=about)
-    flag(actions, "--force", about="replace a kit, with new passwords and certificates")
     about = "contents of the kit (an update keeps the previous ones; '' takes one away)"
     contents = parser.add_argument_group(about)
-    for name, (metavar, sets, about) in _REPEATED.items():
-        about += "; may be repeated"
-        contents.add_argument(name, action="append", dest=sets, metavar=metavar, help=about)
-    for name, (metavar, about) in _ONCE.items():
-        contents.add_argument(name, metavar=metavar, help=about)
+    for name, option in OPTIONS.items():
+        is_one = isinstance(KitSettings.model_fields[option.sets].default, str)
+        contents.add_argument(
+            name,
+            action="store" if is_one else "append",
+            dest=option.sets,
+            metavar=option.metavar,
+            type=option.checked,
+            help=option.about + ("" if is_one else "; may be repeated"),
+        )
+    for name, about in _FILES.items():
+        contents.add_argument(name, metavar="PATH", help=about)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,9 +62,10 @@ def run(args: argparse.Namespace) -> int:
     config, folder = load(args.config), Path(args.folder)
     if args.prove:
         return _prove(config, Path(args.config).parent, folder)
-    if is_kit(folder) and not (args.update or args.force):
-        what = "--update adds what is new, --force replaces it with its passwords"
-        raise UsageError(f"{folder} holds a kit ({what})")
+    if is_kit(folder) and not args.update:
+        raise UsageError(
+            f"{folder} holds a kit (--update adds what is new; to begin again, remove the folder)"
+        )
     settings = (KitSettings.read(folder) if args.update else KitSettings()).changed(args)
     old = [*([folder] if args.update else []), *([Path(args.like)] if args.like else [])]
     if args.like and not is_kit(old[-1]):
@@ -77,14 +75,14 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _given(args: argparse.Namespace) -> dict[str, Path]:
-    """Return the files that the plant gives; UsageError."""
-    names = ("ca", "cert", "key", "bridge_ca")
-    given = {name: Path(getattr(args, name)) for name in names if getattr(args, name)}
+def _given(args: argparse.Namespace) -> dict[str, Path | None]:
+    """Return the files that the plant gives, None for one that it takes back; UsageError."""
+    texts = {name: getattr(args, name) for name in ("ca", "cert", "key", "bridge_ca")}
+    given = {name: Path(text) if text else None for name, text in texts.items() if text is not None}
     if 0 < len(given.keys() - {"bridge_ca"}) < 3:
         raise UsageError("--ca, --cert and --key go together")
     for path in given.values():
-        if not path.is_file():
+        if path is not None and not path.is_file():
             raise UsageError(f"{path} is no file")
     return given
 
@@ -120,9 +118,8 @@ def _prove(config: Config, place: Path, folder: Path) -> int:
     logins = logins_of(config, KitSettings.read(folder))
     passwords = {login.name: password_in(folder / FOLDER / login.name, key="password") for login in logins}
     proof = BrokerProof(config, place, logins, passwords)
-    findings = asyncio.run(proof.run())
-    for finding in findings:
+    asyncio.run(proof.run())
+    for finding in proof.findings():
         print(finding)
-    wrong = sum(finding.weight is not None for finding in findings)
-    print(f"{proof.probes} probes, {wrong} wrong")
-    return 1 if wrong else 0
+    print(f"{proof.probes} probes, {proof.wrong} wrong")
+    return 1 if proof.wrong else 0

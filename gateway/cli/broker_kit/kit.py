@@ -1,24 +1,43 @@
 """Writes a kit: the broker's configuration, access list, passwords and certificates, and the bridge's.
 
-It never replaces a kit unasked: an update draws no stored password and makes no authority again.
+A kit is made in a private folder inside its folder and moved over when it is complete, so that a refusal
+changes nothing. An update draws no stored password and makes no authority again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from gateway.cli.broker_kit import certificates
 from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, central_logins, edge_port
-from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY
-from gateway.cli.broker_kit.folder import CENTRAL, CENTRAL_CA, replaced, write_logins, write_private
-from gateway.cli.broker_kit.logins import logins_of
+from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY, copy_pem, put_certificates
+from gateway.cli.broker_kit.logins import FOLDER, logins_of, write_logins
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS, KitSettings
 from gateway.config import Config, is_loopback
 from gateway.errors import StartError, UsageError
 
+CENTRAL = "central"  # the part of the kit for the central broker
+CENTRAL_CA = "central-ca.pem"
 INSTALLED = "/etc/mosquitto/starter-gateway"  # where the files lie that Mosquitto reads
+
+_PUBLIC = (CA, CERT, CENTRAL_CA)
+_PARTS = (
+    "passwords",
+    "acl",
+    FOLDER,
+    CA_KEY,
+    KEY,
+    *_PUBLIC,
+    "mosquitto.conf",
+    "bridge.conf",
+    CENTRAL,
+    SETTINGS,
+)
+_STAGE = ".new-"
 _HEAD = """\
 # Mosquitto for Starter Gateway, in /etc/mosquitto/conf.d/; written by `starter-gateway broker-kit`.
 #
@@ -43,38 +62,41 @@ set_tcp_nodelay true
 """
 
 
+def is_kit(folder: Path) -> bool:
+    """Return whether a kit was written into this folder."""
+    return (folder / SETTINGS).exists()
+
+
 def write_kit(
-    config: Config, folder: Path, settings: KitSettings, given: Mapping[str, Path], old: Sequence[Path]
+    config: Config, folder: Path, settings: KitSettings, given: Mapping[str, Path | None], old: Sequence[Path]
 ) -> tuple[Login, ...]:
     """Write the kit and return its logins; StartError when the disk or openssl refuses.
 
-    `given` are the plant's own files, by `ca`, `cert`, `key` and `bridge_ca`. Passwords and certificates of
-    the kits `old` stay; the first that has one counts. A refusal changes nothing in the folder.
+    `given` are the plant's own files, by `ca`, `cert`, `key` and `bridge_ca`: None takes a stored one away.
+    Passwords and certificates of the kits `old` stay; the first that has one counts.
     """
-    logins, address = logins_of(config, settings), settings.central_address()
-    there = central_logins(config, logins, settings.central_base(config)) if settings.bridge else ()
+    logins, base = logins_of(config, settings), settings.central_base(config)
+    there = central_logins(config, logins, base) if base else ()
+    hosts = tuple(dict.fromkeys((*settings.hosts, config.mqtt.host))) if config.mqtt.is_tls else ()
     try:
-        with replaced(folder) as stage:
+        with _replaced(folder) as stage:
             passwords = write_logins(stage, logins, old)
-            _put_certificates(config, stage, settings, given, old)
+            put_certificates(stage, hosts, given, old, gateway=config.gateway.name)
             (stage / "mosquitto.conf").write_text(broker_conf(config, has_bridge=bool(there)), "utf-8")
             if there:
+                stored = next((each / CENTRAL_CA for each in old if (each / CENTRAL_CA).exists()), None)
+                if authority := given.get("bridge_ca", stored):
+                    copy_pem(authority, stage / CENTRAL_CA)
                 text = bridge_conf(
                     config,
                     logins,
-                    address=address,
-                    base=settings.central_base(config),
-                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if settings.has_bridge_ca else "",
+                    address=settings.central_address(),
+                    base=base,
+                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if authority else "",
                     passwords=passwords,
                     central_passwords=write_logins(stage / CENTRAL, there, [each / CENTRAL for each in old]),
                 )
-                write_private(stage / "bridge.conf", text)
-                authorities = [given.get("bridge_ca"), *(each / CENTRAL_CA for each in old)]
-                if settings.has_bridge_ca and (authority := next(filter(None, authorities), None)):
-                    certificates.copy_pem(authority, stage / CENTRAL_CA)
-            for public in (CA, CERT, CENTRAL_CA):
-                if (stage / public).exists():
-                    (stage / public).chmod(0o644)
+                (stage / "bridge.conf").write_text(text, "utf-8")
             (stage / SETTINGS).write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
     except OSError as error:
         what = f"{error.filename or folder}: {error.strerror or error}"
@@ -96,27 +118,27 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     return "\n".join([_HEAD, *lines, _REST.format(folder=INSTALLED, queued=queued)])
 
 
-def _put_certificates(
-    config: Config, stage: Path, settings: KitSettings, given: Mapping[str, Path], old: Sequence[Path]
-) -> None:
-    """Put authority, certificate and key into the folder: the plant's, the previous ones, or made here."""
-    if "ca" in given:
-        for key, name in (("ca", CA), ("cert", CERT), ("key", KEY)):
-            certificates.copy_pem(given[key], stage / name)
-        certificates.require_pair(stage, config.mqtt.host)
-        return
-    for before in [each for each in old if (each / CA).exists()][:1]:
-        for name in (CA, CA_KEY, CERT, KEY):
-            if (before / name).exists():
-                certificates.copy_pem(before / name, stage / name)
-    if not config.mqtt.is_tls:
-        return
-    names = tuple(dict.fromkeys((*settings.hosts, config.mqtt.host)))
-    if not (stage / CA).exists():
-        certificates.make_authority(stage, config.gateway.name)
-    if (stage / CA_KEY).exists():
-        certificates.sign_broker(stage, names)
-    # The authority's key is the plant's, or lies elsewhere: the certificate stays as it is.
-    elif missing := certificates.names_missing(stage, names) if (stage / CERT).exists() else names:
-        hint = f"fetch {CA_KEY} back into the kit, or give --ca, --cert and --key"
-        raise UsageError(f"no certificate here is for {', '.join(missing)} ({hint})")
+@contextmanager
+def _replaced(folder: Path) -> Iterator[Path]:
+    """Yield a private folder for a whole kit; without an error it then takes the place of what `folder` has.
+
+    UsageError for a folder with other things in it; OSError by the disk.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    others = [each.name for each in folder.iterdir() if not each.name.startswith(_STAGE)]
+    if others and not is_kit(folder):
+        raise UsageError(f"{folder} holds no kit, but {min(others)} (choose a new or an empty folder)")
+    folder.chmod(0o700)
+    for killed in folder.glob(f"{_STAGE}*"):  # it has keys and passwords
+        shutil.rmtree(killed)
+    with TemporaryDirectory(prefix=_STAGE, dir=folder) as name:
+        stage = Path(name)
+        yield stage
+        for path in stage.rglob("*"):
+            if path.is_file():
+                path.chmod(0o644 if path.name in _PUBLIC else 0o600)
+        for part in _PARTS:
+            with suppress(FileNotFoundError):
+                (folder / part).rename(stage / f"{part}.old")  # goes with the private folder
+            with suppress(FileNotFoundError):
+                (stage / part).rename(folder / part)

@@ -1,19 +1,30 @@
-"""Who logs in at the broker, with which rights, and the access list that says so to Mosquitto."""
+"""Who logs in at the broker: the access list that says so to Mosquitto, and the passwords.
+
+Each password is in a file of its own. A line of Mosquitto's password file is `name:$7$ITERATIONS$SALT$HASH`:
+PBKDF2 with SHA-512, salt and hash in base64 [mosquitto_passwd(1); RFC 8018 5.2].
+"""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
-from collections.abc import Iterable, Iterator
+import secrets
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 from gateway.cli.broker_kit.rights import PROBE, Login, Role, give_rights, sparkplug_here
 from gateway.cli.broker_kit.settings import LOGIN_NAME, KitSettings
-from gateway.config import Config
+from gateway.config import Config, password_in
 from gateway.errors import ConfigError, Problem, UsageError
 
+FOLDER = "logins"  # of a kit: one file a login
 PROVER = "prover"  # reads everything, for the proof
 BRIDGE_UP, BRIDGE_DOWN = "bridge-up", "bridge-down"
 
 _HOME_ASSISTANT, _SPARKPLUG_HOST = "home-assistant", "sparkplug-host"  # where no [[operator]] is named
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
+_SALT_BYTES, _HASH_BYTES, _PASSWORD_BYTES = 12, 64, 20
 _HEAD = """\
 # Who may do what at the broker; written by `starter-gateway broker-kit`, from [[operator]] and mqtt.base.
 #
@@ -25,21 +36,24 @@ _HEAD = """\
 
 def logins_of(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     """Return every login with its rights; ConfigError or UsageError when two would have one name."""
+    found = by_name(_named(config, settings))
+    spb, home = sparkplug_here(config), config.home_assistant
+    if home is not None:
+        _add_role(found, home.operator or _HOME_ASSISTANT, Role.HOME_ASSISTANT)
+    if spb is not None:
+        _add_role(found, spb.operator or _SPARKPLUG_HOST, Role.SPARKPLUG_HOST)
+    give_rights(found.values(), config, settings.central_base(config))
+    return tuple(login for login in found.values() if login.name != BRIDGE_DOWN or login.writes)
+
+
+def by_name(logins: Iterable[Login]) -> dict[str, Login]:
+    """Return logins by their names; UsageError when two would have one, or one that of the proof's probes."""
     found: dict[str, Login] = {}
-    for login in _named(config, settings):
+    for login in logins:
         if login.name in found or PROBE in (login.name, login.client):
             raise UsageError(f"two logins have the name {login.name} (each needs one of its own)")
         found[login.name] = login
-    home, spb = config.home_assistant, sparkplug_here(config)
-    for table, name, role in (
-        (home, _HOME_ASSISTANT, Role.HOME_ASSISTANT),
-        (spb, _SPARKPLUG_HOST, Role.SPARKPLUG_HOST),
-    ):
-        if table is not None:
-            name = table.operator or name
-            found.setdefault(name, Login(name)).roles.add(role)
-    give_rights(found.values(), config, settings.central_base(config))
-    return tuple(login for login in found.values() if login.name != BRIDGE_DOWN or login.writes)
+    return found
 
 
 def gateway_login(config: Config) -> str:
@@ -60,6 +74,35 @@ def access_list(logins: Iterable[Login]) -> str:
         for login in logins
     )
     return "\n".join([_HEAD, *blocks])
+
+
+def write_logins(folder: Path, logins: Sequence[Login], stored: Iterable[Path]) -> dict[str, str]:
+    """Write an access list, Mosquitto's password file, and each login's password in a file of its own.
+
+    Return the passwords: of the first of the folders `stored` that has one for a login, else a new one.
+    """
+    (folder / FOLDER).mkdir(mode=0o700, parents=True)
+    passwords = {}
+    for login in logins:
+        files = [path for path in (each / FOLDER / login.name for each in stored) if path.exists()]
+        passwords[login.name] = password_in(files[0]) if files else secrets.token_urlsafe(_PASSWORD_BYTES)
+        (folder / FOLDER / login.name).write_text(f"{passwords[login.name]}\n", "utf-8")
+    lines = (f"{password_line(name, password)}\n" for name, password in passwords.items())
+    (folder / "passwords").write_text("".join(lines), "utf-8")
+    (folder / "acl").write_text(access_list(logins), "utf-8")
+    return passwords
+
+
+def password_line(name: str, password: str, *, salt: bytes | None = None) -> str:
+    """Return a login's line of the password file."""
+    salt = secrets.token_bytes(_SALT_BYTES) if salt is None else salt
+    digest = hashlib.pbkdf2_hmac("sha512", password.encode(), salt, _ITERATIONS, _HASH_BYTES)
+    salt_text, digest_text = (base64.b64encode(raw).decode("ascii") for raw in (salt, digest))
+    return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
+
+
+def _add_role(logins: dict[str, Login], name: str, role: Role) -> None:
+    logins.setdefault(name, Login(name)).roles.add(role)
 
 
 def _named(config: Config, settings: KitSettings) -> Iterator[Login]:

@@ -1,9 +1,9 @@
 """Proves on a running broker what its access list does: every login tries every topic, with its own password.
 
-Each login listens to all topics and publishes once on each. What arrives at the login `prover`, which may
-read everything, was let through; what arrives at the others, they may read. Then whether some login can
-disconnect the gateway by its client id; then last wills, which the broker checks on another way; then a
-client without a login.
+Each login listens to all topics and publishes once on each. A message that arrives at the login `prover`,
+which may read everything, was let through; a message that arrives at another login, that login may read. Then
+whether some login can disconnect the gateway by its client id; then last wills, which the broker checks on
+another way; then a client without a login.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -39,16 +39,15 @@ STATUS_WITHIN_S = 1.0
 
 _OF_BROKER = "$SYS/#"
 _AT_ONCE = 200  # messages until the broker has taken what was before them
-_MUST = {False: "must be refused", True: "must be allowed"}
 
 
 class BrokerProof:
-    """The connections of all logins, and what each has received; `place` is the configuration's folder."""
+    """The connections of all logins, and what was found; `place` is the configuration's folder."""
 
     def __init__(
         self, config: Config, place: Path, logins: tuple[Login, ...], passwords: Mapping[str, str]
     ) -> None:
-        self.probes = 0  # that were judged
+        self.probes = self.wrong = 0
         self._config = config
         self._place = place
         self._passwords = passwords
@@ -60,8 +59,9 @@ class BrokerProof:
         self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
         self._mark = f"{PROBE}-{secrets.token_hex(6)}"
         self._sent = 0
+        self._found: defaultdict[str, dict[Finding, None]] = defaultdict(dict)  # by login
 
-    async def run(self) -> list[Finding]:
+    async def run(self) -> None:
         """Try everything; StartError while the gateway runs, BrokerError when a right login is refused."""
         asking = CommandClient(self._way(PROVER), Topics(self._config.base))
         status = await asking.retained(StatusRecord, within_s=STATUS_WITHIN_S)
@@ -71,17 +71,31 @@ class BrokerProof:
         try:
             for name in self._names:
                 await self._connect(name)
-            return [
-                *await self._try_topics(),
-                *await self._try_client_ids(),
-                *await self._try_wills(),
-                *await self._try_without_login(),
-            ]
+            await self._try_topics()
+            await self._try_client_ids()
+            await self._try_wills()
+            await self._try_without_login()
         finally:
             for session in self._sessions.values():
                 await session.disconnect()
 
-    async def _try_topics(self) -> Iterable[Finding]:
+    def findings(self) -> Iterator[Finding]:
+        """Yield what is wrong with each login; else in one line what it may do."""
+        for name, found in self._found.items():
+            wrong = [finding for finding in found if finding.weight is not None]
+            yield from wrong or [Finding(name, ", ".join(each.text for each in found) or "may do nothing")]
+
+    def _judge(self, login: str, text: str, *, is_done: bool, may: bool) -> None:
+        """Note whether a login did what it must, or what it must not."""
+        self.probes += 1
+        if is_done is may:
+            self._found[login] |= {Finding(login, text): None} if may else {}
+        else:
+            self.wrong += 1
+            must = "must be allowed" if may else "must be refused"
+            self._found[login][Finding(login, text, Weight.ERROR, must)] = None
+
+    async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
         marks = {}
         for name in self._names:
@@ -95,23 +109,36 @@ class BrokerProof:
                     await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
-        return [finding for name in self._names for finding in self._judged(name, marks)]
+        for name in self._names:
+            if self._sessions[name].lost.done():
+                text = "was disconnected while it was tried: end the program that has its login"
+                self._judge(name, text, is_done=True, may=False)
+                continue
+            seen, arrived = self._received[name], self._received[PROVER]
+            self._judge(name, "reads $SYS", is_done=_OF_BROKER in seen, may=False)
+            for topic in self._topics:
+                of_writers = {marks.get((each, topic.name)) for each in topic.writers} & arrived
+                if (mark := marks.get((name, topic.name))) is not None:
+                    is_done = mark in arrived
+                    self._judge(name, f"writes {topic.what}", is_done=is_done, may=name in topic.writers)
+                if of_writers:  # else there is nothing to be read
+                    is_done = bool(of_writers & seen)
+                    self._judge(name, f"reads {topic.what}", is_done=is_done, may=name in topic.readers)
 
-    async def _try_client_ids(self) -> Iterable[Finding]:
+    async def _try_client_ids(self) -> None:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
-        wrong = []
         for name in [each for each in self._names if each != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
                 session, _ = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
                 await session.disconnect()
-            if self._sessions[self._gateway].lost.done():
-                text = "disconnects the gateway by its client id, and receives its commands"
-                wrong.append(Finding(name, text, Weight.ERROR, _MUST[False]))
+            is_done = self._sessions[self._gateway].lost.done()
+            text = "disconnects the gateway by its client id, and receives its commands"
+            self._judge(name, text, is_done=is_done, may=False)
+            if is_done:
                 await self._connect(self._gateway)
-        return self._judgement(wrong, "disconnects the gateway by its client id", len(self._names) - 1)
 
-    async def _try_wills(self) -> Iterable[Finding]:
+    async def _try_wills(self) -> None:
         """Leave a last will as every login: of the gateway it must arrive, of the others not."""
         await self._connect(PROVER)
         commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
@@ -130,26 +157,20 @@ class BrokerProof:
                 await session.connect()
             session.abort()
         await asyncio.sleep(SETTLED_S)
-        wrong = [
-            Finding(name, f"publishes {topic.what} by a last will", Weight.ERROR, _MUST[is_right])
-            for name, topic, will in tries
-            for is_right in [name in topic.writers]
-            if (will.payload.decode() in self._received[PROVER]) is not is_right
-        ]
-        return self._judgement(wrong, "publishes by a last will what it may not", len(tries))
+        for name, topic, will in tries:
+            is_done = will.payload.decode() in self._received[PROVER]
+            text = f"publishes {topic.what} by a last will"
+            self._judge(name, text, is_done=is_done, may=name in topic.writers)
 
-    async def _try_without_login(self) -> Iterable[Finding]:
+    async def _try_without_login(self) -> None:
         """Connect without a login, and as the gateway with a wrong password: both must be refused."""
-        wrong = []
-        for who, settings in {
-            "a client without a login": self._way(None),
-            "the gateway with a wrong password": self._way(self._gateway, password=self._mark),
-        }.items():
+        for login, who in ((None, "a client without a login"), (self._gateway, "a wrong password")):
+            is_done = False
             with suppress(BrokerError):
-                session, _ = await connected(settings)
+                session, _ = await connected(self._way(login, password=self._mark))
                 await session.disconnect()
-                wrong.append(Finding(who, "may connect", Weight.ERROR, _MUST[False]))
-        return self._judgement(wrong, "may connect with a wrong password, or without one", 2)
+                is_done = True
+            self._judge(who, "may connect", is_done=is_done, may=False)
 
     def _way(self, login: str | None, *, client_id: str = "", password: str = "") -> BrokerSettings:
         """Return the way to the broker as this login, or without one."""
@@ -191,35 +212,3 @@ class BrokerProof:
             if not any(each.in_flight and not each.lost.done() for each in self._sessions.values()):
                 break
             await asyncio.sleep(0.05)
-
-    def _judged(self, name: str, marks: Mapping[tuple[str, str], str]) -> Iterator[Finding]:
-        """Yield what is wrong with a login; else what it may do."""
-        if self._sessions[name].lost.done():
-            text = "was disconnected while it was tried"
-            yield Finding(name, text, Weight.ERROR, "end the program that has its login")
-            return
-        arrived, seen = self._received[PROVER], self._received[name]
-        right: dict[str, dict[str, None]] = {"writes": {}, "reads": {}}
-        wrong = {("reads $SYS", False): None} if _OF_BROKER in seen else {}
-        tried = [topic for topic in self._topics if (name, topic.name) in marks]
-        for topic in tried:
-            of_writers = {marks.get((each, topic.name)) for each in topic.writers} & arrived
-            judged = [("writes", marks[name, topic.name] in arrived, name in topic.writers)]
-            if of_writers:  # else there is nothing to be read
-                judged.append(("reads", bool(of_writers & seen), name in topic.readers))
-            for verb, is_done, may in judged:
-                if is_done is not may:
-                    wrong[f"{verb} {topic.what}", may] = None
-                elif may:
-                    right[verb][topic.what] = None
-        for text, may in wrong:
-            yield Finding(name, text, Weight.ERROR, _MUST[may])
-        if not wrong:
-            self.probes += 2 * len(tried) + 1
-            does = (f"{verb} {', '.join(what) or 'nothing'}" for verb, what in right.items())
-            yield Finding(name, "; ".join(does))
-
-    def _judgement(self, wrong: list[Finding], text: str, probes: int) -> list[Finding]:
-        """Return what is wrong, else that no login does it."""
-        self.probes += 0 if wrong else probes
-        return wrong or [Finding("no login", text)]

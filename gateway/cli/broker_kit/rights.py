@@ -1,15 +1,14 @@
-"""Who may write and read which topics at the broker: one table for every configuration; pure.
+"""Who may write and read which topics at the broker, for every configuration; pure.
 
-The access list, the bridge's topics and what `--prove` expects all follow from it.
+The access list, the bridge's topics and the expectations of `--prove` all follow from `_rights`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from itertools import product
 from typing import get_args
 from urllib.parse import urlsplit
 
@@ -19,67 +18,8 @@ from gateway.plugins.sparkplug.settings import NAMESPACE, state_topic
 PROBE = "acl-probe"  # a starter, and an operator, that does not exist, for the proof
 VERBS = tuple(verb for verb in get_args(Verb) if verb != "*")
 
-# A row counts for each of the words that it names, and not at all where there is no such word (`_words`):
-# {B} the base, {P} the probe, {C} a client, {R} one whose commands may pass a bridge, {V} a verb, {X} a
-# starter; {H} Home Assistant's prefix, {A} its birth, {I} and {J} the same where they pass the bridge; {K}
-# Sparkplug's namespace, {S} its group, {N} its node, {D} its device commands, {E} those that pass the bridge,
-# {T} its host.
-# Writers and readers are letters of `_ROLES`.
-_RIGHTS = """
-{B}/starter/#        G   OVHU
-{B}/starter/+/event  -   A
-{B}/gateway/#        G   OVHU
-{B}/gateway/event    -   A
-{B}/audit            G   AU
-{B}/result/#         G   U
-{B}/result/+/{C}     -   O
-{B}/command/+/{C}/#  O   -
-{B}/command/+/{R}/+  D   -
-{B}/#                -   GP
-{P}/#                -   P
-{H}/device/+/config  G   -
-{H}/#                -   HP
-{A}                  H   GHP
-{I}/device/+/config  -   U
-{J}                  D   -
-{S}/NBIRTH/{N}       N   U
-{S}/NDATA/{N}        N   U
-{S}/NDEATH/{N}       N   U
-{S}/DBIRTH/{N}/+     N   U
-{S}/DDATA/{N}/+      N   U
-{S}/DDEATH/{N}/+     N   U
-{S}/NCMD/{N}         SD  N
-{D}/+                S   N
-{E}/+                D   -
-{S}/#                -   S
-{K}/#                -   P
-{T}                  S   NS
-"""
-_TRIED = """
-{B}/starter/{P}/state      what a starter does
-{B}/starter/{P}/event      events of a starter
-{B}/gateway/{P}            what the gateway says of itself
-{B}/audit                  the audit
-{B}/result/{P}/{C}         results for {C}
-{B}/command/{P}/{C}/{V}    commands of {C}
-{B}/command/{P}/{P}/{V}    commands of somebody unknown
-{B}/{P}                    what no one publishes
-{P}/{P}                    what is outside the base
-{H}/device/{P}/config      discovery by Home Assistant
-{A}                        Home Assistant's birth
-{S}/DDATA/{N}/{P}          Sparkplug's device data
-{S}/NCMD/{N}               Sparkplug's node commands
-{S}/DCMD/{N}/{P}           Sparkplug's device commands
-{S}/DDATA/{P}/{P}          Sparkplug's data of another node
-{T}                        the Sparkplug host's state
-"""
-_REAL = """
-{B}/gateway/status         what the gateway says of itself
-{B}/gateway/fresh          what the gateway says of itself
-{B}/starter/{X}/state      what a starter does
-{B}/command/{X}/{C}/start  commands of {C}
-{S}/DCMD/{N}/{X}           Sparkplug's device commands
-"""
+_OF_NODE = ("NBIRTH", "NDATA", "NDEATH")
+_OF_DEVICES = ("DBIRTH", "DDATA", "DDEATH")
 
 
 class Role(StrEnum):
@@ -117,20 +57,19 @@ class TriedTopic:
 
     name: str
     what: str  # is published there
+    is_real: bool  # the topic of something that exists: who may write there does not try it
     writers: frozenset[str]  # logins
     readers: frozenset[str]
-    is_real: bool  # the topic of something that exists: who may write there does not try it
 
 
 def give_rights(logins: Iterable[Login], config: Config, central_base: str) -> None:
     """Give each login the filters of its roles; `central_base` is empty without a bridge."""
-    words = _words(config, central_base)
-    for cells, names in _filled(_RIGHTS, words):
+    for topic, writers, readers, client in _rights(config, central_base):
         for login in logins:
-            others = {Role.OPERATOR} if names.get("C", login.client) != login.client else set()
-            for letters, filters in ((cells[1], login.writes), (cells[2], login.reads)):
-                if {_ROLES.get(letter) for letter in letters} & (login.roles - others):
-                    filters.append(cells[0])
+            others = {Role.OPERATOR} if client and client != login.client else set()
+            for letters, filters in ((writers, login.writes), (readers, login.reads)):
+                if {_ROLES[letter] for letter in letters} & (login.roles - others):
+                    filters.append(topic)
 
 
 def tried_topics(config: Config, logins: Sequence[Login]) -> tuple[TriedTopic, ...]:
@@ -138,17 +77,17 @@ def tried_topics(config: Config, logins: Sequence[Login]) -> tuple[TriedTopic, .
 
     A list may have a line for one real starter alone.
     """
-    words, found = _words(config, ""), dict[str, TriedTopic]()
-    for table in (_TRIED, _REAL):
-        for (topic, what), _ in _filled(table, words):
-            writers, readers = (
-                frozenset(
-                    login.name for login in logins if any(_takes(each, topic) for each in getattr(login, key))
-                )
-                for key in ("writes", "reads")
-            )
-            found.setdefault(topic, TriedTopic(topic, what, writers, readers, table is _REAL))
-    return tuple(found.values())
+
+    def taking(topic: str, key: str) -> frozenset[str]:
+        return frozenset(
+            each.name for each in logins if any(_takes(rule, topic) for rule in getattr(each, key))
+        )
+
+    return tuple(
+        TriedTopic(topic, what, is_real, taking(topic, "writes"), taking(topic, "reads"))
+        for is_real, names in ((False, (PROBE,)), (True, [each.name for each in config.starters]))
+        for topic, what in _tried(config, names, is_real=is_real)
+    )
 
 
 def sparkplug_here(config: Config) -> SparkplugTable | None:
@@ -167,37 +106,78 @@ def remote_clients(config: Config) -> tuple[str, ...]:
     return tuple(dict.fromkeys(each.client for each in config.operators if each.client not in by_token))
 
 
-def _words(config: Config, central_base: str) -> dict[str, Sequence[str]]:
-    """Return the words that the rows name."""
-    home, spb, remote = config.home_assistant, sparkplug_here(config), remote_clients(config)
-    words: dict[str, Sequence[str]] = dict.fromkeys("HAIJKSNDET", ())
-    words |= {"B": [config.base], "P": [PROBE], "R": remote, "V": VERBS}
-    words["C"] = list(dict.fromkeys(each.client for each in config.operators))
-    words["X"] = [each.name for each in config.starters]
-    if home is not None:
-        words |= {"H": [home.discovery_prefix], "A": [home.birth_topic or f"{home.discovery_prefix}/status"]}
-        if central_base == config.base:  # discovery names the edge's topics, which must be the same there
-            words |= {"I": words["H"], "J": words["A"]}
-    if spb is not None:
+def _rights(config: Config, central_base: str) -> Iterator[tuple[str, str, str, str]]:
+    """Yield filters with their writers and readers, letters of `_ROLES`, and of which operator alone O is."""
+    base, remote = config.base, remote_clients(config)
+    yield f"{base}/starter/#", "G", "OVHU", ""
+    yield f"{base}/starter/+/event", "", "A", ""
+    yield f"{base}/gateway/#", "G", "OVHU", ""
+    yield f"{base}/gateway/event", "", "A", ""
+    yield f"{base}/audit", "G", "AU", ""
+    yield f"{base}/result/#", "G", "U", ""
+    for client in _clients(config):
+        yield f"{base}/result/+/{client}", "", "O", client
+        yield f"{base}/command/+/{client}/#", "O", "", client
+    for client in remote:
+        yield f"{base}/command/+/{client}/+", "D", "", ""
+    yield f"{base}/#", "", "GP", ""
+    yield f"{PROBE}/#", "", "P", ""
+    if (home := config.home_assistant) is not None:
+        is_passing = central_base == base  # discovery names the edge's topics, which must be the same there
+        prefix = home.discovery_prefix
+        yield f"{prefix}/device/+/config", "G", "U" if is_passing else "", ""
+        yield f"{prefix}/#", "", "HP", ""
+        yield home.birth_topic or f"{prefix}/status", "HD" if is_passing else "H", "GHP", ""
+    if (spb := sparkplug_here(config)) is not None:
         group, node = f"{NAMESPACE}/{spb.group}", spb.node or config.gateway.name
-        words |= {
-            "K": [NAMESPACE],
-            "S": [group],
-            "N": [node],
-            "D": [f"{group}/DCMD/{node}"] if spb.commands else [],
-        }
-        words["E"] = words["D"] if spb.operator in remote else []
-        words["T"] = [] if spb.primary_host is None else [state_topic(spb.primary_host)]
-    return words
+        for topic in (
+            *(f"{each}/{node}" for each in _OF_NODE),
+            *(f"{each}/{node}/+" for each in _OF_DEVICES),
+        ):
+            yield f"{group}/{topic}", "N", "U", ""
+        yield f"{group}/NCMD/{node}", "SD", "N", ""
+        if spb.commands:
+            yield f"{group}/DCMD/{node}/+", "SD" if spb.operator in remote else "S", "N", ""
+        yield f"{group}/#", "", "S", ""
+        yield f"{NAMESPACE}/#", "", "P", ""
+        if spb.primary_host is not None:
+            yield state_topic(spb.primary_host), "S", "NS", ""
 
 
-def _filled(table: str, words: Mapping[str, Sequence[str]]) -> Iterator[tuple[list[str], Mapping[str, str]]]:
-    """Yield the cells of each row, once for each combination of the words that it names, and these."""
-    for row in table.strip().splitlines():
-        names = sorted(set(re.findall(r"{(.)}", row)))
-        for values in product(*(words[name] for name in names)):
-            said = dict(zip(names, values, strict=True))
-            yield [cell.format_map(said) for cell in re.split(" {2,}", row)], said
+def _tried(config: Config, starters: Iterable[str], *, is_real: bool) -> Iterator[tuple[str, str]]:
+    """Yield topics to try, and what is published there: those of the probe, or of what exists."""
+    base, home, spb = config.base, config.home_assistant, sparkplug_here(config)
+    group, node = f"{NAMESPACE}/{spb.group if spb else ''}", (spb and spb.node) or config.gateway.name
+    for starter in starters:
+        yield f"{base}/starter/{starter}/state", "what a starter does"
+        for client in _clients(config):
+            for verb in ("start",) if is_real else VERBS:
+                yield f"{base}/command/{starter}/{client}/{verb}", f"commands of {client}"
+        if spb is not None:
+            yield f"{group}/DCMD/{node}/{starter}", "Sparkplug's device commands"
+    for topic in ("status", "fresh") if is_real else (PROBE,):
+        yield f"{base}/gateway/{topic}", "what the gateway says of itself"
+    if is_real:
+        return
+    yield f"{base}/starter/{PROBE}/event", "events of a starter"
+    yield f"{base}/audit", "the audit"
+    yield from ((f"{base}/result/{PROBE}/{client}", f"results for {client}") for client in _clients(config))
+    yield from ((f"{base}/command/{PROBE}/{PROBE}/{verb}", "commands of somebody unknown") for verb in VERBS)
+    yield f"{base}/{PROBE}", "what no one publishes"
+    yield f"{PROBE}/{PROBE}", "what is outside the base"
+    if home is not None:
+        yield f"{home.discovery_prefix}/device/{PROBE}/config", "discovery by Home Assistant"
+        yield home.birth_topic or f"{home.discovery_prefix}/status", "Home Assistant's birth"
+    if spb is not None:
+        yield f"{group}/DDATA/{node}/{PROBE}", "Sparkplug's device data"
+        yield f"{group}/NCMD/{node}", "Sparkplug's node commands"
+        yield f"{group}/DDATA/{PROBE}/{PROBE}", "Sparkplug's data of another node"
+        if spb.primary_host is not None:
+            yield state_topic(spb.primary_host), "the Sparkplug host's state"
+
+
+def _clients(config: Config) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(each.client for each in config.operators))
 
 
 def _takes(topic_filter: str, topic: str) -> bool:

@@ -3,69 +3,72 @@
 from __future__ import annotations
 
 import re
-from argparse import Namespace
-from collections.abc import Iterable
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Any, NamedTuple, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, ConfigDict
 
 from gateway.config import Config
 from gateway.errors import UsageError
 
 SETTINGS = "kit.json"  # a folder with this file is a kit
-DEFAULT_PORT = 8883
-LOGIN_NAME = r"(?!\.+$)[A-Za-z0-9_.@-]{1,64}"  # also the name of a file
+LOGIN_NAME = r"(?!\.+(=|$))[A-Za-z0-9_.@-]{1,64}"  # also the name of a file
 
 _HOST = r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*"
-_CENTRAL = r"([A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:[0-9]{1,5})?)?"
+_CENTRAL = r"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:[1-9][0-9]{0,4})?"
 _LEVEL = r"([A-Za-z0-9_.-]|\{gateway\})+"
+_DEFAULT_PORT = 8883
 
 
-def _like(pattern: str, what: str) -> AfterValidator:
-    """Return the check of an option's text."""
+class KitOption(NamedTuple):
+    """An option of the command line that a kit remembers; the empty text takes away what it remembers."""
 
-    def check(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            raise UsageError(f"{text!r} is {what}")
+    sets: str  # field of `KitSettings`
+    metavar: str
+    pattern: str
+    about: str
+
+    def checked(self, text: str) -> str:
+        """Return a text of the option; argparse reports one that cannot be used."""
+        if text and not re.fullmatch(self.pattern, text):
+            raise ArgumentTypeError(f"{text!r} is no {self.metavar}")
         return text
 
-    return AfterValidator(check)
 
-
-def _pairs(texts: Iterable[str] | dict[str, str]) -> dict[str, str]:
-    """Return the logins of NAME=OPERATOR texts, as an option gives them."""
-    if isinstance(texts, dict):
-        return texts
-    pairs = {text: text.partition("=")[::2] for text in texts if text}
-    for text, names in pairs.items():
-        if not all(names):
-            raise UsageError(f"--login {text!r} is not NAME=OPERATOR (e.g. alice-send=alice)")
-    return dict(pairs.values())
-
-
-def _given(texts: Iterable[str]) -> tuple[str, ...]:
-    return tuple(filter(None, texts))
-
-
-Host = Annotated[str, _like(_HOST, "no name or address of a broker")]
-LoginName = Annotated[str, _like(LOGIN_NAME, "no name for a login (a-z, 0-9, _ . @ and -)")]
+OPTIONS: Mapping[str, KitOption] = {
+    "--host": KitOption(
+        "hosts", "ADDRESS", _HOST, "a name or address in the broker's certificate, beside mqtt.url's"
+    ),
+    "--viewer": KitOption("viewers", "NAME", LOGIN_NAME, "a login that may only look on; else viewer"),
+    "--auditor": KitOption(
+        "auditors", "NAME", LOGIN_NAME, "a login that reads events and audit; else auditor"
+    ),
+    "--login": KitOption(
+        "further", "NAME=OPERATOR", f"{LOGIN_NAME}=.+", "an operator's login for a second program"
+    ),
+    "--bridge": KitOption("bridge", "HOST[:PORT]", _CENTRAL, "a central broker: adds a bridge to it"),
+    "--bridge-base": KitOption(
+        "bridge_base",
+        "BASE",
+        f"{_LEVEL}(/{_LEVEL})*",
+        "base of this gateway's topics at the central broker, else mqtt.base",
+    ),
+}
 
 
 class KitSettings(BaseModel):
-    """The options; an empty text takes away the stored ones. UsageError for what is none."""
+    """The options."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(frozen=True)
 
-    hosts: Annotated[tuple[Host, ...], BeforeValidator(_given)] = ()
-    viewers: Annotated[tuple[LoginName, ...], BeforeValidator(_given)] = ("viewer",)
-    auditors: Annotated[tuple[LoginName, ...], BeforeValidator(_given)] = ("auditor",)
-    further: Annotated[dict[LoginName, str], BeforeValidator(_pairs)] = {}  # login: operator
-    bridge: Annotated[str, _like(_CENTRAL, "no HOST[:PORT] (a name, or an IPv4 address)")] = ""
-    bridge_base: Annotated[
-        str, _like(f"({_LEVEL}(/{_LEVEL})*)?", "no base of topics (levels of a-z, A-Z, 0-9, _ . and -)")
-    ] = ""
-    has_bridge_ca: bool = False
+    hosts: tuple[str, ...] = ()
+    viewers: tuple[str, ...] = ("viewer",)
+    auditors: tuple[str, ...] = ("auditor",)
+    further: dict[str, str] = {}  # login: operator
+    bridge: str = ""
+    bridge_base: str = ""
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -79,19 +82,18 @@ class KitSettings(BaseModel):
 
     def changed(self, args: Namespace) -> Self:
         """Return the options with those of the command line in their place."""
-        given = {name: getattr(args, name, None) for name in type(self).model_fields}
-        if args.bridge_ca is not None:
-            given["has_bridge_ca"] = bool(args.bridge_ca)
-        return self.model_validate(
-            {**self.model_dump(), **{k: value for k, value in given.items() if value is not None}}
-        )
+        given: dict[str, Any] = {name: getattr(args, name) for name in type(self).model_fields}
+        given = {name: value for name, value in given.items() if value is not None}
+        for name, texts in given.items():
+            if not isinstance(texts, str):
+                given[name] = tuple(filter(None, texts))
+        if "further" in given:
+            given["further"] = dict(text.split("=", 1) for text in given["further"])
+        return self.model_copy(update=given)
 
     def central_address(self) -> str:
-        """Return host:port of the central broker; UsageError for a port that there is not."""
-        host, _, port = self.bridge.partition(":")
-        if not 0 < int(port or DEFAULT_PORT) < 65536:
-            raise UsageError(f"--bridge {self.bridge!r} is no HOST[:PORT] (a port is 1 to 65535)")
-        return f"{host}:{port or DEFAULT_PORT}"
+        """Return host:port of the central broker."""
+        return self.bridge if ":" in self.bridge else f"{self.bridge}:{_DEFAULT_PORT}"
 
     def central_base(self, config: Config) -> str:
         """Return the base of this gateway's topics at the central broker; empty without a bridge."""

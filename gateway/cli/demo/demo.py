@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import importlib.util
+import os
 import shlex
 import shutil
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
+from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.demo.plant_day import BASE, run_plant
 from gateway.cli.demo.processes import (
@@ -23,8 +25,7 @@ from gateway.cli.demo.processes import (
     free_port,
     waited_for,
 )
-from gateway.cli.run import log_to_stderr, serve
-from gateway.config import load
+from gateway.cli.run import log_to_stderr, serve_site
 from gateway.errors import GatewayError
 from gateway.system.password_hash import password_line
 
@@ -124,10 +125,10 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
         path, (page, table) = folder / "demo.toml", page_of()
         text = CONFIG.read_text("utf-8").format(folder=folder, port=broker.port, version=broker.version)
         path.write_text(text + table, "utf-8")
-        config = load(path)
+        site = Site.read(path, os.environ)
         async with waited_for("the simulated starters"):
             await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
-        print(guide(path, config.lines[0].port, broker, page=page), flush=True)
+        print(guide(path, site.config.lines[0].port, broker, page=page), flush=True)
         if has_plant:
             _beside(stack, run_plant(broker.port))
         if has_table:
@@ -138,7 +139,7 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
             watching = Watching(Console(), demo_client(broker.port), BASE)
             _beside(stack, watching.show(is_full_screen=False))
-        await serve(path, config, None)
+        await serve_site(path, site)
 
 
 def _beside(stack: AsyncExitStack, work: Coroutine[None, None, None]) -> None:

@@ -8,11 +8,11 @@ import time
 from pathlib import Path
 
 from gateway.cli.broker import add_login
-from gateway.cli.command import Progress, counted, flag
+from gateway.cli.command import Progress, counted, flag, write_text
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339
-from gateway.errors import StoreError, UsageError
+from gateway.errors import UsageError
 from gateway.families import load_profile, reading
 from gateway.starters.parameters.model import ParameterSet, differences, entries_of, of_factory
 from gateway.starters.parameters.toml_file import from_toml, to_toml
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         return _diff(args)
     wanted = _read_file(args.file)
     live = LiveStarter.find(args.config, args.starter, args)
-    return asyncio.run(restore(live, wanted, args, Progress()))
+    return asyncio.run(restore(live, wanted, args))
 
 
 def _save(args: argparse.Namespace) -> int:
@@ -81,11 +81,7 @@ def _save(args: argparse.Namespace) -> int:
     if path is None:
         print(to_toml(saved), end="")
         return 0
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(to_toml(saved))
-    except OSError as error:
-        raise StoreError(f"{path}: {error.strerror} (choose another folder)") from error
+    write_text(path, to_toml(saved))
     refused = f", {len(saved.refused)} could not be read" if saved.refused else ""
     print(f"{path}: {len(saved.parameters)} parameters of {saved.starter}{refused}")
     return 0
@@ -142,10 +138,8 @@ def _read_live(live: LiveStarter) -> ParameterSet:
     """Read everything of a starter, with a progress line."""
 
     async def read() -> ParameterSet:
-        progress = Progress()
         info = await live.info()
-        read = await live.read(reading.readable_codes(live.profile), progress.show)
-        progress.end()
+        read = await live.read(reading.readable_codes(live.profile), Progress())
         entries = entries_of(live.profile, variant_of(info), read.rows)
         taken, ids = rfc3339(time.time()) or "", (info.model, info.firmware, info.serial)
         return ParameterSet(live.name, live.profile.family, taken, *ids, entries, read.refused)

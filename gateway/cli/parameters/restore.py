@@ -6,7 +6,6 @@ written and what is missing. Each `set` demands on fresh readings that the motor
 
 from __future__ import annotations
 
-import time
 from argparse import Namespace
 from collections.abc import Collection
 
@@ -27,7 +26,7 @@ from gateway.starters.parameters.restore_plan import (
 CLEARED = Note("run_cleared").text
 
 
-async def restore(live: LiveStarter, wanted: ParameterSet, args: Namespace, progress: Progress) -> int:
+async def restore(live: LiveStarter, wanted: ParameterSet, args: Namespace) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     if wanted.family != live.profile.family:
         what = f"the file is of family {wanted.family}, {live.name} of {live.profile.family}"
@@ -36,8 +35,7 @@ async def restore(live: LiveStarter, wanted: ParameterSet, args: Namespace, prog
     if wanted.model and info.model and wanted.model != info.model and not args.other_model:
         what = f"the file was saved from {wanted.model!r}, this is {info.model!r}"
         raise UsageError(f"{what} (--other-model restores it nevertheless)")
-    seen = await live.read(restore_codes(live.profile, wanted), progress.show)
-    progress.end()
+    seen = await live.read(restore_codes(live.profile, wanted), Progress())
     plan = plan_restore(
         live.profile,
         variant_of(info),
@@ -46,19 +44,18 @@ async def restore(live: LiveStarter, wanted: ParameterSet, args: Namespace, prog
         with_sources=args.command_sources,
     )
     _show_plan(plan, live.profile.protected.command_sources, is_dry=args.dry_run)
-    return 0 if args.dry_run or not plan.changes else await _write(live, plan, progress)
+    return 0 if args.dry_run or not plan.changes else await _write(live, plan)
 
 
-async def _write(live: LiveStarter, plan: RestorePlan, progress: Progress) -> int:
+async def _write(live: LiveStarter, plan: RestorePlan) -> int:
     """Write the changes in their order; whatever ends this, say what was written and what was not."""
     at_rest = dict.fromkeys(command.points_needed(live.profile, ("is_stopped",)), False)
     waiting, done, notes = list(groups_of(plan.changes)), list[PlannedWrite](), dict[str, None]()
-    began_s, failure = time.monotonic(), ""
+    progress, failure = Progress(), ""
     try:
         while waiting and not failure:
-            group, left = waiting.pop(0), len(plan.changes) - len(done)
-            left_s = (time.monotonic() - began_s) * left / len(done) if done else None
-            progress.show(len(done) / len(plan.changes), f"writing {group[0].code}", left_s=left_s)
+            group = waiting.pop(0)
+            progress.show(len(done) / len(plan.changes), f"writing {group[0].code}")
             failure = f"unknown: {_codes(group)} may have been written: look at the starter"
             try:
                 result = await live.command("set", _arguments(group), expect=at_rest)
@@ -71,7 +68,7 @@ async def _write(live: LiveStarter, plan: RestorePlan, progress: Progress) -> in
                 done += group
                 notes |= dict.fromkeys([CLEARED] if CLEARED in result.text else [])
     finally:  # also when the connection is lost, and at Ctrl-C
-        progress.end()
+        progress.clear()
         print(f"written and read back: {_codes(done) or 'nothing'}")
         for line in filter(None, (*notes, failure)):
             print(line)

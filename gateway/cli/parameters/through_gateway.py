@@ -9,13 +9,13 @@ import asyncio
 import time
 from argparse import Namespace
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 from gateway.cli.broker import client_of, settings_of, user_name
-from gateway.cli.command import place_of
+from gateway.cli.command import Progress, place_of
 from gateway.config import load
 from gateway.contract import CommandRequest, InfoRecord, Phase, Proof, ResultCode, ResultRecord, Topics
 from gateway.errors import BrokerError
@@ -91,10 +91,8 @@ class LiveStarter:
         sender = CommandClient(self.settings, self.topics)
         return await sender.send(order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None)
 
-    async def read(
-        self, codes: Collection[str], on_read: Callable[[float, str], None] = lambda _, __: None
-    ) -> RowsRead:
-        """Read rows; `on_read` gets the share that is done, and a row. BrokerError, NoResultError.
+    async def read(self, codes: Collection[str], progress: Progress | None = None) -> RowsRead:
+        """Read rows, and show how far this has come, if wanted. BrokerError, NoResultError.
 
         One row that the starter refuses has the whole command refused: halves find it.
         """
@@ -116,7 +114,10 @@ class LiveStarter:
                 found.refused[batch[0]] = result.text
             else:
                 raise BrokerError(f"the gateway reads nothing of {self.name}: {result.text} [{result.code}]")
-            on_read((len(found.values) + len(found.refused)) / len(all_codes), batch[-1])
+            if progress is not None:
+                progress.show((len(found.values) + len(found.refused)) / len(all_codes), batch[-1])
+        if progress is not None:
+            progress.clear()
         return found
 
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gateway.cli.command import Progress
 from gateway.contract import CommandError
 from gateway.errors import PortError
 from gateway.families import Identity, Profile, Variant, Watchdog, diagnosis, reading
-from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey, silent_cost_s
+from gateway.line import Answered, Garbled, Outcome, PortOpener, Silent, Survey
 from gateway.modbus import Framing, LineTiming, ReadHoldingRegisters, Request
 from gateway.starters import Ask, read_in_bulk
 
@@ -30,9 +30,9 @@ ADDRESSES = range(1, 248)
 PROBE = ReadHoldingRegisters(5001, 1)
 _SLOWEST_REPLY_S = 0.1  # of a unit that is there
 _WATCHDOG_SHARE = 1 / 3  # of its time, after which a unit is asked again
-# Between attempts to open the port again: a serial server that takes one connection at a time, or an adapter
-# that was unplugged for a moment, needs some time before it can be opened again.
-_REOPEN_AFTER_S = (0.2, 0.5, 1.0, 2.0, 4.0)
+# A serial server that takes one connection at a time, or an adapter that was unplugged for a moment, needs
+# some time before it can be opened again.
+_REOPENED_AFTER_S, _REOPENED_TIMES = 1.5, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +100,8 @@ class Search:
             for address in settings.addresses
             if (address in LIKELY_ADDRESSES) is is_likely
         )
-        self._costs_s = {  # of an address without a device
-            timing: silent_cost_s(PROBE, timing, response_time_s=settings.response_time_s)
-            for timing in settings.timings
-        }
-        self._spent_s = 0.0
-        self._waits_s: Iterator[float] = iter(())  # a port that has never been open is not waited for
+        self._done = 0
+        self._attempts = 0  # that are left; a port that has never been open is not waited for
         self._due: dict[tuple[LineTiming, int], tuple[float, float]] = {}  # when to ask again, and how often
 
     async def run(self) -> list[Find]:
@@ -116,26 +112,25 @@ class Search:
             try:
                 async with Survey(self._open_with(timing), timing) as survey:
                     while self._left and self._left[0][0] == timing:
-                        self._waits_s = iter(_REOPEN_AFTER_S)
+                        self._attempts = _REOPENED_TIMES
                         if (find := await self._step(survey)) is not None:
                             found.append(find)
             except PortError:
-                wait_s = next(self._waits_s, None)
-                if wait_s is None:
+                if not self._attempts:
                     raise
-                await asyncio.sleep(wait_s)
+                self._attempts -= 1
+                await asyncio.sleep(_REOPENED_AFTER_S)
         return found
 
     async def _step(self, survey: Survey) -> Find | None:
         """Look at one address; after the first starter only this setting is left: a line has one."""
         timing, address = self._left[0]
-        left_s = sum(self._costs_s[each] for each, _ in self._left)
-        share = self._spent_s / (self._spent_s + left_s)
-        self._progress.show(share, f"{timing.baud} {timing.framing} address {address}", left_s=left_s)
+        share = self._done / (self._done + len(self._left))
+        self._progress.show(share, f"{timing.baud} {timing.framing} address {address}")
         await self._keep_quiet(survey)
         find = await self._look(survey, address)
         self._left.popleft()
-        self._spent_s += self._costs_s[timing]
+        self._done += 1
         if find is not None:
             self._progress.say(f"address {address} at {timing.baud} {timing.framing}: {find.described}")
             for watchdog in find.watchdogs[:1]:

@@ -8,163 +8,148 @@ from pathlib import Path
 import pytest
 
 from tests.rig.sites import ALICE, FOUR, SSW07, WEB, line, operator, starter, table
-from tests.scenarios.cli.lines import LineRow, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, Texts, line_row, play_line
 
 MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
 SLOW = line() + starter("pump", 1, "ssw900", every_s=2.0)
 
-RIGHT = [
-    line_row(
+NO_REPEATER = re.compile(r"\A(?![\s\S]*repeater)")
+NO_TLS = '[mqtt]\nurl = "mqtt://broker.plant"\nallow_plaintext = true\n'
+CROWDED = line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07", every_s=0.1) for n in range(1, 9))
+PRICED = starter("fan", 2, "ssw06", points=["P314", "P220", "P003"]) + starter(
+    "mill", 3, "ssw900", points=["S1.1.?"]
+)
+GUARDED = starter("pump", 1, "ssw07", watchdog_s=60.0) + starter("fan", 2, "ssw06", watchdog_s=0.0)
+DATED = '[gateway]\nname = "a"\nclock = "untrusted"\n' + SSW07 + operator("alice", freshness="issued_at")
+SPARKPLUG = table("sparkplug", group="plant", commands=True, operator="alice")
+
+
+def crowd(*families: str) -> str:
+    return line() + "".join(starter(f"s{n}", n, each) for n, each in enumerate(families, 1))
+
+
+SAID: list[tuple[str, str, Texts]] = [
+    (
         "the budget of each line is printed",
-        "check CONFIG",
-        given=FOUR + ALICE,
-        out=(
+        FOUR + ALICE,
+        (
             "site.toml: valid, 4 starters on 1 line, 1 operator\n",
             re.compile(
                 r"line pumps: /dev/pumps, 19200 8N2\n  load \d+%, sweep [\d.]+ s, a stop waits at most "
             ),
             re.compile(r"pump +1 +ssw07 .* not stated, must be above [\d.]+ s"),
         ),
-        err="",
     ),
-    line_row(
+    (
         "a watchdog has its margin",
-        "check CONFIG",
-        given=line()
-        + starter("pump", 1, "ssw07", watchdog_s=60.0)
-        + starter("fan", 2, "ssw06", watchdog_s=0.0),
-        out=(re.compile(r"pump +1 +ssw07 .* 60 s, [\d.]+ s to spare"), re.compile(r"fan +2 +ssw06 .* off")),
+        line() + GUARDED,
+        (re.compile(r"pump +1 +ssw07 .* 60 s, [\d.]+ s to spare"), re.compile(r"fan +2 +ssw06 .* off")),
     ),
-    line_row(
-        "as JSON it is for programs",
-        "check CONFIG --json",
-        given=line() + starter("pump", 1, "ssw07", watchdog_s=60.0),
-        json={
-            "is_valid": True,
-            "warnings": [],
-            "lines/0/line": "pumps",
-            "lines/0/is_overloaded": False,
-            "lines/0/load": ...,
-            "lines/0/sweep_s": ...,
-            "lines/0/stop_latency_s": ...,
-            "lines/0/starters/0/watchdog_s": 60.0,
-            "lines/0/starters/0/watchdog_margin_s": ...,
-        },
-    ),
-    line_row(
+    (
         "points that are asked for have their price",
-        "check CONFIG",
-        given=line()
-        + starter("fan", 2, "ssw06", points=["P314", "P220", "P003"])
-        + starter("mill", 3, "ssw900", points=["S1.1.?"]),
-        out=(
+        line() + PRICED,
+        (
             re.compile(r"  points asked for: fan 2, mill 4; 4 reads more, 2\.\d% of its time\n"),
             "  fan has as points already: P003\n",
             "  mill has as points already: S1.1.4, S1.1.5\n",
         ),
     ),
-    line_row(
-        "as JSON their price is there too",
-        "check CONFIG --json",
-        given=line() + starter("fan", 2, "ssw06", points=["P314"]),
-        json={
-            "lines/0/extra_points/count": 1,
-            "lines/0/extra_points/reads": 1,
-            "lines/0/extra_points/load": ...,
-        },
-    ),
-    line_row(
+    (
         "periods that the line cannot keep are stretched with a warning",
-        "check CONFIG",
-        given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07", every_s=0.1) for n in range(1, 9)),
-        out=re.compile(
+        CROWDED,
+        re.compile(
             r"(?m)^warning line pumps: asked for 10\d\d% of its time, periods become [\d.]+ times as long"
         ),
     ),
-    line_row(
+    (
         "a plain ttyUSB may be another tomorrow",
-        "check CONFIG",
-        given=SSW07.replace("/dev/pumps", "/dev/ttyUSB9"),
-        out="warning line pumps: /dev/ttyUSB9 may be another adapter tomorrow (use a name",
+        SSW07.replace("/dev/pumps", "/dev/ttyUSB9"),
+        "warning line pumps: /dev/ttyUSB9 may be another adapter tomorrow (use a name",
     ),
-    line_row(
+    (
         "without TLS, where that is permitted, there is a warning",
-        "check CONFIG",
-        given='[mqtt]\nurl = "mqtt://broker.plant"\nallow_plaintext = true\n' + SSW07,
-        out="warning mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)",
+        NO_TLS + SSW07,
+        "warning mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)",
     ),
-    line_row(
-        "a site without operators is read-only",
-        "check CONFIG",
-        given=SSW07,
-        out="1 starter on 1 line, read-only\n",
+    ("a site without operators is read-only", SSW07, "1 starter on 1 line, read-only\n"),
+    ("30 starters need no repeater", crowd(*["ssw06"] * 30), NO_REPEATER),
+    (
+        "31 do",
+        crowd(*["ssw07"] * 31),
+        "31 starters need a repeater, WEG SSW-07/SSW-08 allows 30 without (put",
     ),
-    *(
-        line_row(
-            f"a line of {len(families)} devices, the last a {families[-1]}",
-            "check CONFIG",
-            given=line() + "".join(starter(f"s{n}", n, each) for n, each in enumerate(families, 1)),
-            out=said,
-        )
-        for families, said in (
-            (["ssw06"] * 30, re.compile(r"\A(?![\s\S]*repeater)")),
-            (
-                ["ssw07"] * 31,
-                "31 starters need a repeater, WEG SSW-07/SSW-08 allows 30 without (put",
-            ),
-            (["ssw900"] * 32, re.compile(r"\A(?![\s\S]*repeater)")),
-            (["ssw900"] * 33, "33 starters need a repeater, WEG SSW900 allows 32 without"),
-            (["ssw900"] * 30 + ["ssw06"], "31 starters need a repeater, WEG SSW-06 allows 30 without"),
-            (["sst"] * 40, re.compile(r"\A(?![\s\S]*repeater)")),
-        )
+    ("32 SSW900 need none", crowd(*["ssw900"] * 32), NO_REPEATER),
+    ("33 do", crowd(*["ssw900"] * 33), "33 starters need a repeater, WEG SSW900 allows 32 without"),
+    (
+        "the weakest counts",
+        crowd(*["ssw900"] * 30, "ssw06"),
+        "31 starters need a repeater, WEG SSW-06 allows 30",
     ),
-    line_row("lines may end as on Windows", "check CONFIG", given=SSW07.replace("\n", "\r\n"), out="valid"),
-    line_row(
-        "where no gateway runs, an upgrade interrupts nothing",
-        "check CONFIG --upgrade --json",
-        given=SSW07,
-        json={"is_valid": True, "is_running": False, "is_restart_safe": True, "starters/0/starter": "pump"},
+    ("the SST's manual names no limit", crowd(*["sst"] * 40), NO_REPEATER),
+    ("lines may end as on Windows", SSW07.replace("\n", "\r\n"), "valid"),
+    ("no watchdog is stated", SLOW, "not stated, must"),
+    ("a watchdog is off", f"{SLOW}watchdog_s = 0\n", " off\n"),
+    (
+        "a watchdog acts when the gateway crashes",
+        f"{SLOW}watchdog_s = 7\n",
+        (
+            "to spare, outlasts nothing\n",
+            "warning starter pump: its watchdog of 7 s acts when the gateway crashes: ",
+        ),
     ),
-    *(
-        line_row(f"a watchdog: {said}", "check CONFIG", given=SLOW + more, out=said)
-        for more, said in (
-            ("", "not stated, must"),
-            ("watchdog_s = 0\n", " off\n"),
-            ("watchdog_s = 7\n", "to spare, outlasts nothing\n"),
-            (
-                "watchdog_s = 7\n",
-                "warning starter pump: its watchdog of 7 s acts when the gateway crashes: ",
-            ),
-            ("watchdog_s = 12\n", "outlasts a crash\n"),
-            ("watchdog_s = 12\n", "acts when the gateway hangs: "),
-            ("watchdog_s = 40\n", "outlasts both\n"),
-            ("watchdog_s = 2.5\n", "warning starter pump: its watchdog of 2.5 s has "),
-        )
+    ("or hangs", f"{SLOW}watchdog_s = 12\n", ("outlasts a crash\n", "acts when the gateway hangs: ")),
+    ("or in neither case", f"{SLOW}watchdog_s = 40\n", "outlasts both\n"),
+    ("a tight one", f"{SLOW}watchdog_s = 2.5\n", "warning starter pump: its watchdog of 2.5 s has "),
+    (
+        "an authority is missing",
+        '[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n' + SSW07,
+        "warning mqtt.ca_file: ",
     ),
-    line_row(
-        "a watchdog that outlasts both draws no warning, and JSON has the gaps",
-        "check CONFIG --json",
-        given=SLOW + "watchdog_s = 40\n",
-        json={"warnings": [], "lines/0/starters/0/crash_gap_s": ..., "lines/0/starters/0/hang_gap_s": ...},
+    (
+        "a certificate is",
+        f'{SSW07}[web]\ncert_file = "w.pem"\nkey_file = "site.toml"\n',
+        "warning web.cert_file: ",
     ),
-    *(
-        line_row(f"there is a warning: {said}", "check CONFIG", given=given, out=f"warning {said}")
-        for given, said in (
-            ('[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n' + SSW07, "mqtt.ca_file: "),
-            (SSW07 + '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n', "web.cert_file: "),
-            (SSW07 + '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n', "web.key_file: "),
-            (
-                '[gateway]\nname = "a"\nclock = "untrusted"\n'
-                + SSW07
-                + operator("alice", freshness="issued_at"),
-                "operator alice: the commands of this operator need issued_at",
-            ),
-            (
-                SSW07 + ALICE + table("sparkplug", group="plant", commands=True, operator="alice"),
-                "sparkplug.commands: every Sparkplug host is the same person, operator alice",
-            ),
-        )
+    ("a key is", f'{SSW07}[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n', "warning web.key_file: "),
+    ("a clock proves nothing", DATED, "warning operator alice: the commands of this operator need issued_at"),
+    (
+        "hosts of Sparkplug are one person",
+        SSW07 + ALICE + SPARKPLUG,
+        "warning sparkplug.commands: every Sparkplug host is the same person, operator alice",
     ),
+]
+JSON: list[tuple[str, str, dict[str, object]]] = [
+    (
+        "",
+        line() + starter("pump", 1, "ssw07", watchdog_s=60.0),
+        {
+            "is_valid": True,
+            "warnings": [],
+            "lines/0/line": "pumps",
+            "lines/0/is_overloaded": False,
+            **dict.fromkeys(("lines/0/load", "lines/0/sweep_s", "lines/0/stop_latency_s"), ...),
+            "lines/0/starters/0/watchdog_s": 60.0,
+            **{
+                f"lines/0/starters/0/{key}": ... for key in ("watchdog_margin_s", "crash_gap_s", "hang_gap_s")
+            },
+        },
+    ),
+    (
+        "",
+        line() + starter("fan", 2, "ssw06", points=["P314"]),
+        {"lines/0/extra_points/count": 1, "lines/0/extra_points/reads": 1, "lines/0/extra_points/load": ...},
+    ),
+    (
+        "--upgrade",
+        SSW07,
+        {"is_valid": True, "is_running": False, "is_restart_safe": True, "starters/0/starter": "pump"},
+    ),
+]
+
+RIGHT = [line_row(name, "check CONFIG", given=given, out=said, err="") for name, given, said in SAID]
+RIGHT += [
+    line_row(f"as JSON {words or given}", f"check CONFIG --json {words}", given=given, json=fields)
+    for words, given, fields in JSON
 ]
 
 MISTAKES = [  # the others: tests/config

@@ -12,6 +12,7 @@ from tests.scenarios.cli.lines import beside, cli
 
 BOB = operator("bob", may=("stop", "read"))
 HALL = SSW07 + starter("fan", 2, "ssw06") + ALICE + table("[group]", name="hall", starters=["pump", "fan"])
+BASE = "starters/plant"
 START = "send CONFIG pump start"
 CONFIRMED = "accepted\nwritten: being read back\nconfirmed: read back from the starter\n"
 
@@ -134,16 +135,26 @@ SENDING = [
     ),
     *(
         row(
-            f"a client that may not read {topic} is named with what it lacks",
+            f"a client that may not {access} {topic} is named with what it lacks",
             given=SSW07 + ALICE,
-            before=lambda plant, topic=topic: plant.broker.deny("*", f"starters/plant/{topic}", "read"),
-            then={3.0: cli(START, code=1, err=f"does not let a client without login read {what}")},
+            before=lambda plant, denied=(topic, access): plant.broker.deny(
+                "*", f"{BASE}/{denied[0]}", denied[1]
+            ),
+            then={3.0: cli(START, code=1, err=f"does not let a client without login {access} {what}")},
         )
-        for topic, what in (
-            ("gateway/status", "starters/plant/gateway/status"),
-            ("gateway/fresh", "starters/plant/gateway/fresh"),
-            ("result/pump/alice", "the results of alice"),
+        for access, topic, what in (
+            ("read", "gateway/status", f"{BASE}/gateway/status"),
+            ("read", "gateway/fresh", f"{BASE}/gateway/fresh"),
+            ("read", "result/pump/alice", "the results of alice"),
+            ("write", "command/pump/alice/start", f"{BASE}/command/pump/alice/start"),
         )
+    ),
+    beside(
+        "another login than the gateway's has its own password",
+        SSW07 + ALICE,
+        cli(f"{START} --username alice --password-file DIR/alice.password", out="confirmed"),
+        lambda plant: "" if plant.broker.logins[-1][1:] == ("alice", "hers") else f"{plant.broker.logins}",
+        files={"alice.password": "hers\n"},
     ),
     row(
         "a broker of MQTT 3.1.1 is spoken to in it",
