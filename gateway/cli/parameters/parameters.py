@@ -87,7 +87,7 @@ def _save(args: argparse.Namespace) -> int:
     except OSError as error:
         raise StoreError(f"{path}: {error.strerror} (choose another folder)") from error
     refused = f", {len(saved.refused)} could not be read" if saved.refused else ""
-    print(f"{path}: {len(saved.parameters)} parameters of {saved.starter}{refused}")
+    print(f"{path}: {len(saved.parameters)} parameters of {saved.name}{refused}")
     return 0
 
 
