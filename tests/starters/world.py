@@ -228,6 +228,7 @@ class GatewayWorld:
             records=records,
             journal=self.journal,
             policy=self.policy,
+            set_baseline=lambda *_: {},
         )
         self.dispatcher.recall(list(self.journal.stored.values()))
         for telemetry in self.telemetries.values():

@@ -24,14 +24,13 @@ from gateway.families import reading
 from gateway.starters.command.admission import Admission
 from gateway.starters.command.ledger import PROVABLE_S, Ledger, LedgerEntry
 from gateway.starters.command.overload import ANSWERED_STOPS, Overload
-from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
+from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
 from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.view import StarterIo
 from gateway.store import Journal, Remembered
 
@@ -58,15 +57,15 @@ class Dispatcher:
         rights: Rights,
         records: RecordWriter,
         journal: Journal,
-        policy: Policy | None = None,
+        policy: Policy,
+        set_baseline: SetBaseline,
         stood_still_s: Callable[[], float] = lambda: -inf,
         provable_s: float = PROVABLE_S,
-        set_baseline: SetBaseline = no_history,
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
         ledger = Ledger(provable_s=provable_s, on_forgotten=journal.forget)
         self._starters = starters
-        self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
+        self._policy = policy
         self._reporting = Reporting(records, ledger, journal, stood_still_s)
         self._under_way = UnderWay(starters, self._reporting)
         self._admission = Admission(starters, rights, self._policy)
@@ -82,7 +81,7 @@ class Dispatcher:
         """
         error = refusal or _error_of(self._admission.check_sender, request)
         is_stop = error is None and request.verb == STOP  # never limited
-        if not is_stop and not self._admits(request):
+        if not is_stop and not self._overload.admits(self._key(request)):
             self._overload.answer(self._key(request), request)
             return
         earlier = self._reporting.ledger.find(request.client, request.id)
@@ -92,7 +91,7 @@ class Dispatcher:
         elif earlier is not None and (not is_stop or (is_repeat and not earlier.result.phase.is_final)):
             if is_stop and not self._is_closing:
                 self._stop_all(self._admission.stoppable(request), request.received_s)
-            if not is_stop or self._admits(request):  # a stop under way is answered in any case
+            if not is_stop or self._overload.admits(self._key(request)):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
         else:
             self._carry_out(request, is_repeat=is_repeat)
@@ -186,10 +185,6 @@ class Dispatcher:
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
         return request.client if self._admission.rights.is_known(request.client) else ""
-
-    def _admits(self, request: CommandRequest) -> bool:
-        starter = request.starter if request.starter in self._starters else ""
-        return self._overload.admits(self._key(request), starter)
 
     def _repeat(self, request: CommandRequest, earlier: LedgerEntry) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
