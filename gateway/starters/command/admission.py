@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from gateway.contract import CANCEL, OWN_VERBS, READ, SELECT, STOP, CommandError, CommandRequest, ResultCode
+from gateway.contract import CANCEL, OWN_VERBS, SELECT, STOP, CommandError, CommandRequest, ResultCode
 from gateway.families import Preparation, command
-from gateway.starters.command.run.decision import demand_answering
-from gateway.starters.identity import IdentityStatus, not_matching
+from gateway.starters.command.run.decision import demand_identified
 from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
 from gateway.starters.policy.rights import Rights
@@ -65,12 +64,7 @@ class Admission:
             starter.profile, starter.variant, request.verb, request.args, is_local=is_local
         )
         demand_unlocked(request, self._policy.motor_history)
-        demand_answering(starter)
-        standing = starter.identity_standing
-        if request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT):
-            return preparation  # of one that contradicts the configuration its raw words are all that is said
-        if standing is not IdentityStatus.MATCHING:
-            raise not_matching(standing, starter.identity_reason)
+        demand_identified(request, starter)
         return preparation
 
     def guard(self, request: CommandRequest, starter: StarterIo) -> Guard:

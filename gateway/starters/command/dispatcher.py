@@ -91,7 +91,8 @@ class Dispatcher:
         elif earlier is not None and (not is_stop or (is_repeat and not earlier.result.phase.is_final)):
             if is_stop and not self._is_closing:
                 self._stop_all(self._admission.stoppable(request), request.received_s)
-            if not is_stop or self._overload.admits(self._key(request)):  # a stop under way is answered in any case
+            # The answer to a stop under way comes in any case.
+            if not is_stop or self._overload.admits(self._key(request)):
                 self._repeat(request, earlier)
         else:
             self._carry_out(request, is_repeat=is_repeat)

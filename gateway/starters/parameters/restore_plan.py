@@ -118,7 +118,7 @@ def _value(row: Parameter, entry: ParameterEntry) -> decode.Value:
 
 
 def _place_of(profile: Profile, change: PlannedWrite) -> int:
-    """Return the place of a change: a timeout is never active at 0.0 s on the way, nobody runs the motor early.
+    """Return the place of a change in the order of writing: a timeout is never active at 0.0 s on the way.
 
     The time of the timeout comes before its mode, or behind it when the time becomes 0. The command sources
     come last: everything else is as it shall be by then.

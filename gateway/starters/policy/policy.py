@@ -94,12 +94,10 @@ class Policy:
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
         locked = [name for name in self._unsure if rights.is_lockable(name)]
+        self._unsure.difference_update(locked)
         reason = "the memory of locks was damaged: look, then unlock"
         for name in locked:
-            self._unsure.discard(name)
-            self.motor_history.set_lock(
-                name, LockRecord(by=GATEWAY, since_s=self.clock.utc_s(), reason=reason)
-            )
+            self.motor_history.set_lock(name, _own_lock(self.clock.utc_s(), reason))
         return locked
 
 
@@ -184,7 +182,11 @@ def lock_restored(
         history.restore(stored.model_copy(update={"at": here}), now_s=here.up_s, reading=here)
     locked = [name for name in names if is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
-        history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=reason))
+        history.set_lock(name, _own_lock(reading.utc_s, reason))
     if stored is not None or locked:
         write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
     return locked
+
+
+def _own_lock(since_s: float, reason: str) -> LockRecord:
+    return LockRecord(by=GATEWAY, since_s=since_s, reason=reason)

@@ -373,14 +373,10 @@ def turning_about() -> Rule:
 
 DECIDED = [
     row(
-        "what is read over a silence is no value before the starter is identified again",
+        "a read of a starter that falls silent ends at once, and gives no value",
         given=SITE,
         at={3.0: [fault("lose", "pump", count=5), do("pump read", parameter="P003")]},
-        then={
-            4.1: msg(
-                "result/pump/alice", phase="confirmed", value=None, raw=[0], reason=re.compile("identif")
-            ),
-        },
+        then={4.9: [result("read rejected no_answer"), never("result/pump/alice", phase="confirmed")]},
     ),
     *(
         row(
