@@ -224,7 +224,6 @@ class GatewayWorld:
         }
         self.dispatcher = Dispatcher(
             self.telemetries,
-            rights=rights,
             records=records,
             journal=self.journal,
             policy=self.policy,

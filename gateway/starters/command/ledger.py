@@ -17,11 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from gateway.contract import CommandRequest, Note, Phase, ResultRecord, joined
+from gateway.contract import MAX_TTL_S, CommandRequest, Note, Phase, ResultRecord, joined
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 
 MOST_ENTRIES = 10_000
 LONGEST_S = 7 * 24 * 3600.0
-PROVABLE_S = 62.0  # a copy can prove itself fresh for so long: the longest ttl, with a clock that is ahead
+PROVABLE_S = MAX_TTL_S + MAX_AHEAD_S  # a copy can prove itself fresh for so long
 
 Key = tuple[str, str]  # client and id
 
@@ -59,7 +60,6 @@ class Ledger:
     """Remembers (client, id) with the latest result; bounded in number and age."""
 
     most_entries: int = MOST_ENTRIES
-    provable_s: float = PROVABLE_S
     on_forgotten: Callable[[Sequence[Key]], None] = lambda _: None
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Ledger:
             age_s = now_s - entry.since_s
             if len(gone) >= excess and age_s <= LONGEST_S:
                 break
-            if entry.result.phase.is_final and (entry.is_harmless or age_s > self.provable_s):
+            if entry.result.phase.is_final and (entry.is_harmless or age_s > PROVABLE_S):
                 gone.append(key)
         for key in gone:
             del self._entries[key]

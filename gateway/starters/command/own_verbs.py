@@ -8,7 +8,7 @@ not be; the `yield` returns the report of the accepted command, which is then ca
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Generator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.contract import (
@@ -44,13 +44,15 @@ SetBaseline = Callable[[str, str | None, str], Mapping[str, Any]]
 Deed = Generator[Awaitable[bool] | None, Any, Final]
 
 
+@dataclass
 class OwnVerbs:
     """Judges and carries out the verbs of its table; a lock holds at once, before it is stored."""
 
-    def __init__(self, admission: Admission, policy: Policy, *, set_baseline: SetBaseline) -> None:
-        self._admission = admission
-        self._policy = policy
-        self._set_baseline = set_baseline
+    admission: Admission
+    policy: Policy
+    set_baseline: SetBaseline
+
+    def __post_init__(self) -> None:
         self._verbs: Mapping[str, tuple[set[str], Callable[[CommandRequest, StarterIo], Deed]]] = {
             SELECT: ({"verb", "args"}, self._select),  # with the arguments that there may be
             CANCEL: (set(), self._cancel),
@@ -72,10 +74,10 @@ class OwnVerbs:
     # Two-step commands
 
     def _select(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        target, selections, now_s = target_of(request), self._policy.selections, self._policy.clock.now_s()
+        target, selections, now_s = target_of(request), self.policy.selections, self.policy.clock.now_s()
         if target.verb == STOP or target.verb not in command.verbs(starter.profile):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "not_selectable", verb=target.verb[:40])
-        self._admission.check_target(target, starter)
+        self.admission.check_target(target, starter)
         state = state_of(starter.profile, starter.snapshot.good_values())
         if state == "unknown":
             raise CommandError(ResultCode.STATE_UNKNOWN, "select")
@@ -89,11 +91,11 @@ class OwnVerbs:
         return Final(Phase.CONFIRMED, reason, {"select": token, "valid_s": VALID_S, "state": state})
 
     def _cancel(self, request: CommandRequest, _starter: StarterIo) -> Deed:
-        selection = self._policy.selections.of(request.starter, now_s=self._policy.clock.now_s())
+        selection = self.policy.selections.of(request.starter, now_s=self.policy.clock.now_s())
         if selection is None or selection.client != request.client:
             raise CommandError(ResultCode.NOT_SELECTED, "client", client=request.client)
         yield None
-        self._policy.selections.end(request.starter)
+        self.policy.selections.end(request.starter)
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "cancelled"))
 
     # Locks
@@ -101,27 +103,27 @@ class OwnVerbs:
     def _lock(self, request: CommandRequest, starter: StarterIo) -> Deed:
         """Lock a starter for this run, whether or not the lock can be stored."""
         reason = reason_in(request.args, request.reason)
-        before = self._policy.motor_history.lock_of(request.starter)
+        before = self.policy.motor_history.lock_of(request.starter)
         if before is not None and before.by != request.client:
             raise refusal(before)
         report: CommandReport = yield None
         report.before = _lock_data(before)
-        client, who, since_s = request.client, request.operator, self._policy.clock.utc_s()
+        client, who, since_s = request.client, request.operator, self.policy.clock.utc_s()
         self._set_lock(starter, LockRecord(by=client, since_s=since_s, reason=reason, operator=who))
-        if not (yield self._policy.document.saved()):
+        if not (yield self.policy.document.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "lock"))
         starter.emitter.event(EventCode.LOCKED, client=client, operator=who, reason=_why(request))
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "locked").noted(NOTICE))
 
     def _unlock(self, request: CommandRequest, starter: StarterIo) -> Deed:
         """Unlock a starter; an unlocking that cannot be stored is undone."""
-        before = self._policy.motor_history.lock_of(request.starter)
+        before = self.policy.motor_history.lock_of(request.starter)
         if before is None:
             raise CommandError(ResultCode.NOT_LOCKED)
         report: CommandReport = yield None
         report.before = _lock_data(before)
         self._set_lock(starter, None)
-        if not (yield self._policy.document.saved()):
+        if not (yield self.policy.document.saved()):
             self._set_lock(starter, before)
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "unlock"))
         end, event = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), starter.emitter.event
@@ -146,18 +148,18 @@ class OwnVerbs:
         return end.noted(Note("lock_was", owner=owner, reason=before.reason))
 
     def _set_lock(self, starter: StarterIo, lock: LockRecord | None) -> None:
-        self._policy.motor_history.set_lock(starter.setup.name, lock)
+        self.policy.motor_history.set_lock(starter.setup.name, lock)
         starter.republish_state()
 
     # What is compared with later devices and later starts
 
     def _accept(self, request: CommandRequest, _starter: StarterIo) -> Deed:
         """Take the present device for the right one, for this run whether or not that can be stored."""
-        self._policy.identities.waiting(request.starter)
+        self.policy.identities.waiting(request.starter)
         report: CommandReport = yield None
-        mismatch = self._policy.identities.accept(request.starter)
+        mismatch = self.policy.identities.accept(request.starter)
         report.before, seen = mismatch.known.as_data(), mismatch.seen.as_data()
-        if not (yield self._policy.identities.saved()):
+        if not (yield self.policy.identities.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "identity"), seen, seen)
 
@@ -168,7 +170,7 @@ class OwnVerbs:
             raise CommandError(ResultCode.BAD_ARGUMENTS, "start")
         yield None
         try:
-            start = self._set_baseline(request.starter, start_id, request.client)
+            start = self.set_baseline(request.starter, start_id, request.client)
         except CommandError as error:
             return Final(Phase.REJECTED, error.reason)
         reason = Reason(ResultCode.OK, "baseline", time=start["time"])

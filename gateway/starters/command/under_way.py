@@ -65,7 +65,7 @@ class UnderWay:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
             slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
-        run = CommandRun(report, starter, preparation, guard, slot=slot, run_off=self._run_off)
+        run = CommandRun(report, starter, preparation, guard, slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
     def do(self, report: CommandReport, deed: Deed) -> None:

@@ -121,7 +121,6 @@ class OneStarter:
         rights = Rights((Operator("alice", ("*",), ("*",)),))
         self.dispatcher = Dispatcher(
             {setup.name: self.telemetry},
-            rights=rights,
             records=records,
             journal=MemoryJournal(),
             policy=Policy(PolicySettings(), [setup.name], rights=rights, records=records),
