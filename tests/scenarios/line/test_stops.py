@@ -179,6 +179,15 @@ SCENARIOS = [
         },
     ),
     row(
+        "a stop right after a jog takes the jog back, though no reading has shown it",
+        given=SSW07 + ALICE,
+        sim=RUNS,
+        at={3.0: [f"pump {READY_07}", command("pump/alice/jog", args={"value": True})], 3.2: STOP},
+        then={
+            9.0: [result("stop confirmed ok"), frames("pump", "05 00 66 ff 00", STOP_07, "05 00 66 00 00")]
+        },
+    ),
+    row(
         "a stop ends a start under way, and no start follows it",
         given=SSW07 + ALICE,
         sim=RUNS,
