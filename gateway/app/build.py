@@ -19,14 +19,13 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
 from gateway.config import policy_of, rights_of, setups_in, timing_of
-from gateway.contract import MAX_TTL_S, Latest, PublishEvent, RecordBus, RecordWriter
+from gateway.contract import Latest, PublishEvent, RecordBus, RecordWriter
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters import (
-    MAX_AHEAD_S,
     Commands,
     Dispatcher,
     KnownWatchdogs,
@@ -40,8 +39,6 @@ from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, im
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
-
-HOLD_S = MAX_TTL_S + MAX_AHEAD_S  # how long an old command might still pass for a new one
 
 
 def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None, io: Io = MACHINE) -> App:
@@ -121,14 +118,12 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     # Commands: from the broker's topics, from plugins, and by the page.
     dispatcher = Dispatcher(
         plant.starters,
-        rights=rights,
         records=records,
         journal=state.commands,
         policy=policy,
         stood_still_s=suspend_watch.ended_s,
         set_baseline=history.set_baseline,
         on_stop=uplink.renew_token,
-        provable_s=HOLD_S,
     )
     commands = Commands(
         dispatcher,

@@ -153,7 +153,7 @@ class App:
             self.plant.starters[name].republish_state()
         self.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
         self.health.reconfigure(self.plant.lines.values(), site)
-        self.dispatcher.apply_rights(rights)
+        self.dispatcher.reopen()
         self.capture.lines = tuple(self.plant.lines)
         for plugin in self.plugins:
             plugin.reconfigure(site)

@@ -10,19 +10,13 @@ from typing import Any
 import pytest
 
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.sst.unit import Sst
 from gateway.sim.weg.common import REMOTE_SOURCE
 from gateway.sim.weg.ssw07 import Ssw07
 from tests.rules.acting import RAW_START, Actor
 
 WEG = ("ssw06", "ssw07", "ssw900")
-ON = {"value": True}
-TO_REMOTE, TO_LOCAL = {"value": "remote"}, {"value": "local"}
-SOURCES = {
-    "ssw06": [("P220", 5), ("P229", 2), ("P230", 2)],
-    "ssw07": [("P220", 5), ("P229", 2), ("P230", 2)],
-    "ssw900": [("C3.1", 9), ("C3.2", 4), ("C3.3", 5), ("C4.1.1", 4)],
-}
+TO_REMOTE, TO_LOCAL = ("local_remote", {"value": "remote"}), ("local_remote", {"value": "local"})
+RESET = ("reset", {})
 BARE_RESET = {
     "ssw07": (WriteCoil(107, is_on=False), WriteCoil(107, is_on=True)),
     "ssw900": (WriteRegister(685, 0x0013), WriteRegister(685, 0x0093)),
@@ -30,9 +24,58 @@ BARE_RESET = {
 }
 
 
-def standing(family: str, **options: Any) -> Actor:
+def trip(actor: Actor) -> None:
+    actor.unit.trip(12 if actor.profile.family == "sst" else 3)
+
+
+def disable(actor: Actor) -> None:
+    actor.act("general_enable", {"value": False})
+
+
+def open_enable_input(actor: Actor) -> None:
+    unit: Any = actor.unit
+    unit.set_enable_input(is_on=False)
+
+
+def adjust(actor: Actor) -> None:
+    actor.talk.ask(WriteRegister(202, 3))
+
+
+def take_source_away(actor: Actor) -> None:
+    """Give the commands to another source, and end the motion; what was commanded stands."""
+    unit: Any = actor.unit
+    actor.talk.ask(WriteRegister(REMOTE_SOURCE, 0))
+    unit.motor.cut()
+    unit.command |= 0x01
+
+
+def change(code: str, value: int) -> tuple[str, dict[str, Any]]:
+    return "set", {"parameter": code, "value": value}
+
+
+OF_SSW = [change("P220", 5), change("P229", 2), change("P230", 2)]
+SOURCES = {
+    "ssw06": OF_SSW,
+    "ssw07": OF_SSW,
+    "ssw900": [change("C3.1", 9), change("C3.2", 4), change("C3.3", 5), change("C4.1.1", 4)],
+}
+CASES = [  # the family, what ends the motion, what is commanded then
+    *((family, trip, RESET) for family in (*WEG, "sst")),
+    *((family, disable, ("general_enable", {"value": True})) for family in WEG),
+    *((family, trip, TO_LOCAL, RESET, TO_REMOTE) for family in WEG),
+    *((family, open_enable_input, command) for family in WEG for command in SOURCES[family]),
+    *((family, open_enable_input, ("direction", {"value": "reverse"})) for family in WEG),
+    *((family, take_source_away, change("P230", 2)) for family in ("ssw06", "ssw07")),
+    ("ssw06", adjust, ("configure", {"leave": "P202"})),
+    ("sst", trip, ("reset", {"whole": True})),
+    ("sst", trip, ("configure", {})),
+]
+
+
+def standing(family: str) -> Actor:
     """Return a starter whose motor runs, and that keeps and hides its run command."""
-    actor = Actor(family, keeps_run_command=True, hides_command_bits=True, **options)
+    actor = Actor(family, hides_command_bits=True)
+    actor.unit.quirks.keeps_run_command = True
     assert actor.act("start").end == "confirmed"
     return actor
 
@@ -44,8 +87,21 @@ def rest(actor: Actor) -> None:
     assert not actor.unit.motor.is_turning
 
 
-def assert_standing_still(actor: Actor) -> None:
-    """Nothing turned since `rest`: not now, not a while later."""
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]} {case[1].__name__} {case[2:]}")
+def test_what_takes_a_hindrance_away_starts_no_motor_whose_run_command_still_stands(case: Any) -> None:
+    family, end_motion, *commands = case
+    actor = standing(family)
+    end_motion(actor)
+    rest(actor)
+
+    for verb, args in commands:
+        done = actor.act(verb, args)
+        assert done.end in ("confirmed", "unchanged")
+        assert "run = 0 was written first" in done.text or verb != "reset"
+        actor.talk.wait(30.0)
+
+    if done.end == "confirmed" and family != "sst":
+        actor.unit.set_enable_input(is_on=True)  # type: ignore[attr-defined]  # every WEG family has it
     before_s = actor.unit.motor.standstill_s
     actor.talk.wait(30.0)
     assert not actor.unit.motor.is_turning
@@ -53,114 +109,11 @@ def assert_standing_still(actor: Actor) -> None:
     assert actor.unit.start_frames == []
 
 
-@pytest.mark.parametrize("family", WEG)
-def test_a_reset_after_a_fault_starts_nothing(family: str) -> None:
-    actor = standing(family)
-    actor.unit.trip(3)
-    rest(actor)
-
-    done = actor.act("reset")
-
-    assert done.end == "confirmed"
-    assert "run = 0 was written first" in done.text
-    assert_standing_still(actor)
-
-
-@pytest.mark.parametrize("family", WEG)
-def test_a_general_enable_after_a_general_disable_starts_nothing(family: str) -> None:
-    actor = standing(family)
-    actor.act("general_enable", {"value": False})
-    rest(actor)
-
-    assert actor.act("general_enable", ON).end == "confirmed"
-    assert_standing_still(actor)
-
-
-@pytest.mark.parametrize("family", WEG)
-def test_a_time_in_local_and_the_way_back_start_nothing(family: str) -> None:
-    actor = standing(family)
-    actor.unit.trip(3)
-    rest(actor)
-
-    assert actor.act("local_remote", TO_LOCAL).end == "confirmed"
-    assert actor.act("reset").end == "confirmed"
-    actor.talk.wait(30.0)
-    assert actor.act("local_remote", TO_REMOTE).end == "confirmed"
-    assert_standing_still(actor)
-
-
-@pytest.mark.parametrize(("family", "code", "value"), [(f, c, v) for f in WEG for c, v in SOURCES[f]])
-def test_another_command_source_starts_nothing(family: str, code: str, value: int) -> None:
-    actor = standing(family)
-    actor.unit.set_enable_input(is_on=False)
-    rest(actor)
-
-    done = actor.act("set", {"parameter": code, "value": value})
-    actor.unit.set_enable_input(is_on=True)
-
-    assert done.end in ("confirmed", "unchanged")
-    if done.end == "confirmed":
-        assert_standing_still(actor)
-
-
-@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
-def test_serial_as_the_source_again_starts_nothing(family: str) -> None:
-    actor = standing(family)
-    unit = actor.unit
-    actor.talk.ask(WriteRegister(REMOTE_SOURCE, 0))
-    unit.motor.cut()
-    rest(actor)
-    unit.command |= 0x01  # what was given stands
-
-    assert actor.act("set", {"parameter": "P230", "value": 2}).end == "confirmed"
-    assert_standing_still(actor)
-
-
-@pytest.mark.parametrize("family", WEG)
-def test_a_change_of_the_direction_at_standstill_starts_nothing(family: str) -> None:
-    actor = standing(family)
-    actor.unit.set_enable_input(is_on=False)
-    rest(actor)
-
-    assert actor.act("direction", {"value": "reverse"}).end == "confirmed"
-    actor.unit.set_enable_input(is_on=True)
-    assert_standing_still(actor)
-
-
-def test_the_way_out_of_an_adjusting_mode_starts_nothing() -> None:
-    actor = standing("ssw06")
-    actor.talk.ask(WriteRegister(202, 3))
-    rest(actor)
-
-    assert actor.act("configure", {"leave": "P202"}).end == "confirmed"
-    assert_standing_still(actor)
-
-
-@pytest.mark.parametrize(("verb", "args"), [("reset", {}), ("reset", {"whole": True}), ("configure", {})])
-def test_an_sst_is_reset_and_initialised_without_a_start(verb: str, args: dict[str, Any]) -> None:
-    actor = Actor("sst", hides_command_bits=True)
-    unit = actor.unit
-    assert isinstance(unit, Sst)
-    unit.quirks.keeps_run_command = True
-    assert actor.act("start").end == "confirmed"
-    unit.trip(12)
-    rest(actor)
-    assert unit.is_start_set
-
-    done = actor.act(verb, args)
-
-    assert done.end == "confirmed"
-    assert "run = 0 was written first" in done.text
-    assert_standing_still(actor)
-
-
 @pytest.mark.parametrize("family", ["ssw07", "ssw900", "sst"])  # an SSW-06 restarts, and forgets
 def test_without_run_0_these_simulated_starters_would_start(family: str) -> None:
     """The bare reset of the manual starts the motor: what the tests above are worth."""
-    actor = Actor(family, hides_command_bits=True)
-    actor.unit.quirks.keeps_run_command = True
-    actor.act("start")
-    actor.unit.trip(12)
+    actor = standing(family)
+    trip(actor)
     rest(actor)
 
     for request in BARE_RESET[family]:
@@ -181,16 +134,15 @@ class Deaf(Ssw07):
 
 
 def test_a_run_command_that_was_deaf_to_the_first_run_0_is_taken_back_at_once() -> None:
-    actor = Actor("ssw07", keeps_run_command=True, hides_command_bits=True)
-    actor.act("start")
-    unit = actor.unit
+    actor = standing("ssw07")
+    unit: Any = actor.unit
     unit.__class__ = Deaf
     actor.act("stop", seen=dict(actor.rows))
     rest(actor)
-    actor.act("local_remote", TO_LOCAL)
+    actor.act(*TO_LOCAL)
     unit.command |= 0x01
 
-    done = actor.act("local_remote", TO_REMOTE)
+    done = actor.act(*TO_REMOTE)
     actor.talk.wait(30.0)
 
     assert done.end in ("confirmed", "unconfirmed")

@@ -224,10 +224,10 @@ class GatewayWorld:
         }
         self.dispatcher = Dispatcher(
             self.telemetries,
-            rights=rights,
             records=records,
             journal=self.journal,
             policy=self.policy,
+            set_baseline=lambda *_: {},
         )
         self.dispatcher.recall(list(self.journal.stored.values()))
         for telemetry in self.telemetries.values():

@@ -83,7 +83,7 @@ def _save(args: argparse.Namespace) -> int:
         return 0
     write_text(path, to_toml(saved))
     refused = f", {len(saved.refused)} could not be read" if saved.refused else ""
-    print(f"{path}: {len(saved.parameters)} parameters of {saved.starter}{refused}")
+    print(f"{path}: {len(saved.parameters)} parameters of {saved.name}{refused}")
     return 0
 
 

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
-from gateway.contract import CANCEL, OWN_VERBS, READ, SELECT, STOP, CommandError, CommandRequest, ResultCode
+from gateway.contract import CANCEL, OWN_VERBS, SELECT, STOP, CommandError, CommandRequest, ResultCode
 from gateway.families import Preparation, command
-from gateway.starters.command.run.decision import demand_answering
-from gateway.starters.identity import IdentityStatus, not_matching
+from gateway.starters.command.run.decision import demand_identified
 from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
-from gateway.starters.policy.rights import Rights
 from gateway.starters.view import StarterIo
 
 
+@dataclass
 class Admission:
     """Every method that checks raises CommandError for a command that must not be."""
 
-    def __init__(self, starters: Mapping[str, StarterIo], rights: Rights, policy: Policy) -> None:
-        self.rights = rights
-        self._starters = starters
-        self._policy = policy
+    starters: Mapping[str, StarterIo]
+    policy: Policy
 
     def check_sender(self, request: CommandRequest) -> None:
         """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
         name, is_stop = request.starter, request.verb == STOP
-        is_group = name in self._policy.settings.groups
+        is_group = name in self.policy.settings.groups
         if is_group and not is_stop:
             raise CommandError(ResultCode.GROUP_ONLY_STOP, group=name)
-        if not is_group and name not in self._starters:
+        if not is_group and name not in self.starters:
             raise CommandError(ResultCode.UNKNOWN_STARTER)
         self.check_verb(name, request.verb)
         if not (self.stoppable(request) if is_stop else self._may(request)):
@@ -38,7 +36,7 @@ class Admission:
 
     def check_verb(self, name: str, verb: str) -> None:
         """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
-        starter = self._starters.get(name)
+        starter = self.starters.get(name)
         if starter is None or verb in (known := (*command.verbs(starter.profile), *OWN_VERBS)):
             return
         verbs, title = ", ".join(known), starter.profile.title
@@ -51,11 +49,11 @@ class Admission:
 
     def members(self, request: CommandRequest) -> Collection[str]:
         """Return the starters that a command is for: those of a group, or the one."""
-        return self._policy.settings.groups.get(request.starter, (request.starter,))
+        return self.policy.settings.groups.get(request.starter, (request.starter,))
 
     def stoppable(self, request: CommandRequest) -> list[str]:
         """Return the starters that a stop is for and its client may stop."""
-        allowed, client = self.rights.is_allowed, request.client
+        allowed, client = self.policy.rights.is_allowed, request.client
         return [name for name in self.members(request) if allowed(client, verb=STOP, starter=name)]
 
     def check_target(self, request: CommandRequest, starter: StarterIo) -> Preparation:
@@ -64,31 +62,26 @@ class Admission:
         preparation = command.prepare(
             starter.profile, starter.variant, request.verb, request.args, is_local=is_local
         )
-        demand_unlocked(request, self._policy.motor_history)
-        demand_answering(starter)
-        standing = starter.identity_standing
-        if request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT):
-            return preparation  # of one that contradicts the configuration its raw words are all that is said
-        if standing is not IdentityStatus.MATCHING:
-            raise not_matching(standing, starter.identity_reason)
+        demand_unlocked(request, self.policy.motor_history)
+        demand_identified(request, starter)
         return preparation
 
     def guard(self, request: CommandRequest, starter: StarterIo) -> Guard:
         """Return what watches over a command until its write; its selection, if it has one, is used up."""
         expectations = [Expectation(starter.profile, request.expect)]
         if request.select is not None:
-            selection = self._policy.selections.take(request, now_s=self._policy.clock.now_s())
+            selection = self.policy.selections.take(request, now_s=self.policy.clock.now_s())
             seen = {STATE: selection.state}
             expectations.append(Expectation(starter.profile, seen, ResultCode.STATE_CHANGED))
-        elif request.verb in self._policy.rulebook.of(request.starter).two_step:
+        elif request.verb in self.policy.rulebook.of(request.starter).two_step:
             raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
-        return Guard(request, self._policy, expectations)
+        return Guard(request, self.policy, expectations)
 
     def _may(self, request: CommandRequest) -> bool:
         """Return whether the client has the right; who may do something may also select it, and cancel."""
         verb, client, starter = request.verb, request.client, request.starter
         if verb == CANCEL:
-            return self.rights.has_any(client, starter=starter)
+            return self.policy.rights.has_any(client, starter=starter)
         if verb == SELECT:
             verb = str(request.args.get("verb"))
-        return self.rights.is_allowed(client, verb=verb, starter=starter)
+        return self.policy.rights.is_allowed(client, verb=verb, starter=starter)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from math import inf
 from typing import Any
 
@@ -22,16 +22,14 @@ from gateway.contract import (
 )
 from gateway.families import reading
 from gateway.starters.command.admission import Admission
-from gateway.starters.command.ledger import PROVABLE_S, Ledger, LedgerEntry
+from gateway.starters.command.ledger import Ledger, LedgerEntry
 from gateway.starters.command.overload import ANSWERED_STOPS, Overload
-from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, no_history, target_of
+from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
 from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
-from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.view import StarterIo
 from gateway.store import Journal, Remembered
 
@@ -48,31 +46,26 @@ UNFIT = (  # of what is refused however often it comes: its id is free for a fit
 )
 
 
+@dataclass(eq=False)
 class Dispatcher:
     """Takes commands for all starters, on the app's loop; every command gets exactly one final result."""
 
-    def __init__(
-        self,
-        starters: Mapping[str, StarterIo],
-        *,
-        rights: Rights,
-        records: RecordWriter,
-        journal: Journal,
-        policy: Policy | None = None,
-        stood_still_s: Callable[[], float] = lambda: -inf,
-        provable_s: float = PROVABLE_S,
-        set_baseline: SetBaseline = no_history,
-        on_stop: Callable[[], None] = lambda: None,
-    ) -> None:
-        ledger = Ledger(provable_s=provable_s, on_forgotten=journal.forget)
-        self._starters = starters
-        self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
-        self._reporting = Reporting(records, ledger, journal, stood_still_s)
-        self._under_way = UnderWay(starters, self._reporting)
-        self._admission = Admission(starters, rights, self._policy)
-        self._own_verbs = OwnVerbs(self._admission, self._policy, set_baseline=set_baseline)
+    starters: Mapping[str, StarterIo]
+    _: KW_ONLY
+    records: RecordWriter
+    journal: Journal
+    policy: Policy
+    set_baseline: SetBaseline
+    stood_still_s: Callable[[], float] = lambda: -inf
+    on_stop: Callable[[], None] = lambda: None  # called once a stop's frames are asked for
+
+    def __post_init__(self) -> None:
+        ledger = Ledger(on_forgotten=self.journal.forget)
+        self._reporting = Reporting(self.records, ledger, self.journal, self.stood_still_s)
+        self._under_way = UnderWay(self.starters, self._reporting)
+        self._admission = Admission(self.starters, self.policy)
+        self._own_verbs = OwnVerbs(self._admission, self.policy, self.set_baseline)
         self._overload = Overload(self._reporting)
-        self._on_stop = on_stop  # called once a stop's frames are asked for
         self._is_closing = False
 
     def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> None:
@@ -82,7 +75,7 @@ class Dispatcher:
         """
         error = refusal or _error_of(self._admission.check_sender, request)
         is_stop = error is None and request.verb == STOP  # never limited
-        if not is_stop and not self._admits(request):
+        if not is_stop and not self._overload.admits(self._key(request)):
             self._overload.answer(self._key(request), request)
             return
         earlier = self._reporting.ledger.find(request.client, request.id)
@@ -92,7 +85,8 @@ class Dispatcher:
         elif earlier is not None and (not is_stop or (is_repeat and not earlier.result.phase.is_final)):
             if is_stop and not self._is_closing:
                 self._stop_all(self._admission.stoppable(request), request.received_s)
-            if not is_stop or self._admits(request):  # a stop under way is answered in any case
+            # The answer to a stop under way comes in any case.
+            if not is_stop or self._overload.admits(self._key(request)):
                 self._repeat(request, earlier)
         else:
             self._carry_out(request, is_repeat=is_repeat)
@@ -132,14 +126,14 @@ class Dispatcher:
         report = CommandReport(CommandRequest(result.starter, client, verb, id_), self._reporting, step=step)
         end = crashed(verb, may_be_written=may_be_written)
         report.finish(end)
-        starter = self._starters.get(result.starter)
+        starter = self.starters.get(result.starter)
         if starter is not None and may_be_written:
             outcome = end.reason.text
             event = starter.emitter.event
             event(EventCode.COMMAND_CUT_SHORT, client=client, id=id_, verb=verb, outcome=outcome)
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
-        """Wait until these starters are under no command; they take none but stop until `apply_rights`."""
+        """Wait until these starters are under no command; they take none but stop until `reopen`."""
         await self._under_way.settle(starters, within_s=within_s)
 
     def stopped_s(self) -> float:
@@ -148,11 +142,10 @@ class Dispatcher:
 
     def freshness(self, request: CommandRequest) -> tuple[str, ...]:
         """Return the settings that say what may prove such a command fresh."""
-        return self._admission.rights.freshness(request.client, verb=request.verb, starter=request.starter)
+        return self.policy.rights.freshness(request.client, verb=request.verb, starter=request.starter)
 
-    def apply_rights(self, rights: Rights) -> None:
-        """Judge new commands by these rights and the policy's present settings from now on."""
-        self._admission.rights = rights
+    def reopen(self) -> None:
+        """Take commands for every starter again, judged by the policy's present settings and rights."""
         self._under_way.reopen()
 
     async def close(self) -> None:
@@ -166,7 +159,7 @@ class Dispatcher:
     def _preview(self, request: CommandRequest) -> None:
         self._admission.check_sender(request)
         self._demand_open(request)
-        starter = self._starters.get(request.starter)
+        starter = self.starters.get(request.starter)
         if request.verb == STOP or starter is None:
             return
         if request.verb in OWN_VERBS:
@@ -175,7 +168,7 @@ class Dispatcher:
         preparation = self._admission.check_target(request, starter)
         self._under_way.demand_free(request.starter)
         rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
-        judge(request, starter, preparation, Guard(request, self._policy), rows=rows, points=points)
+        judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
 
     def _demand_open(self, request: CommandRequest) -> None:
         if self._is_closing:
@@ -185,11 +178,7 @@ class Dispatcher:
 
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
-        return request.client if self._admission.rights.is_known(request.client) else ""
-
-    def _admits(self, request: CommandRequest) -> bool:
-        starter = request.starter if request.starter in self._starters else ""
-        return self._overload.admits(self._key(request), starter)
+        return request.client if self.policy.rights.is_known(request.client) else ""
 
     def _repeat(self, request: CommandRequest, earlier: LedgerEntry) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
@@ -233,7 +222,7 @@ class Dispatcher:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
         if not self._under_way.is_busy(request.starter):  # else it is refused for that
             self._under_way.demand_decided_after_stop(request)
-        starter = self._starters[request.starter]
+        starter = self.starters[request.starter]
         preparation = self._admission.check_target(request, starter)
         self._under_way.demand_free(request.starter)
         guard = self._admission.guard(request, starter)
@@ -244,7 +233,7 @@ class Dispatcher:
 
     def _take_own(self, request: CommandRequest) -> None:
         """Carry out one of the gateway's own verbs; CommandError when it must not be."""
-        deed = self._own_verbs.judge(request, self._starters[request.starter])
+        deed = self._own_verbs.judge(request, self.starters[request.starter])
         if request.verb == SELECT:
             self._under_way.demand_decided_after_stop(target_of(request))
         report = CommandReport(request, self._reporting)
@@ -264,7 +253,7 @@ class Dispatcher:
             return
         report = CommandReport(request, self._reporting, is_repeat=is_repeat, retention=Retention.BEHIND)
         report.accept()
-        if request.starter in self._starters:
+        if request.starter in self.starters:
             self._under_way.join(report)
             return
         members = self._admission.members(request)
@@ -278,9 +267,9 @@ class Dispatcher:
 
     def _stop_all(self, names: Iterable[str], came_s: float) -> None:
         for name in names:
-            self._policy.selections.end(name)  # what was decided upon before the stop is decided again
+            self.policy.selections.end(name)  # what was decided upon before the stop is decided again
             self._under_way.stop(name, came_s)
-        self._on_stop()
+        self.on_stop()
 
 
 def _error_of(check: Callable[..., None], *args: Any) -> CommandError | None:

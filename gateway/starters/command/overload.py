@@ -1,4 +1,4 @@
-"""Which commands are too many, and their answers: for each client ten a second at most."""
+"""Which commands of a client are too many, and their answers: ten a second at most."""
 
 from __future__ import annotations
 
@@ -8,27 +8,22 @@ from gateway.contract import CommandRequest, Phase, Reason, ResultCode
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final, Reporting, Retention
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
 
-# What the gateway takes: more than a person can send by hand
-OF_CLIENT = Rate(20.0, 100)
-OF_STARTER = Rate(5.0, 20)  # by one client
-OF_EVERYONE = Rate(200.0, 300)
+OF_CLIENT = Rate(20.0, 100)  # more than a person can send by hand
 ANSWERED_STOPS = 8  # of one starter at the same time; the others are carried out all the same
 
 
 class Overload:
-    """Counts commands, and answers those beyond the limits. Clients and starters: of a bounded set."""
+    """Counts commands, and answers those beyond the limit. Clients: of a bounded set."""
 
     def __init__(self, reporting: Reporting) -> None:
         self._reporting = reporting
-        self._buckets: dict[tuple[str, ...], Bucket] = {}
+        self._buckets: dict[str, Bucket] = {}  # by client
         self._answers = Damped(self._answer, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
         self.close = self._answers.close  # reports what has only been counted
 
-    def admits(self, client: str, starter: str) -> bool:
-        """Count a command and return whether it is within all limits; one too many costs others nothing."""
-        now_s = self._reporting.now_s()
-        limits = {(client,): OF_CLIENT, (client, starter): OF_STARTER, (): OF_EVERYONE}
-        return all(self._buckets.setdefault(of, Bucket(rate)).take(now_s) for of, rate in limits.items())
+    def admits(self, client: str) -> bool:
+        """Count a command and return whether it is within the limit of its client."""
+        return self._buckets.setdefault(client, Bucket(OF_CLIENT)).take(self._reporting.now_s())
 
     def answer(self, client: str, request: CommandRequest, *, is_stopped: bool = False) -> None:
         """Answer a command now, or count it; one whose id is known gets no answer.

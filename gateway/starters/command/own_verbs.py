@@ -1,9 +1,14 @@
-"""Carries out select, cancel, lock, unlock, accept, baseline: the gateway's own verbs. Nothing is written."""
+"""Carries out select, cancel, lock, unlock, accept, baseline: the gateway's own verbs. Nothing is written.
+
+Each verb is one function. Up to its first `yield` it judges, and raises CommandError for a command that must
+not be; the `yield` returns the report of the accepted command, which is then carried out at once. A second
+`yield` waits for the disk, and returns whether that has stored what was done.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import replace
+from collections.abc import Awaitable, Callable, Generator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.contract import (
@@ -36,26 +41,20 @@ from gateway.starters.view import StarterIo
 # the start, or raises CommandError.
 SetBaseline = Callable[[str, str | None, str], Mapping[str, Any]]
 
-
-def no_history(_starter: str, _start: str | None, _client: str) -> Mapping[str, Any]:
-    """Refuse: no starts are recorded here."""
-    raise CommandError(ResultCode.NO_START, "none")
+Deed = Generator[Awaitable[bool] | None, Any, Final]
 
 
-Rest = Coroutine[Any, Any, Final]  # what waits for the disk, and returns the end
-Deed = Callable[[CommandReport], Final | Rest]  # does what was asked, at once
-
-
+@dataclass
 class OwnVerbs:
     """Judges and carries out the verbs of its table; a lock holds at once, before it is stored."""
 
-    def __init__(self, admission: Admission, policy: Policy, *, set_baseline: SetBaseline) -> None:
-        self._admission = admission
-        self._policy = policy
-        self._set_baseline = set_baseline
-        # By verb: the arguments that there may be, and what judges a command and returns its deed.
+    admission: Admission
+    policy: Policy
+    set_baseline: SetBaseline
+
+    def __post_init__(self) -> None:
         self._verbs: Mapping[str, tuple[set[str], Callable[[CommandRequest, StarterIo], Deed]]] = {
-            SELECT: ({"verb", "args"}, self._select),
+            SELECT: ({"verb", "args"}, self._select),  # with the arguments that there may be
             CANCEL: (set(), self._cancel),
             LOCK: ({"reason"}, self._lock),
             UNLOCK: ({"reason"}, self._unlock),
@@ -64,19 +63,21 @@ class OwnVerbs:
         }
 
     def judge(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        """Return what carries a command out; CommandError for one that must not be."""
-        arguments, judge = self._verbs[request.verb]
+        """Return what carries a command out, begun and judged; CommandError for one that must not be."""
+        arguments, verb = self._verbs[request.verb]
         for strange in sorted(request.args.keys() - arguments):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "unknown", name=strange[:40])
-        return judge(request, starter)
+        deed = verb(request, starter)
+        next(deed)
+        return deed
 
     # Two-step commands
 
     def _select(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        target, selections, now_s = target_of(request), self._policy.selections, self._policy.clock.now_s()
+        target, selections, now_s = target_of(request), self.policy.selections, self.policy.clock.now_s()
         if target.verb == STOP or target.verb not in command.verbs(starter.profile):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "not_selectable", verb=target.verb[:40])
-        self._admission.check_target(target, starter)
+        self.admission.check_target(target, starter)
         state = state_of(starter.profile, starter.snapshot.good_values())
         if state == "unknown":
             raise CommandError(ResultCode.STATE_UNKNOWN, "select")
@@ -84,71 +85,49 @@ class OwnVerbs:
         if earlier is not None and earlier.client != request.client:
             wait_s = earlier.until_s - now_s
             raise CommandError(ResultCode.SELECTED_BY_OTHER, client=earlier.client, wait_s=wait_s)
-
-        def select(_: CommandReport) -> Final:
-            token = selections.select(target, state, now_s=now_s)
-            reason = Reason(ResultCode.OK, "selected", state=state, verb=target.verb, valid_s=VALID_S)
-            return Final(Phase.CONFIRMED, reason, {"select": token, "valid_s": VALID_S, "state": state})
-
-        return select
+        yield None
+        token = selections.select(target, state, now_s=now_s)
+        reason = Reason(ResultCode.OK, "selected", state=state, verb=target.verb, valid_s=VALID_S)
+        return Final(Phase.CONFIRMED, reason, {"select": token, "valid_s": VALID_S, "state": state})
 
     def _cancel(self, request: CommandRequest, _starter: StarterIo) -> Deed:
-        selection = self._policy.selections.of(request.starter, now_s=self._policy.clock.now_s())
+        selection = self.policy.selections.of(request.starter, now_s=self.policy.clock.now_s())
         if selection is None or selection.client != request.client:
             raise CommandError(ResultCode.NOT_SELECTED, "client", client=request.client)
-
-        def cancel(_: CommandReport) -> Final:
-            self._policy.selections.end(request.starter)
-            return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "cancelled"))
-
-        return cancel
+        yield None
+        self.policy.selections.end(request.starter)
+        return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "cancelled"))
 
     # Locks
 
     def _lock(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        reason, before = (
-            reason_in(request.args, request.reason),
-            self._policy.motor_history.lock_of(request.starter),
-        )
+        """Lock a starter for this run, whether or not the lock can be stored."""
+        reason = reason_in(request.args, request.reason)
+        before = self.policy.motor_history.lock_of(request.starter)
         if before is not None and before.by != request.client:
             raise refusal(before)
-
-        def lock(report: CommandReport) -> Rest:
-            client, since_s = request.client, self._policy.clock.utc_s()
-            new = LockRecord(by=client, since_s=since_s, reason=reason, operator=request.operator)
-            self._replace_lock(report, starter, before, new)
-            return self._locked(request, starter)
-
-        return lock
-
-    async def _locked(self, request: CommandRequest, starter: StarterIo) -> Final:
-        """Return the end of a lock; it holds for this run whether or not it could be stored."""
-        if not await self._policy.document.saved():
+        report: CommandReport = yield None
+        report.before = _lock_data(before)
+        client, who, since_s = request.client, request.operator, self.policy.clock.utc_s()
+        self._set_lock(starter, LockRecord(by=client, since_s=since_s, reason=reason, operator=who))
+        if not (yield self.policy.document.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "lock"))
-        who, why = request.operator, _why(request)
-        starter.emitter.event(EventCode.LOCKED, client=request.client, operator=who, reason=why)
+        starter.emitter.event(EventCode.LOCKED, client=client, operator=who, reason=_why(request))
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "locked").noted(NOTICE))
 
     def _unlock(self, request: CommandRequest, starter: StarterIo) -> Deed:
-        before = self._policy.motor_history.lock_of(request.starter)
+        """Unlock a starter; an unlocking that cannot be stored is undone."""
+        before = self.policy.motor_history.lock_of(request.starter)
         if before is None:
             raise CommandError(ResultCode.NOT_LOCKED)
-
-        def unlock(report: CommandReport) -> Rest:
-            self._replace_lock(report, starter, before, None)
-            return self._unlocked(report, starter, before)
-
-        return unlock
-
-    async def _unlocked(self, report: CommandReport, starter: StarterIo, before: LockRecord) -> Final:
-        """Return the end of an unlocking; one that cannot be stored is undone."""
-        request = report.request
-        if not await self._policy.document.saved():
+        report: CommandReport = yield None
+        report.before = _lock_data(before)
+        self._set_lock(starter, None)
+        if not (yield self.policy.document.saved()):
             self._set_lock(starter, before)
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "unlock"))
-        end = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked"))
+        end, event = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), starter.emitter.event
         client, who, why = request.client, request.operator, _why(request)
-        event = starter.emitter.event
         if before.by == client:
             event(EventCode.UNLOCKED, "own", severity=Severity.INFO, client=client, operator=who, reason=why)
             return end
@@ -160,7 +139,7 @@ class OwnVerbs:
             client=client,
             operator=who,
             reason=why,
-            lock=_lock_data(before),
+            lock=_lock_data(before)["lock"],
             owner=owner,
             owner_reason=before.reason,
         )
@@ -168,49 +147,34 @@ class OwnVerbs:
             report.inform(before.by, Final(Phase.CONFIRMED, _removal(request, before), {"by": client}))
         return end.noted(Note("lock_was", owner=owner, reason=before.reason))
 
-    def _replace_lock(
-        self, report: CommandReport, starter: StarterIo, before: LockRecord | None, new: LockRecord | None
-    ) -> None:
-        report.before = {} if before is None else {"lock": _lock_data(before)}
-        self._set_lock(starter, new)
-
     def _set_lock(self, starter: StarterIo, lock: LockRecord | None) -> None:
-        self._policy.motor_history.set_lock(starter.setup.name, lock)
+        self.policy.motor_history.set_lock(starter.setup.name, lock)
         starter.republish_state()
 
     # What is compared with later devices and later starts
 
     def _accept(self, request: CommandRequest, _starter: StarterIo) -> Deed:
-        self._policy.identities.waiting(request.starter)
-
-        def accept(report: CommandReport) -> Rest:
-            mismatch = self._policy.identities.accept(request.starter)
-            report.before = mismatch.known.as_data()
-            return self._accepted(mismatch.seen.as_data())
-
-        return accept
-
-    async def _accepted(self, seen: Mapping[str, Any]) -> Final:
-        """Return the end of an acceptance."""
-        if await self._policy.identities.saved():
-            return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "identity"), seen, seen)
-        return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)
+        """Take the present device for the right one, for this run whether or not that can be stored."""
+        self.policy.identities.waiting(request.starter)
+        report: CommandReport = yield None
+        mismatch = self.policy.identities.accept(request.starter)
+        report.before, seen = mismatch.known.as_data(), mismatch.seen.as_data()
+        if not (yield self.policy.identities.saved()):
+            return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)
+        return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "identity"), seen, seen)
 
     def _baseline(self, request: CommandRequest, _starter: StarterIo) -> Deed:
+        """Have later starts compared with the chosen one; None is the last good one."""
         start_id = request.args.get("start")
         if not isinstance(start_id, str | None):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "start")
-
-        def set_baseline(_: CommandReport) -> Final:
-            """Have later starts compared with the chosen one; None is the last good one."""
-            try:
-                start = self._set_baseline(request.starter, start_id, request.client)
-            except CommandError as error:
-                return Final(Phase.REJECTED, error.reason)
-            reason = Reason(ResultCode.OK, "baseline", time=start["time"])
-            return Final(Phase.CONFIRMED, reason, {"start": start["id"]}, {"start": start})
-
-        return set_baseline
+        yield None
+        try:
+            start = self.set_baseline(request.starter, start_id, request.client)
+        except CommandError as error:
+            return Final(Phase.REJECTED, error.reason)
+        reason = Reason(ResultCode.OK, "baseline", time=start["time"])
+        return Final(Phase.CONFIRMED, reason, {"start": start["id"]}, {"start": start})
 
 
 def _why(request: CommandRequest) -> str | None:
@@ -227,8 +191,8 @@ def _removal(request: CommandRequest, lock: LockRecord) -> Reason:
     return Reason(ResultCode.LOCK_REMOVED, "reason", who=who, why=why, reason=lock.reason)
 
 
-def _lock_data(lock: LockRecord) -> Mapping[str, Any]:
-    return {"by": lock.by, "operator": lock.operator, "reason": lock.reason}
+def _lock_data(lock: LockRecord | None) -> Mapping[str, Any]:
+    return {"lock": {"by": lock.by, "operator": lock.operator, "reason": lock.reason}} if lock else {}
 
 
 def target_of(request: CommandRequest) -> CommandRequest:

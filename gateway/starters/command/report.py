@@ -32,8 +32,6 @@ MAY_BE_TURNING = Note("may_be_turning")
 MAY_ACT_LATER = Note("may_act_later")
 LOOK = Note("look")
 
-MOST_NAMED = 5  # members of a group that are not confirmed
-
 
 class CommandStep(enum.Enum):
     """Where a command is."""
@@ -281,11 +279,7 @@ class GroupReport:
         others = {name: end for name, end in ends.items() if end.phase is not Phase.CONFIRMED}
         if not others:
             return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "group", count=len(ends)), values)
-        causes = [f"{name}: {end.reason.code}, {end.reason.text}" for name, end in others.items()]
-        named = "; ".join(causes[:MOST_NAMED])
-        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(ends), causes=named)
-        if len(others) > MOST_NAMED:
-            reason = reason.noted(Note("more_members", count=len(others) - MOST_NAMED))
+        reason = Reason(ResultCode.NOT_ALL, others=len(others), count=len(ends), names=", ".join(others))
         if self.whole.is_written:
             return Final(Phase.UNCONFIRMED, reason, values)
         is_rejected = {end.phase for end in others.values()} == {Phase.REJECTED}

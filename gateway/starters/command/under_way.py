@@ -7,7 +7,7 @@ gateway asks for: it makes no new token and cancels nothing, and it gives way to
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Coroutine, Mapping
+from collections.abc import Awaitable, Collection, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 
 from gateway.contract import READ, STOP, CommandError, CommandRequest, Reason, ResultCode
 from gateway.families import Expect, Preparation
-from gateway.starters.command.own_verbs import Deed, Rest
-from gateway.starters.command.report import CommandReport, Final, Reporting, Retention
+from gateway.starters.command.own_verbs import Deed
+from gateway.starters.command.report import CommandReport, Reporting, Retention
 from gateway.starters.command.run.decision import CAN_WAIT
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
@@ -65,16 +65,17 @@ class UnderWay:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
             slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
-        run = CommandRun(report, starter, preparation, guard, slot=slot, run_off=self._run_off)
+        run = CommandRun(report, starter, preparation, guard, slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
     def do(self, report: CommandReport, deed: Deed) -> None:
         """Carry out one of the gateway's own verbs, at once but for what waits for the disk."""
-        end = deed(report)
-        if isinstance(end, Final):
-            report.finish(end)
+        try:
+            stored = deed.send(report)
+        except StopIteration as over:
+            report.finish(over.value)
         else:
-            self._spawn(_finish(report, end))
+            self._spawn(_finish(report, deed, stored))
 
     def stop(self, name: str, came_s: float) -> None:
         """Cut what this starter is doing, and have a frame sent for one more stop message."""
@@ -182,5 +183,8 @@ async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
             del under_way[name]
 
 
-async def _finish(report: CommandReport, rest: Rest) -> None:
-    report.finish(await rest)
+async def _finish(report: CommandReport, deed: Deed, stored: Awaitable[bool] | None) -> None:
+    try:
+        deed.send(stored and await stored)
+    except StopIteration as over:
+        report.finish(over.value)

@@ -18,7 +18,6 @@ from gateway.starters.view import StarterWire
 T = TypeVar("T")
 
 DECIDES_FOR_S = 2.0  # what was read; after that much can have happened at a motor
-TRIES = 3  # of a reading that decides
 READ_BACK_PAUSE_S = 0.1
 LAST_READING_S = 0.5  # so long after a deadline the reading under way, or the second of two, is waited for
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
@@ -84,22 +83,18 @@ class Wire:
             self.seen_s = _asked_s(outcome)
         return outcome
 
-    async def read(self, reads: Iterable[Read], *, lane: Priority, tries: int = TRIES) -> Rows:
-        """Return freshly read rows; CommandError without an answer to so many requests, RefusedError."""
+    async def read(self, reads: Iterable[Read], *, lane: Priority) -> Rows:
+        """Return freshly read rows; CommandError without an answer, RefusedError."""
         rows: Rows = {}
         self.seen_s = inf
         for read in reads:
-            for _ in range(tries):
-                outcome = await self._transact(read.request, lane)
-                if not isinstance(outcome, (Silent, Garbled)):
-                    break
-            rows |= self._rows_from(read, outcome)
+            rows |= self._rows_from(read, await self._transact(read.request, lane))
         return rows
 
     async def read_back(self, reads: Iterable[Read]) -> Rows | None:
         """Return freshly read rows for a read-back; None when a part of them could not be had."""
         try:
-            return await self.read(reads, lane=self._read_back_lane, tries=1)
+            return await self.read(reads, lane=self._read_back_lane)
         except (CommandError, RefusedError):  # or the family that is spoken to now does not have such a row
             return None
 

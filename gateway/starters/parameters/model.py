@@ -24,6 +24,11 @@ class ParameterEntry:
     unit: str = ""
     raw: Annotated[tuple[Annotated[int, Field(ge=0, le=0xFFFF)], ...], Field(min_length=1)] | None = None
 
+    def __post_init__(self) -> None:
+        """Demand something that can be compared; a file may lack it."""
+        if self.value is None and self.raw is None:
+            raise ValueError("neither value nor raw")
+
     @property
     def shown(self) -> str:
         """The value for a person, with label and unit."""
@@ -37,7 +42,7 @@ class ParameterEntry:
 class ParameterSet:
     """What one starter holds, by the manual's code."""
 
-    starter: str
+    name: str  # of the starter
     family: str
     taken: str = ""  # RFC 3339
     model: str | None = None
@@ -57,10 +62,14 @@ class Difference:
     after: ParameterEntry | None
 
     @property
+    def sides(self) -> str:
+        """Both values for a person."""
+        return " -> ".join("not there" if side is None else side.shown for side in (self.before, self.after))
+
+    @property
     def text(self) -> str:
         """The difference in one line."""
-        sides = ["not there" if each is None else each.shown for each in (self.before, self.after)]
-        return f"{self.code} {self.name}: {sides[0]} -> {sides[1]}"
+        return f"{self.code} {self.name}: {self.sides}"
 
 
 def entries_of(

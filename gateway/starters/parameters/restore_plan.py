@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import partial
 
 from gateway.contract import CommandError, ResultCode
 from gateway.families import (
@@ -17,24 +18,16 @@ from gateway.families import (
     parameters,
     reading,
 )
-from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
+from gateway.starters.parameters.model import Difference, ParameterEntry, ParameterSet, entries_of
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedWrite:
+class PlannedWrite(Difference):
     """One parameter that a restore writes."""
 
-    code: str
-    name: str
-    before: ParameterEntry
-    after: ParameterEntry
     value: decode.Value  # what a `set` is given
+    words: tuple[int, ...]  # as the starter will hold them
     is_configuration: bool  # SST: all of them are set by one command
-
-    @property
-    def text(self) -> str:
-        """The change in one line."""
-        return f"{self.code} {self.name}: {self.before.shown} -> {self.after.shown}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +66,10 @@ def plan_restore(
             left[code] = error.text
             continue
         if change is not None and change.code in profile.protected.command_sources and not with_sources:
-            left[code] = f"{change.before.shown} -> {change.after.shown} would change who commands the motor"
+            left[code] = f"{change.sides} would change who commands the motor"
         elif change is not None:
             changes.append(change)
-    return RestorePlan(_in_order(profile, changes), left)
+    return RestorePlan(tuple(sorted(changes, key=partial(_place_of, profile))), left)
 
 
 def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
@@ -114,7 +107,7 @@ def _change(
     if reading.holds(row, words, seen):
         return None
     after = entries_of(profile, variant, {row.code: words})[row.code]
-    return PlannedWrite(row.code, row.name, now, after, value, row.is_configuration)
+    return PlannedWrite(row.code, row.name, now, after, value, words, row.is_configuration)
 
 
 def _value(row: Parameter, entry: ParameterEntry) -> decode.Value:
@@ -124,17 +117,15 @@ def _value(row: Parameter, entry: ParameterEntry) -> decode.Value:
     return str(Decimal(from_words(row, entry.raw)).scaleb(-(row.decimals or 0)))
 
 
-def _in_order(profile: Profile, changes: list[PlannedWrite]) -> tuple[PlannedWrite, ...]:
-    """Return the changes with the command sources last, and a timeout never active at 0.0 s.
+def _place_of(profile: Profile, change: PlannedWrite) -> int:
+    """Return the place of a change in the order of writing: a timeout is never active at 0.0 s on the way.
 
-    The time stands before its mode, or behind it when it becomes 0.
-
-    Who may run the motor changes with the command sources: everything else is as it shall be by then.
+    The time of the timeout comes before its mode, or behind it when the time becomes 0. The command sources
+    come last: everything else is as it shall be by then.
     """
     timeout = profile.protected.timeout
-    times = [change for change in changes if timeout is not None and change.code == timeout.time]
-    ends = [change for change in times if not any(change.after.raw or ())]
-    first = [change for change in times if change not in ends]
-    last = [change for change in changes if change.code in profile.protected.command_sources]
-    others = [change for change in changes if change not in (*ends, *first, *last)]
-    return (*first, *others, *ends, *last)
+    if change.code in profile.protected.command_sources:
+        return 3
+    if timeout is None or change.code != timeout.time:
+        return 1
+    return 0 if any(change.words) else 2

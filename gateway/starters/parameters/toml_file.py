@@ -14,16 +14,14 @@ from gateway.errors import UsageError
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_ESCAPED = re.compile(r'["\\\x00-\x1f\x7f]')
-_FACTS = {"name": "starter"} | {key: key for key in ("family", "taken", "model", "firmware", "serial")}
+_FACTS = ("name", "family", "taken", "model", "firmware", "serial")  # the table [starter]
 _SET = TypeAdapter(ParameterSet)
 
 
 def to_toml(saved: ParameterSet) -> str:
     """Return the text of a parameter set."""
-    facts = {key: getattr(saved, field) for key, field in _FACTS.items()}
     lines = ["# Parameters of a soft-starter, saved by starter-gateway.", "", "[starter]"]
-    lines += [f"{key} = {_toml(fact)}" for key, fact in facts.items() if fact]
+    lines += [f"{key} = {_toml(fact)}" for key in _FACTS if (fact := getattr(saved, key))]
     lines += ["", "[parameters]"]
     lines += [f"{_key(code)} = {_inline(entry)}" for code, entry in saved.parameters.items()]
     if saved.refused:
@@ -39,24 +37,18 @@ def from_toml(text: str, path: str) -> ParameterSet:
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise UsageError(f"{path}: {error}") from error
     starter, parameters = (_table(document, name, path) for name in ("starter", "parameters"))
-    found = {_FACTS.get(key, f"starter.{key}"): value for key, value in starter.items()}
-    found["parameters"] = {  # people write P314 = 30
+    entries = {  # people write P314 = 30
         code.upper(): entry if isinstance(entry, dict) else {"value": entry}
         for code, entry in parameters.items()
     }
-    found["refused"] = document.get("refused", {})
+    found = {**starter, "parameters": entries, "refused": document.get("refused", {})}
     try:
-        read = _SET.validate_json(json.dumps(found, default=str))  # as JSON: its lists are tuples
+        return _SET.validate_json(json.dumps(found, default=str))  # as JSON: its lists are tuples
     except ValidationError as error:
         first = error.errors()[0]
-        place, *steps = map(str, first["loc"])
-        keys = {field: f"starter.{key}" for key, field in _FACTS.items()}
-        where = ".".join((keys.get(place, place), *steps))
+        place = ".".join(map(str, first["loc"]))
+        where = place if place.startswith(("parameters", "refused")) else f"starter.{place}"
         raise UsageError(f"{path}: {where}: {first['msg']}: {first['input']!r:.60}") from error
-    empty = [code for code, entry in read.parameters.items() if entry.value is None and entry.raw is None]
-    if empty:
-        raise UsageError(f"{path}: parameters.{empty[0]}: neither value nor raw")
-    return read
 
 
 def _inline(entry: ParameterEntry) -> str:
@@ -65,19 +57,15 @@ def _inline(entry: ParameterEntry) -> str:
         "value": entry.value,
         "unit": entry.unit or None,
         "label": entry.label or None,
+        "raw": entry.raw,
     }
     texts = [f"{key} = {_toml(value)}" for key, value in shown.items() if value is not None]
-    if entry.raw is not None:
-        texts.append(f"raw = [{', '.join(map(str, entry.raw))}]")
     return "{ " + ", ".join(texts) + " }"
 
 
-def _toml(value: bool | int | float | str) -> str:  # noqa: FBT001 - a value, not an option
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", value) + '"'
-    return repr(value)
+def _toml(value: object) -> str:
+    """Return a value, or a list of numbers, as TOML: it is written as in JSON, but for the character 7Fh."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _key(code: str) -> str:

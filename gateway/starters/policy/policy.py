@@ -54,6 +54,7 @@ class Policy:
         published_faults: PublishedFaults | None = None,
     ) -> None:
         self.settings = settings
+        self.rights = rights
         self.motor_history = MotorHistory(starters)
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         self.selections = Selections()
@@ -71,7 +72,7 @@ class Policy:
             )
         elif self.document.damage:  # lock each starter that somebody may unlock
             self._unsure = set(starters)
-            self._lock_unsure(rights)
+            self._lock_unsure()
         self.motor_history.on_change = self.document.touch
 
     def put(self, record: Record) -> None:
@@ -81,9 +82,9 @@ class Policy:
 
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
         """Judge by other settings now, also what is not yet written; return the starters locked by it."""
-        self.settings = settings
+        self.settings, self.rights = settings, rights
         self.rulebook = Rulebook(settings.rules, self.motor_history)
-        locked = self._lock_unsure(rights)
+        locked = self._lock_unsure()
         self.document.touch()
         self.identities.store()
         return locked
@@ -91,15 +92,13 @@ class Policy:
     def _stored(self) -> StoredMotors:
         return self.motor_history.stored(now_s=self.clock.now_s(), reading=self.clock.reading())
 
-    def _lock_unsure(self, rights: Rights) -> list[str]:
+    def _lock_unsure(self) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
-        locked = [name for name in self._unsure if rights.is_lockable(name)]
+        locked = [name for name in self._unsure if self.rights.is_lockable(name)]
+        self._unsure.difference_update(locked)
         reason = "the memory of locks was damaged: look, then unlock"
         for name in locked:
-            self._unsure.discard(name)
-            self.motor_history.set_lock(
-                name, LockRecord(by=GATEWAY, since_s=self.clock.utc_s(), reason=reason)
-            )
+            self.motor_history.set_lock(name, _own_lock(self.clock.utc_s(), reason))
         return locked
 
 
@@ -184,7 +183,11 @@ def lock_restored(
         history.restore(stored.model_copy(update={"at": here}), now_s=here.up_s, reading=here)
     locked = [name for name in names if is_lockable(name) and history.lock_of(name) is None]
     for name in locked:
-        history.set_lock(name, LockRecord(by=GATEWAY, since_s=reading.utc_s, reason=reason))
+        history.set_lock(name, _own_lock(reading.utc_s, reason))
     if stored is not None or locked:
         write_document(path, LOCKS, MOTORS, history.stored(now_s=here.up_s, reading=here))
     return locked
+
+
+def _own_lock(since_s: float, reason: str) -> LockRecord:
+    return LockRecord(by=GATEWAY, since_s=since_s, reason=reason)

@@ -14,7 +14,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.starters import Dispatcher, Rights, StarterSetup, StarterTelemetry
+from gateway.starters import Dispatcher, Policy, PolicySettings, Rights, StarterSetup, StarterTelemetry
 from tests.starters.world import MemoryJournal
 from tests.virtual_time import VirtualClock
 
@@ -120,7 +120,11 @@ class OneStarter:
             self.line.add_poll(poll)
         rights = Rights((Operator("alice", ("*",), ("*",)),))
         self.dispatcher = Dispatcher(
-            {setup.name: self.telemetry}, rights=rights, records=records, journal=MemoryJournal()
+            {setup.name: self.telemetry},
+            records=records,
+            journal=MemoryJournal(),
+            policy=Policy(PolicySettings(), [setup.name], rights=rights, records=records),
+            set_baseline=lambda *_: {},
         )
 
     async def online(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from itertools import count
+from typing import Any
 
 import pytest
 
@@ -33,7 +34,8 @@ START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
 RESET_0, RESET_1 = "05 00 6b 00 00", "05 00 6b ff 00"
 WHOLE = RUN_OFF, JOG_OFF, RESET_0, RESET_1
 READY, RUNS = "pump VB01 = 0x4102", "pump VB01 = 0x5123"
-WRITES = ("05", "06", "0f", "10")
+READS, WRITES = ("01", "02", "03", "04"), ("05", "06", "0f", "10")
+FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("did not confirm run = 0")
 
 Answer = int | str | None  # an exception code, `unheard`, `lost`; None: as usual
@@ -87,8 +89,8 @@ def after(pdu: str, *actions: Action, said: Answer = None) -> Rule:
     return rule
 
 
-def writes_after(pdu: str, said: Answer, *, first: int = 10_000) -> Rule:
-    """Say so of what is written after this."""
+def following(pdu: str, said: Answer, *functions: str, first: int = 10_000) -> Rule:
+    """Say so of the first requests with these function codes that come after this one."""
     begun: list[str] = []
     numbers = count()
 
@@ -96,41 +98,27 @@ def writes_after(pdu: str, said: Answer, *, first: int = 10_000) -> Rule:
         if found == pdu:
             begun.append(pdu)
             return None
-        return said if begun and found[:2] in WRITES and next(numbers) < first else None
+        return said if begun and found[:2] in functions and next(numbers) < first else None
 
     return rule
 
 
-def lost_after(pdu: str, *, first: int = 10_000) -> Rule:
-    """Lose the replies to the first reads after this; all replies without a number."""
-    begun: list[str] = []
-    numbers = count()
+def hides(*rows: tuple[str, int]) -> Rule:
+    """Refuse every read, by these function codes, that contains the address; 1: and of any coil after it."""
 
-    def rule(found: str, _: object) -> Answer:
-        if found == pdu:
-            begun.append(pdu)
-            return None
-        is_write = found[:2] in WRITES and first < 10_000
-        return "lost" if begun and not is_write and next(numbers) < first else None
+    def rule(pdu: str, _: object) -> Answer:
+        first, length = (int(part.replace(" ", ""), 16) for part in (pdu[3:8], pdu[-5:]))
+        is_hidden = (
+            pdu[:2] == function and first + length > address and (function == "01" or first <= address)
+            for function, address in rows
+        )
+        return 2 if any(is_hidden) else None
 
     return rule
 
 
-def hides_run(pdu: str, _: object) -> Answer:
-    """Refuse what shows coils 100 and above, and every read of VB03."""
-    function, address, length = (
-        pdu[:2],
-        int(pdu[3:8].replace(" ", ""), 16),
-        int(pdu[-5:].replace(" ", ""), 16),
-    )
-    is_coil = function == "01" and address + length > 100
-    return 2 if is_coil or (function == "03" and address <= 5003 < address + length) else None
-
-
-def hides_status(pdu: str, _: object) -> Answer:
-    """Refuse every read of S5.1.1."""
-    address, length = int(pdu[3:8].replace(" ", ""), 16), int(pdu[-5:].replace(" ", ""), 16)
-    return 2 if pdu[:2] in ("03", "04") and address <= 680 < address + length else None
+HIDES_RUN = hides(("01", 100), ("03", 5003))  # coils 100 and above, and VB03
+HIDES_STATUS = hides(("03", 680), ("04", 680))  # S5.1.1
 
 
 def once_written(name: str, pdu: str, action: Action) -> Action:
@@ -144,83 +132,65 @@ def once_written(name: str, pdu: str, action: Action) -> Action:
     return wait
 
 
-def no_more_than(name: str, *pdus: str) -> Expectation:
-    """Nothing but these was written, some of them perhaps again."""
-    return lambda plant: "" if {pdu for _, pdu in plant.starter(name).writes} <= set(pdus) else "more"
+def hindered(
+    name: str, words: str, said: str, rule: Rule | None, *then: Expectation, at: Any = None, **more: Any
+) -> Any:
+    """`words` is sent at 4 s, from when on the rule holds; its result at 16 s is as said."""
+    starter_name, verb = words.split()
+    begin = [answers(starter_name, rule)] if rule else []
+    happens = {4.0: [*begin, do(words, **more.pop("args", {}))], **(at or {})}
+    end = result(f"{verb} {said}", starter=starter_name)
+    given = FAMILIES[starter_name] + ALICE
+    return row(name, **{"given": given, **more}, at=happens, then={16.0: [end, *then]})
 
 
-def reset(name: str, rule: Rule, said: str, *pdus: str, **fields: object) -> object:
-    """A reset after a trip, while a rule holds; what it ends with, and what was written."""
-    return row(
-        name,
-        given=SITE,
-        at={2.0: "pump trip E05", 4.0: [answers("pump", rule), do("pump reset")]},
-        then={16.0: [result(f"reset {said}"), frames("pump", *pdus), msg("result/pump/alice", **fields)]},
-    )
+def reset(name: str, rule: Rule, said: str, *pdus: str, text: str = "") -> Any:
+    """A reset after a trip, while a rule holds; the end of it, and what was written."""
+    text_of_it = msg("result/pump/alice", text=re.compile(text))
+    trip: dict[float, Action] = {2.0: "pump trip E05"}
+    return hindered(name, "pump reset", said, rule, frames("pump", *pdus), text_of_it, at=trip)
 
 
 CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not taken
     reset("a jog that is not set up may be refused", when(JOG_OFF, 3), "confirmed ok", *WHOLE),
-    reset(
-        "where run = 0 is refused nothing else is written",
-        when(RUN_OFF, 3),
-        "failed run_not_cleared",
-        RUN_OFF,
-        text=re.compile("nothing else was written"),
-    ),
-    reset(
-        "where run = 0 is not answered nothing else is written",
-        when("05", "unheard"),
-        "unconfirmed no_answer",
-        RUN_OFF,
-    ),
-    reset(
-        "where reading run is refused the acknowledgement and a motor at rest suffice",
-        hides_run,
-        "confirmed ok",
-        *WHOLE,
-    ),
-    reset(
-        "a reset that is refused has failed",
-        when(RESET_1, 3),
-        "failed illegal_data_value",
-        *WHOLE,
-    ),
-    reset(
-        "a motor that somebody starts during a reset is not stopped; it may be turning, says the result",
-        after(RESET_1, RUNS),
-        "unconfirmed not_seen",
-        *WHOLE,
-        text=re.compile("the motor may be turning; run = 0 was written first"),
-    ),
-    row(
-        "a later write that would wait for the starter's earlier replies is handed over again",
-        given=SITE.replace("every_s = 1.0", "every_s = 0"),
-        at={2.0: "pump trip E05", 4.0: [answers("pump", lost_after(JOG_OFF, first=4)), do("pump reset")]},
-        then={8.0: [result("reset confirmed ok"), frames("pump", *WHOLE)]},
-    ),
-]
+    reset("where run = 0 is refused nothing else is written", when(RUN_OFF, 3), "failed run_not_cleared",
+          RUN_OFF, text="nothing else was written"),
+    reset("where run = 0 is not answered nothing else is written", when("05", "unheard"),
+          "unconfirmed no_answer", RUN_OFF),
+    reset("where reading run is refused the acknowledgement and a motor at rest suffice", HIDES_RUN,
+          "confirmed ok", *WHOLE),
+    reset("a reset that is refused has failed", when(RESET_1, 3), "failed illegal_data_value", *WHOLE),
+    reset("a motor that somebody starts during a reset is not stopped; it may be turning, says the result",
+          after(RESET_1, RUNS), "unconfirmed not_seen", *WHOLE,
+          text="the motor may be turning; run = 0 was written first"),
+    hindered("a later write that would wait for the starter's earlier replies is handed over again",
+             "pump reset", "confirmed ok", following(JOG_OFF, "lost", *READS, first=4),
+             frames("pump", *WHOLE), given=SITE.replace("every_s = 1.0", "every_s = 0"),
+             at={2.0: "pump trip E05"}),
+    hindered("after run = 0 that an SST does not answer nothing is written, nor its configuration ended",
+             "belt configure", "unconfirmed no_answer", when("05 00 00 00 00", "unheard", first=1),
+             frames("belt", "05 00 00 00 00"), args={"R41": 30}),
+]  # fmt: skip
 
 
 TAKE_BACK = RUN_OFF, JOG_OFF  # one frame
+NO_EVENT = never("starter/pump/event", code="stop_unconfirmed")
+EVENT = event("stop_unconfirmed", "starter/pump/event")
+
+
+def to_local() -> Rule:
+    """Switch to local mode as a start comes."""
+    return after(START, "pump VB01 = 0x4002")
 
 
 def not_acting(
-    name: str,
-    text: re.Pattern[str],
-    *then: Expectation,
-    at: list[Action],
-    before: list[Action] | None = None,
-    later: dict[float, list[Action]] | None = None,
-    said: str = "unconfirmed not_seen",
-) -> object:
-    """A start that does not act; what its end says within 3 s of its deadline, and what came of it."""
-    return row(
-        name,
-        given=SITE,
-        at={2.0: [READY, *(before or [])], 3.0: [*at, do("pump start")], **(later or {})},
-        then={9.5: [result(f"start {said}"), msg("result/pump/alice", text=text)], 18.0: list(then)},
-    )
+    name: str, text: re.Pattern[str], rule: Rule | None, *then: Expectation, at: Any = None, **more: Any
+) -> Any:
+    """A start that does not act: the text of its end within 3 s of its deadline, and the outcome."""
+    begin = [answers("pump", rule)] if rule else []
+    happens = {2.0: READY, 3.0: [*begin, command("pump/alice/start", id="1")], **(at or {})}
+    end = [result("start unconfirmed not_seen"), msg("result/pump/alice", text=text)]
+    return row(name, given=SITE, at=happens, then={9.5: end, 18.0: list(then)}, **more)
 
 
 def taken_back_for(seconds: float) -> Expectation:
@@ -237,83 +207,41 @@ def taken_back_for(seconds: float) -> Expectation:
     return check
 
 
-NO_EVENT = never("starter/pump/event", code="stop_unconfirmed")
-EVENT = event("stop_unconfirmed", "starter/pump/event")
+def no_write_after(at_s: float) -> Expectation:
+    return lambda plant: "" if plant.starter("pump").writes[-1][0] < at_s else "it was written"
+
 
 TAKING_BACK = [  # S2
-    not_acting(
-        "it is audited as the gateway's, makes no token, and leaves the starter free",
-        TAKEN,
-        seen("audit", times=2, verb="stop", source="gateway", client="alice", id="1"),
-        seen("gateway/fresh", since=7.0, times=12),
-        NO_EVENT,
-        result("reset rejected no_fault_to_reset"),
-        frames("pump", START, *TAKE_BACK),
-        at=[command("pump/alice/start", id="1")],
-        later={10.0: [do("pump reset")]},
-    ),
-    not_acting(
-        "run = 0 is written again while it is lost",
-        TAKEN,
-        frames("pump", START, *TAKE_BACK, *TAKE_BACK),
-        NO_EVENT,
-        at=[answers("pump", writes_after(START, "unheard", first=2))],
-    ),
-    not_acting(
-        "a lost acknowledgement of run = 0 is made up for by what is read",
-        TAKEN,
-        taken_back_for(10.0),
-        NO_EVENT,
-        at=[answers("pump", writes_after(START, "lost"))],
-    ),
-    not_acting(
-        "in local mode nothing says that run = 0 was taken, and an event says so at the end",
-        NOT_TAKEN,
-        taken_back_for(10.0),
-        EVENT,
-        at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
-    ),
-    not_acting(
-        "a jog = 0 that is refused takes nothing from it",
-        TAKEN,
-        frames("pump", START, *TAKE_BACK),
-        NO_EVENT,
-        at=[answers("pump", when(JOG_OFF, 2))],
-    ),
-    not_acting(
-        "a motor that begins to run meanwhile is stopped",
-        NOT_TAKEN,
-        taken_back_for(3.0),
-        NO_EVENT,
-        msg("starter/pump/state", state="ready"),
-        at=[answers("pump", after(RUN_OFF, RUNS, said="unheard"))],
-        later={9.3: [READY]},
-    ),
-    not_acting(
-        "a newer command ends it",
-        NOT_TAKEN,
-        taken_back_for(4.0),
-        NO_EVENT,
-        result("reset rejected no_fault_to_reset"),
-        seen("audit", verb="stop", source="gateway", decision="unconfirmed", code="busy", times=1),
-        at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
-        later={10.5: [do("pump reset")]},
-    ),
-    not_acting(
-        "until its end the starter is busy",
-        NOT_TAKEN,
-        seen("result/pump/alice", verb="reset", code="busy"),
-        at=[answers("pump", after(START, "pump VB01 = 0x4002"))],
-        later={7.5: [do("pump reset")]},
-    ),
+    not_acting("it is audited as the gateway's, makes no token, and leaves the starter free", TAKEN, None,
+               seen("audit", times=2, verb="stop", source="gateway", client="alice", id="1"),
+               seen("gateway/fresh", since=7.0, times=12), NO_EVENT,
+               result("reset rejected no_fault_to_reset"), frames("pump", START, *TAKE_BACK),
+               at={10.0: do("pump reset")}),
+    not_acting("run = 0 is written again while it is lost", TAKEN,
+               following(START, "unheard", *WRITES, first=2),
+               frames("pump", START, *TAKE_BACK, *TAKE_BACK), NO_EVENT),
+    not_acting("a lost acknowledgement of run = 0 is made up for by what is read", TAKEN,
+               following(START, "lost", *WRITES), taken_back_for(10.0), NO_EVENT),
+    not_acting("in local mode nothing says that run = 0 was taken, and an event says so at the end",
+               NOT_TAKEN, to_local(), taken_back_for(10.0), EVENT),
+    not_acting("a jog = 0 that is refused takes nothing from it", TAKEN, when(JOG_OFF, 2),
+               frames("pump", START, *TAKE_BACK), NO_EVENT),
+    not_acting("a motor that begins to run meanwhile is stopped", NOT_TAKEN,
+               after(RUN_OFF, RUNS, said="unheard"), taken_back_for(3.0), NO_EVENT,
+               msg("starter/pump/state", state="ready"), at={9.3: READY}),
+    not_acting("a newer command ends it", NOT_TAKEN, to_local(), taken_back_for(4.0), NO_EVENT,
+               result("reset rejected no_fault_to_reset"),
+               seen("audit", verb="stop", source="gateway", decision="unconfirmed", code="busy", times=1),
+               at={10.5: do("pump reset")}),
+    not_acting("until its end the starter is busy", NOT_TAKEN, to_local(),
+               seen("result/pump/alice", verb="reset", code="busy"), at={7.5: do("pump reset")}),
+    not_acting("a starter that cannot be read is left alone", re.compile("act later: send a stop"), None,
+               frames("pump", START), at={3.2: fault("lose", "pump")}),
     row(
         "a stop meanwhile has a frame and an end of its own, and ends the start",
         given=SITE,
-        at={
-            2.0: READY,
-            3.0: [answers("pump", after(START, "pump VB01 = 0x4002")), do("pump start")],
-            7.5: command("pump/alice/stop", id="2", fresh=False),
-        },
+        at={2.0: READY, 3.0: [answers("pump", to_local()), do("pump start")],
+            7.5: command("pump/alice/stop", id="2", fresh=False)},
         then={
             10.0: [
                 seen("result/pump/alice", verb="start", phase="unconfirmed", code="stopped_first"),
@@ -322,40 +250,14 @@ TAKING_BACK = [  # S2
             ]
         },
     ),
-    not_acting(
-        "a starter that cannot be read is left alone",
-        re.compile("act later: send a stop"),
-        frames("pump", START),
-        at=[],
-        later={3.2: [fault("lose", "pump")]},
-    ),
-    row(
-        "the end of the gateway ends it, and nothing more is written",
-        given=SITE,
-        at={
-            2.0: READY,
-            3.0: [answers("pump", after(START, "pump VB01 = 0x4002")), do("pump start")],
-            7.6: "end",
-        },
-        then={
-            12.0: [
-                seen("result/pump/alice", verb="start", phase="unconfirmed", code="shutting_down"),
-                lambda plant: "" if plant.starter("pump").writes[-1][0] < 7.7 else "it was written",
-            ]
-        },
-    ),
-    row(
-        "a general disable of an SSW900 stands when a start is taken back",
-        given=SSW900 + ALICE,
-        at={
-            2.0: "mill S5.1.1 = 0x0102",
-            3.0: [answers("mill", after("06 02 ad 00 13", "mill S5.1.1 = 0x0100")), do("mill start")],
-        },
-        then={
-            12.0: [msg("result/mill/alice", text=TAKEN), frames("mill", "06 02 ad 00 13", "06 02 ad 00 10")]
-        },
-    ),
-]
+    hindered("the end of the gateway ends it, and nothing more is written", "pump start",
+             "unconfirmed shutting_down", to_local(), no_write_after(8.7),
+             at={2.0: READY, 8.6: "end"}),
+    hindered("a general disable of an SSW900 stands when a start is taken back", "mill start",
+             "unconfirmed not_seen", after("06 02 ad 00 13", "mill S5.1.1 = 0x0100"),
+             msg("result/mill/alice", text=TAKEN), frames("mill", "06 02 ad 00 13", "06 02 ad 00 10"),
+             at={2.0: "mill S5.1.1 = 0x0102"}),
+]  # fmt: skip
 
 
 def turning_about() -> Rule:
@@ -371,33 +273,19 @@ def turning_about() -> Rule:
     return rule
 
 
+IN_CONFIGURATION = "05 00 01 ff 00"
 DECIDED = [
-    row(
-        "what is read over a silence is no value before the starter is identified again",
-        given=SITE,
-        at={3.0: [fault("lose", "pump", count=5), do("pump read", parameter="P003")]},
-        then={
-            4.1: msg(
-                "result/pump/alice", phase="confirmed", value=None, raw=[0], reason=re.compile("identif")
-            ),
-        },
-    ),
+    hindered("a read of a starter that falls silent ends at once, and gives no value", "pump read",
+             "rejected no_answer", None, never("result/pump/alice", phase="confirmed"),
+             args={"parameter": "P003"}, at={3.99: fault("lose", "pump", count=5)}),
     *(
-        row(
-            f"a start of {name} outlasts two lost replies in a row",
-            given=site + ALICE,
-            sim={name: QUICK},
-            at={6.0: [fault("lose", name, count=2), do(f"{name} start")]},
-            then={14.0: result("start confirmed ok")},
-        )
-        for name, site in (("pump", SSW07), ("fan", SSW06), ("mill", SSW900), ("belt", SST))
+        hindered(f"a start of {name} outlasts two lost replies in a row", f"{name} start", "confirmed ok",
+                 None, sim={name: QUICK}, at={3.99: fault("lose", name, count=2)})
+        for name in FAMILIES
     ),
-    row(
-        "what no two readings in a row agree on is not decided",
-        given=SSW900 + ALICE,
-        at={3.0: [answers("mill", turning_about()), "mill S5.1.1 = 0x0902", do("mill start")]},
-        then={8.0: [result("start rejected readings_disagree"), frames("mill")]},
-    ),
+    hindered("what no two readings in a row agree on is not decided", "mill start",
+             "rejected readings_disagree", turning_about(), frames("mill"),
+             at={3.9: "mill S5.1.1 = 0x0902"}),
     row(
         "what was read before a standstill decides nothing",
         given=SITE,
@@ -427,45 +315,20 @@ DECIDED = [
         "a start whose line is lost before the write is rejected",
         given=SITE,
         at={3.0: do("pump start"), 3.01: "line pumps unplug"},
-        then={
-            8.0: [
-                msg("result/pump/alice", phase="rejected", code=re.compile("line_down|no_answer")),
-                frames("pump"),
-            ]
-        },
+        then={8.0: [msg("result/pump/alice", phase="rejected", code=re.compile("line_down|no_answer")),
+                    frames("pump")]},
     ),
-    row(
-        "a line that is never quiet from the second of four writes on leaves a command unconfirmed",
-        given=SITE,
-        at={
-            2.0: "pump trip E05",
-            4.0: [do("pump reset"), once_written("pump", JOG_OFF, chatter(0.002, 20.0))],
-        },
-        then={14.0: [result("reset unconfirmed no_answer"), frames("pump", RUN_OFF, JOG_OFF)]},
-    ),
-    row(
-        "an SST that refuses a register is taken out of its configuration mode",
-        given=SST + ALICE,
-        at={3.0: [answers("belt", when("06", 3)), do("belt configure", R41=60)]},
-        then={
-            12.0: [
-                result("configure failed illegal_data_value"),
-                lambda plant: "" if not plant.starter("belt").unit.is_configuring else "it is still in it",
-            ]
-        },
-    ),
-    row(
-        "an SST that does not enter its configuration mode is left as it was",
-        given=SST + ALICE,
-        at={3.0: [answers("belt", when("05 00 01 ff 00", "unheard")), do("belt configure")]},
-        then={
-            16.0: [
-                seen("result/belt/alice", phase="unconfirmed"),
-                no_more_than("belt", "05 00 00 00 00", "05 00 01 ff 00", "05 00 01 00 00"),
-            ]
-        },
-    ),
-]
+    hindered("a line that is never quiet from the second of four writes on leaves a command unconfirmed",
+             "pump reset", "unconfirmed no_answer", None, frames("pump", RUN_OFF, JOG_OFF),
+             at={2.0: "pump trip E05", 4.001: once_written("pump", JOG_OFF, chatter(0.002, 20.0))}),
+    hindered("an SST that refuses a register is taken out of its configuration mode", "belt configure",
+             "failed illegal_data_value", when("06", 3),
+             lambda plant: "it is still in it" if plant.starter("belt").unit.is_configuring else "",
+             args={"R41": 60}),
+    hindered("an SST that does not enter its configuration mode is left as it was", "belt configure",
+             "unconfirmed not_seen", when(IN_CONFIGURATION, "unheard"),
+             frames("belt", "05 00 00 00 00", IN_CONFIGURATION, "05 00 01 00 00")),
+]  # fmt: skip
 
 
 def stops_in(plant: RigPlant, begin_s: float, end_s: float) -> int:
@@ -479,15 +342,9 @@ def stop(id_: str | None = None) -> Action:
 
 STOPS = [
     row(
-        "after run = 0 that an SST does not answer nothing is written, not even the end of a configuration",
-        given=SST + ALICE,
-        at={3.0: [answers("belt", when("05 00 00 00 00", "unheard", first=1)), do("belt configure", R41=30)]},
-        then={12.0: [result("configure unconfirmed no_answer"), frames("belt", "05 00 00 00 00")]},
-    ),
-    row(
         "without its status a command word is not known whole: a stop clears its bits alone",
         given=SSW900 + ALICE,
-        at={6.0: answers("mill", hides_status), 12.0: do("mill stop")},
+        at={6.0: answers("mill", HIDES_STATUS), 12.0: do("mill stop")},
         then={12.4: frames("mill", "16 02 ad ff fa 00 00")},
     ),
     row(

@@ -31,7 +31,7 @@ CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move 
 WAITS_FOR_S = 10.0  # DECIDES_FOR_S of what moves no motor, and may wait for the line
 CLEARS_FOR_S = 5.0  # after run = 0: later the same procedure changes no command source
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
-ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
+ASKED_AGAIN_S = 0.2  # after a reply that was lost
 MOST_READINGS = 4  # until two in a row agree
 
 
@@ -49,9 +49,7 @@ def judge(
     CommandError when a rule forbids them. `guard` is what the gateway itself demands.
     """
     if request.verb != READ:  # which does no harm, in whatever words
-        demand_answering(starter)
-        if starter.identity_standing is not IdentityStatus.MATCHING:
-            raise not_matching(starter.identity_standing, starter.identity_reason)
+        demand_identified(request, starter)
         if why := diagnosis.contradiction(starter.profile, rows):
             raise not_matching(IdentityStatus.MISMATCHED, why)
     known = {**rows, **points}  # a rule may hang on a raw row
@@ -68,10 +66,14 @@ def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> 
     return {code: known[code] for code in _codes(preparation) & known.keys()}
 
 
-def demand_answering(starter: StarterIo) -> None:
-    """Demand that the starter is online."""
+def demand_identified(request: CommandRequest, starter: StarterIo) -> None:
+    """Demand that the starter is online and as configured; of another one the raw words may be read."""
     if not starter.is_answering:
         raise CommandError(ResultCode.OFFLINE, "starter")
+    standing = starter.identity_standing
+    is_raw = request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT)
+    if standing is not IdentityStatus.MATCHING and not is_raw:
+        raise not_matching(standing, starter.identity_reason)
 
 
 def _codes(preparation: Preparation) -> set[str]:
@@ -131,7 +133,7 @@ class Judge:
 
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
-        self._judge(await self.wire.read(self._reads, lane=self.lane), None)
+        self._judge(await self._read(), None)
 
     @property
     def _reads(self) -> tuple[Read, ...]:
@@ -155,7 +157,7 @@ class Judge:
             return None
 
     async def _read(self) -> Rows:
-        """Read until that is answered, as long as the starter is online."""
+        """Read, and again after each lost reply, as long as the starter is online."""
         while True:
             try:
                 return await self.wire.read(self._reads, lane=self.lane)

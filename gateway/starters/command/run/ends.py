@@ -13,6 +13,7 @@ from typing import Any
 from gateway.contract import Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Procedure, command
 from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING, CommandReport, Final
+from gateway.starters.command.run.decision import CAN_WAIT
 from gateway.starters.command.wire import points_of
 
 _STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
@@ -25,7 +26,6 @@ class Outlook:
     """What a command was about to bring about."""
 
     report: CommandReport
-    can_wait: bool  # its verb moves no motor
     procedure: Procedure | None = None  # once it is being written
     refusal: Reason | None = None  # of a motion that may have begun all the same
 
@@ -37,7 +37,8 @@ class Outlook:
     @property
     def note(self) -> Note:
         """Return what may be the case once something was written and not seen to act."""
-        return MAY_BE_TURNING if self.is_run_cleared or not self.can_wait else LOOK
+        is_patient = self.report.request.verb in CAN_WAIT and not self.is_run_cleared
+        return LOOK if is_patient else MAY_BE_TURNING
 
     def cut(self, reason: Reason) -> Final:
         """Return the end of a command that something came in the way of."""

@@ -18,7 +18,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, assert_never
 
@@ -67,30 +67,24 @@ class _OutdatedError(Exception):
     """What was decided has not been written, and is to be decided again."""
 
 
+@dataclass(eq=False)
 class CommandRun:
     """One accepted command under way; `run` always ends with the command's final result."""
 
-    def __init__(
-        self,
-        report: CommandReport,
-        starter: StarterIo,
-        preparation: Preparation,
-        guard: Guard,
-        *,
-        slot: asyncio.Semaphore | None,
-        run_off: RunOffBy,
-    ) -> None:
-        self.report = report
-        self._starter = starter
-        self._guard = guard
-        self._slot = slot  # among the commands of its line, until its first write; None: it does not wait
+    report: CommandReport
+    starter: StarterIo
+    preparation: Preparation
+    guard: Guard
+    slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed
+    run_off: RunOffBy
+
+    def __post_init__(self) -> None:
         self._held_slot = ExitStack()
-        self._run_off = run_off
-        can_wait = report.request.verb in CAN_WAIT
-        self._lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
-        self._wire = self._new_wire(report.request.until_s)
-        self._judge = Judge(report, starter, preparation, guard, self._wire, self._lane)
-        self._outlook = Outlook(report, can_wait)
+        is_patient = self.report.request.verb in CAN_WAIT
+        self._lane = Priority.PARAMETERS if is_patient else Priority.COMMAND
+        self._wire = self._new_wire(self.report.request.until_s)
+        self._judge = Judge(self.report, self.starter, self.preparation, self.guard, self._wire, self._lane)
+        self._outlook = Outlook(self.report)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
     def halt(self, reason: Reason) -> None:
@@ -107,7 +101,7 @@ class CommandRun:
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._outlook.cut(Reason(ResultCode.INTERNAL))
         self._held_slot.close()
-        self._guard.end(is_written=self.report.is_written)
+        self.guard.end(is_written=self.report.is_written)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
@@ -127,15 +121,15 @@ class CommandRun:
         return await self._abandoned(end)
 
     async def _carried_out(self) -> Final:
-        if self._slot is not None:
-            await self._wire.wait_for(self._slot.acquire())
-            self._held_slot.callback(self._slot.release)
+        if self.slot is not None:
+            await self._wire.wait_for(self.slot.acquire())
+            self._held_slot.callback(self.slot.release)
         decision = await self._judge.decide()
         if decision.procedure.steps:
             # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
-            await self._wire.wait_for(self._guard.reserve(decision.procedure))
+            await self._wire.wait_for(self.guard.reserve(decision.procedure))
             await self._wire.wait_for(self.report.intend())
-            await self._wire.wait_for(self._guard.admit(decision.procedure))
+            await self._wire.wait_for(self.guard.admit(decision.procedure))
         while decision.procedure.steps:
             try:
                 return await self._write_all(decision)
@@ -205,8 +199,8 @@ class CommandRun:
     async def _write(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send one write, once, while it may go out."""
         if step.is_silence_expected:
-            setup = self._starter.setup
-            self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
+            setup = self.starter.setup
+            self.starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
         send = self._send_later if self.report.is_written else self._send_first
         try:
             outcome = await send(decision, step)
@@ -255,7 +249,7 @@ class CommandRun:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
             case Refused():
-                refusal = RefusedError(self._starter.profile, outcome.code).reason
+                refusal = RefusedError(self.starter.profile, outcome.code).reason
                 procedure = self._outlook.procedure
                 if outcome.code not in _MAY_ACT or procedure is None or not procedure.is_motion:
                     return Final(Phase.FAILED, refusal)
@@ -276,13 +270,13 @@ class CommandRun:
     async def _taken_back(self, end: Final, at_rest: Expect, released: Expect) -> Final:
         """Have a start taken back that is seen not to have acted; else it might act later."""
         self._wire.until_s = self._wire.now_s() + ENDED_WITHIN_S
-        profile = self._starter.profile
+        profile = self.starter.profile
         rows = diagnosis.distinctive_rows(profile)
         values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
         if values is None or self._is_another or diagnosis.contradiction(profile, values):
             return end.noted(MAY_ACT_LATER)
         self._wire.demand_not_halted()  # at shut-down nothing is written
-        order = self._run_off(self.report, released)
+        order = self.run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
             await self._wire.wait_for(order.over.wait())
         return self._outlook.stopped(end, is_shown=order.is_seen(self._wire.now_s()))
@@ -306,10 +300,10 @@ class CommandRun:
     @property
     def _is_another(self) -> bool:
         """Return whether another device may answer since a silence: the procedure is not in its words."""
-        return self._starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
+        return self.starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
 
     def _new_wire(self, until_s: float) -> Wire:
-        return Wire(self._starter, until_s=until_s, read_back_lane=max(self._lane, Priority.READ_BACK))
+        return Wire(self.starter, until_s=until_s, read_back_lane=max(self._lane, Priority.READ_BACK))
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""
@@ -321,7 +315,7 @@ class CommandRun:
 
     def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
         """Return a row's value; only its raw words when another device than configured may have answered."""
-        starter = self._starter
+        starter = self.starter
         if starter.contradiction or starter.identity_standing not in _READABLE:
             why = starter.contradiction or starter.identity_reason
             return {"value": None, "unit": "", "raw": list(words), "reason": why}
