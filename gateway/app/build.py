@@ -178,7 +178,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     bus.connect(
         state,  # the audit has a decision before any client can read of it
         policy,  # states: starts and standstills
-        services,  # what commands set
+        services,  # trips and ends of starts
         RecordLog(clock),
         history,  # makes starts and trips of readings and records
         uplink.publisher,

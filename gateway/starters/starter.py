@@ -82,6 +82,7 @@ class StarterTelemetry:
         )
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
+        self.on_written: Callable[[Request], None] = lambda _: None  # perhaps: its reply is not looked at
         self._clock = records.clock
         self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
@@ -132,7 +133,10 @@ class StarterTelemetry:
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
-        return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
+        asked = ask(self.line, self.setup, request, lane=lane, until_s=until_s)
+        if request.is_write:
+            asked.add_done_callback(lambda _: self.on_written(request))
+        return asked
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""

@@ -8,16 +8,16 @@ from __future__ import annotations
 from collections.abc import Coroutine
 from typing import Any
 
-from gateway.contract import AuditRecord, EventCode, EventRecord, Record, StateRecord
+from gateway.contract import EventCode, EventRecord, Record, StateRecord
 from gateway.starters.services.past_reader import PastListener, PastReader
-from gateway.starters.services.settings import EVERY_S, VERBS, SettingsWatch
+from gateway.starters.services.settings import EVERY_S, SettingsWatch
 from gateway.starters.starter import StarterTelemetry
 
 
 class StarterServices:
-    """The services of all starters; subscribes to the records, to know what commands set and what trips."""
+    """The services of all starters; subscribes to the records, to know what trips and what has started."""
 
-    takes = (EventRecord, AuditRecord, StateRecord)
+    takes = (EventRecord, StateRecord)
 
     def __init__(self, *, monitor_every_s: float = EVERY_S, past: PastListener | None = None) -> None:
         self._monitor_every_s = monitor_every_s
@@ -32,6 +32,7 @@ class StarterServices:
         settings = SettingsWatch(starter, starter.settings_recalled(), every_s=self._monitor_every_s)
         self._settings[name] = settings
         starter.when_identified(settings.begin)
+        starter.on_written = settings.note_written
         if self._past is not None:
             self._pasts[name] = PastReader(starter, self._past)
             starter.when_identified(self._pasts[name].begin)
@@ -47,7 +48,7 @@ class StarterServices:
             await self.remove(name)
 
     def put(self, record: Record) -> None:
-        """Note what a command sets; ask a starter for its own record of a trip or a start."""
+        """Ask a starter for its own record of a trip or a start."""
         if (
             isinstance(record, EventRecord)
             and record.code == EventCode.FAULT
@@ -58,8 +59,6 @@ class StarterServices:
             before, self._states[record.starter] = self._states.get(record.starter), record.state
             if before == "starting" and record.state == "running" and record.starter in self._pasts:
                 self._pasts[record.starter].read_start()
-        if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._settings:
-            self._settings[record.starter].note_end(record.verb, record.args, record.decision)
 
 
 async def _close(*services: SettingsWatch | PastReader | None) -> None:
