@@ -8,14 +8,17 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import assert_never
 
-from gateway.contract import EventCode, RecordWriter, phrase
-from gateway.families import Identity, Profile, Variant, reading
+from gateway.contract import CommandError, EventCode, RecordWriter, phrase
+from gateway.errors import PortLostError
+from gateway.families import Identity, Profile, Read, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
+from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
@@ -26,6 +29,7 @@ from gateway.starters.state import (
     REFRESH_S,
     SOONEST_S,
     Availability,
+    Happenings,
     LockOf,
     Moment,
     NewReadings,
@@ -48,6 +52,22 @@ from gateway.starters.state import (
 logger = logging.getLogger(__name__)
 
 REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
+
+
+class StarterService:
+    """What goes along with one starter, and reads in the background what no poll reads; on the app's loop."""
+
+    def begin(self) -> None:
+        """Begin, or begin again: the starter has proved to be what is configured."""
+
+    def note_written(self, request: Request) -> None:
+        """Record that a write may have reached the starter."""
+
+    def note_change(self, before: str, after: str, happenings: Happenings) -> None:
+        """Record the state that was and the state that is, and what has happened."""
+
+    async def close(self) -> None:
+        """Do nothing more."""
 
 
 class StarterTelemetry:
@@ -82,7 +102,7 @@ class StarterTelemetry:
         )
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
-        self.on_written: Callable[[Request], None] = lambda _: None  # perhaps: its reply is not looked at
+        self.services: list[StarterService] = []
         self._clock = records.clock
         self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
@@ -98,7 +118,6 @@ class StarterTelemetry:
             on_judged=self._take_identity,
         )
         identities.when_accepted(setup.name, self._contact.accept)
-        self._on_identified: list[Callable[[], None]] = []
 
     @property
     def profile(self) -> Profile:
@@ -123,9 +142,10 @@ class StarterTelemetry:
         """Return the polls with which the line must begin."""
         return self._watchdogs.polls(self.setup)
 
-    def when_identified(self, call: Callable[[], None]) -> None:
-        """Have something done each time the starter has proved to be what is configured."""
-        self._on_identified.append(call)
+    @property
+    def is_identified(self) -> bool:
+        """Return whether the configured device answers, as known before."""
+        return self.is_answering and self.identity_standing is IdentityStatus.MATCHING
 
     def set_trouble(self, topic: str, reason: str) -> None:
         """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
@@ -135,8 +155,22 @@ class StarterTelemetry:
         """Send the starter a request, not later than `until_s`."""
         asked = ask(self.line, self.setup, request, lane=lane, until_s=until_s)
         if request.is_write:
-            asked.add_done_callback(lambda _: self.on_written(request))
+            asked.add_done_callback(lambda _: self._note_written(request))
         return asked
+
+    async def read_rows(self, reads: Iterable[Read]) -> BulkReading | None:
+        """Read rows for which everything else goes first; return None when that fails: polls say why."""
+        try:
+            found = await read_in_bulk(partial(self.ask, lane=Priority.PATROL), self.profile, reads, tries=1)
+        except (CommandError, PortLostError) as error:
+            logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
+            return None
+        self.note_settings(found.rows)
+        return found
+
+    def _note_written(self, request: Request) -> None:
+        for service in self.services:
+            service.note_written(request)
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
@@ -163,7 +197,6 @@ class StarterTelemetry:
     def retire(self) -> None:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
         self._publisher.close()
-        self._on_identified.clear()
         self._contact.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
@@ -189,6 +222,8 @@ class StarterTelemetry:
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._contact.close()
+        for service in self.services:
+            await service.close()
         self._publisher.close()
 
     # What comes from the line
@@ -331,10 +366,13 @@ class StarterTelemetry:
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
-        if state.status is not before.status:
+        is_other = state.status is not before.status
+        if is_other:
             self._polling.follow(state.status.word)
         reason, look_s = self._why_unknown(), self._polling.next_overdue_s
         self._publisher.publish(state, happenings, now_s=now_s, reason=reason, look_s=look_s)
+        for service in self.services if is_other or happenings else ():
+            service.note_change(before.status.word, state.status.word, happenings)
 
     # Who answers: what the identity's machine is asked, and what follows from its answers
 
@@ -371,8 +409,8 @@ class StarterTelemetry:
         self.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
         self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
-        for call in self._on_identified if is_family else ():
-            call()
+        for service in self.services if is_family else ():
+            service.begin()
 
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""

@@ -22,7 +22,7 @@ from gateway.plugins.history.plugin import History
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
-from gateway.starters import Policy, StarterServices
+from gateway.starters import Policy
 from gateway.store import StateStore
 
 
@@ -58,7 +58,7 @@ def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
     assert seen == [("all", "early"), ("all", "late")]
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateStore])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StateStore])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

@@ -1,4 +1,4 @@
-"""The watchdogs as last known: the one that is admitted counts at once, for its line and for other commands."""
+"""The watchdogs as last known: one that is admitted counts at once, for its line and other commands."""
 
 from __future__ import annotations
 

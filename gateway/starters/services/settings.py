@@ -11,14 +11,11 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import logging
 from collections import deque
 from collections.abc import Iterable, Mapping
-from functools import partial
 from typing import Any
 
-from gateway.contract import CommandError, EventCode, Severity, phrase
-from gateway.errors import PortLostError
+from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
@@ -28,16 +25,12 @@ from gateway.families import (
     once_per_profile,
     reading,
 )
-from gateway.line import Priority
 from gateway.modbus import Request
-from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.starter import StarterTelemetry
+from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
-
-logger = logging.getLogger(__name__)
 
 PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read what decides about a start
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
@@ -52,15 +45,16 @@ _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Wei
 Words = tuple[int, ...]
 
 
-class SettingsWatch:
-    """Reads one starter while it answers; everything on the app's loop."""
+class SettingsWatch(StarterService):
+    """Reads one starter while it answers, from the rows on that an earlier run has read."""
 
-    def __init__(self, starter: StarterTelemetry, recalled: Mapping[str, Words], *, every_s: float) -> None:
-        """Begin with rows as an earlier run has read them."""
+    def __init__(self, starter: StarterTelemetry, *, every_s: float) -> None:
         self._starter = starter
         self._every_s = every_s
         self._watched = watched_codes(starter.profile)
-        self._known = {code: words for code, words in recalled.items() if code in self._watched}
+        self._known = {
+            code: words for code, words in starter.settings_recalled().items() if code in self._watched
+        }
         self._refused_s: dict[str, float] = {}  # by row: when it was refused
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
@@ -68,7 +62,7 @@ class SettingsWatch:
         self._is_walking = False
 
     def begin(self) -> None:
-        """Look at the readiness, and go on with the laps; the starter is identified."""
+        """Look at the readiness, and go on with the laps."""
         self._readiness.begin(self._look_until_read)
         if not self._is_walking:
             self._is_walking = True
@@ -96,10 +90,8 @@ class SettingsWatch:
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
             codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
-            try:
-                found = await self._read(reading.bulk_reads(starter.profile, codes))
-            except (CommandError, PortLostError) as error:
-                logger.info("starter=%s readiness is not known: %s", starter.setup.name, error)
+            found = await starter.read_rows(reading.bulk_reads(starter.profile, codes))
+            if found is None:
                 continue
             # On some of them hangs what is permitted, and no poll reads those.
             starter.snapshot.keep_rows(found.rows, at_s=began_s)
@@ -122,27 +114,15 @@ class SettingsWatch:
                 await asyncio.sleep(REFUSED_FOR_S)
             while reads:
                 await asyncio.sleep(every_s)
-                if not self._may_read():
+                if not self._starter.is_identified:
                     continue
-                try:
-                    found = await self._read([reads.popleft()])
-                except (CommandError, PortLostError):  # the polls publish that it is silent
+                found = await self._starter.read_rows([reads.popleft()])
+                if found is None:
                     continue
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
                 if self._note_reading(found.rows):
                     self._readiness.begin(self._look_until_read)
             every_s = self._every_s
-
-    def _may_read(self) -> bool:
-        starter = self._starter
-        return starter.is_answering and starter.identity_standing is IdentityStatus.MATCHING
-
-    async def _read(self, reads: Iterable[Read]) -> BulkReading:
-        """Read rows for which everything else goes first; CommandError, PortLostError."""
-        ask = partial(self._starter.ask, lane=Priority.PATROL)
-        found = await read_in_bulk(ask, self._starter.profile, reads, tries=1)
-        self._starter.note_settings(found.rows)
-        return found
 
     def _note_reading(self, rows: Mapping[str, Words]) -> bool:
         """Take settings that were just read; publish those that have changed, and return whether one has."""
