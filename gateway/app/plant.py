@@ -94,8 +94,6 @@ class Plant:
         """Publish that no starter is watched any more, once the lines have ended; nothing is taken later."""
         for starter in self.starters.values():
             starter.end(reason)
-        for starter in self.starters.values():
-            starter.publish_stale_values()
 
     async def close(self) -> None:
         """End the starters with their services; the lines end with their host."""
@@ -165,7 +163,7 @@ class Plant:
         names = {each.name for each in additions.starters}
         new = [self._add_starter(setup) for setup in self._setups(additions.line) if setup.name in names]
         for starter in new:
-            polls = starter.polls()
+            polls = self._policy.watchdogs.polls(starter.setup)
             for poll in polls:
                 starter.line.add_poll(poll)
             for poll in polls[:1]:

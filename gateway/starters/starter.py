@@ -16,7 +16,7 @@ from typing import assert_never
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
 from gateway.families import Identity, Profile, Read, Variant, reading
-from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
+from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.description import info_of
@@ -106,15 +106,15 @@ class StarterTelemetry:
         self._clock = records.clock
         self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
-        self._watchdogs = watchdogs or KnownWatchdogs()
-        self._watchdogs.add(setup, line)
+        self.watchdogs = watchdogs or KnownWatchdogs()
+        self.watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
         self._contact = Contact(
             setup,
             line,
             registry=identities,
             records=records,
-            on_rows=self.note_settings,
+            on_rows=partial(self.watchdogs.note, setup.name),
             on_judged=self._take_identity,
         )
         identities.when_accepted(setup.name, self._contact.accept)
@@ -134,22 +134,10 @@ class StarterTelemetry:
         """Return the state as of the latest reading; unknown while the starter does not answer."""
         return self.snapshot.state.status.word
 
-    async def gap_s(self) -> float | None:
-        """Return the longest time between two requests to it; None where its line has no timing."""
-        return await self._watchdogs.gap_s(self.setup)
-
-    def polls(self) -> tuple[Poll, ...]:
-        """Return the polls with which the line must begin."""
-        return self._watchdogs.polls(self.setup)
-
     @property
     def is_identified(self) -> bool:
         """Return whether the configured device answers, as known before."""
         return self.is_answering and self.identity_standing is IdentityStatus.MATCHING
-
-    def set_trouble(self, topic: str, reason: str) -> None:
-        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
-        self.availability.set_trouble(topic, reason)
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
@@ -165,7 +153,7 @@ class StarterTelemetry:
         except (CommandError, PortLostError) as error:
             logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
             return None
-        self.note_settings(found.rows)
+        self.watchdogs.note(self.setup.name, found.rows)
         return found
 
     def _note_written(self, request: Request) -> None:
@@ -182,7 +170,7 @@ class StarterTelemetry:
         """Apply another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
         self._polling.set_every(every_s)
-        self._watchdogs.add(self.setup, self.line)
+        self.watchdogs.add(self.setup, self.line)
 
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again after another time, from now on."""
@@ -200,24 +188,15 @@ class StarterTelemetry:
         self._contact.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
-        self._watchdogs.remove(self.setup.name)
+        self.watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
-        """Publish that the starter is no longer watched: offline, its state stale; take nothing from now on.
-
-        `publish_stale_values` must follow: it can wait until this has been published of all starters.
-        """
-        self._publisher.close()
+        """Publish that the starter is no longer watched: offline, all stale; take nothing from now on."""
         self._contact.cancel()
         self.availability.end(reason)
-        points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = NewReadings(now_s, Moment(now_s, self._clock.utc_s()), doubts=stale(points, points))
-        self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
-        self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
-
-    def publish_stale_values(self) -> None:
-        """Publish all values as stale, at once."""
+        self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
         self._publisher.publish_values(self.snapshot.state, now_s=self._clock.now_s() + SOONEST_S)
+        self._publisher.close()
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
@@ -236,7 +215,7 @@ class StarterTelemetry:
         if self.availability.is_online:
             poor = self._polling.losses.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
-                self.set_trouble(LOSS_TOPIC, poor)
+                self.availability.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)
@@ -262,14 +241,6 @@ class StarterTelemetry:
         else:
             self.availability.note_never_answered(reason)
 
-    def settings_recalled(self) -> Rows:
-        """Return the settings of its watchdog as an earlier run has left them."""
-        return self._watchdogs.rows(self.setup.name)
-
-    def note_settings(self, rows: Rows) -> None:
-        """Record settings that were just read: the watchdog's count for the line."""
-        self._watchdogs.note(self.setup.name, rows)
-
     def take_rows(self, rows: Rows, *, at_s: float) -> None:
         """Record rows that were just read for a command; it goes on before they are decoded and published."""
         self._keep_rows(rows, at_s=at_s)
@@ -287,7 +258,7 @@ class StarterTelemetry:
         if setting_codes(self.setup.profile).isdisjoint(rows):
             return
         if self.identity_standing is not IdentityStatus.MISMATCHED:
-            self.note_settings(rows)
+            self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:
         """Return the rows that were current then."""
@@ -299,7 +270,7 @@ class StarterTelemetry:
         if self._contact.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
         if REFUSED_TOPIC in self.availability.troubles:
-            self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+            self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._keep_rows(said.rows, at_s=at_s)
         self._take(said, at_s)
 
@@ -312,7 +283,7 @@ class StarterTelemetry:
         if unknown and self._polling.block(key) is None:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
             logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
-        self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+        self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
     def _come_online(self) -> None:
@@ -321,7 +292,7 @@ class StarterTelemetry:
         self.availability.come_online()
         if self.availability.was_lost:
             self._polling.restore()
-        self._contact.begin(is_known=self._watchdogs.is_known(self.setup))
+        self._contact.begin(is_known=self.watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self.snapshot.outdate_rows()
@@ -342,13 +313,13 @@ class StarterTelemetry:
             return
         state, doubts = self.snapshot.state, NO_POINTS
         points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
-        values = said.values if points is said.points else good_values(points)
         if said.missing:
             doubts = bad(state.points, said.missing, standing.contradiction)
         if standing.contradiction:
-            points, values = bad(points, points, standing.contradiction), {}
+            points = bad(points, points, standing.contradiction)
         self._look(points, read, doubts=doubts)
-        self.on_readings(Readings(at_s, read.time_s, self.snapshot.state.status.word, values))
+        word = self.snapshot.state.status.word
+        self.on_readings(Readings(at_s, read.time_s, word, good_values(points)))
 
     def _look(
         self, points: Points = NO_POINTS, read: Moment | None = None, *, doubts: Points = NO_POINTS
@@ -406,7 +377,7 @@ class StarterTelemetry:
             self._publisher.info(info_of(self.setup, self.variant, self.identity))
         reason = self.contradiction
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
-        self.set_trouble(IDENTITY_TOPIC, trouble)
+        self.availability.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
         self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
         for service in self.services if is_family else ():

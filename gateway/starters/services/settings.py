@@ -52,9 +52,8 @@ class SettingsWatch(StarterService):
         self._starter = starter
         self._every_s = every_s
         self._watched = watched_codes(starter.profile)
-        self._known = {
-            code: words for code, words in starter.settings_recalled().items() if code in self._watched
-        }
+        recalled = starter.watchdogs.rows(starter.setup.name)
+        self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._refused_s: dict[str, float] = {}  # by row: when it was refused
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
@@ -96,9 +95,9 @@ class SettingsWatch(StarterService):
             # On some of them hangs what is permitted, and no poll reads those.
             starter.snapshot.keep_rows(found.rows, at_s=began_s)
             self._note_reading(found.rows)
-            self._publish_readiness(found.rows, await starter.gap_s())
+            self._publish_readiness(found.rows, await starter.watchdogs.gap_s(starter.setup))
             trouble = _watchdog_trouble(starter.profile, found.refused)
-            starter.set_trouble(WATCHDOG_TOPIC, trouble)
+            starter.availability.set_trouble(WATCHDOG_TOPIC, trouble)
             if not trouble:
                 return
 
